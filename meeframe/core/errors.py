@@ -1,0 +1,25 @@
+"""Errors that a user can cause and mend; anything else is a defect of meeframe."""
+
+
+class MeeframeError(Exception):
+    """Base of every error that bad input can cause; its text is the whole message shown to the user."""
+
+
+class MaterialError(MeeframeError):
+    """A material is incomplete, asymmetric or inadmissible."""
+
+
+class MeshError(MeeframeError):
+    """A surface mesh is open, inverted, degenerate or lacks a named face group."""
+
+
+class CaseError(MeeframeError):
+    """A case file has an unknown, missing or unacceptable entry."""
+
+
+class PluginError(MeeframeError):
+    """A plugin is unknown, duplicate or broken."""
+
+
+class ResultError(MeeframeError):
+    """A result cannot be written or read."""

@@ -1,0 +1,92 @@
+"""Contract of a formulation and of the reduced system it hands over: the seam between discretisation and contact."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from meeframe.core.body import Body
+from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the fraction of it that is done."""
+
+
+def silent(_stage: str, _fraction: float) -> None:
+    """Progress that shows nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodalFields:
+    """Fields on the boundary in SI units and global axes, for pictures and checks.
+
+    points: (p, 3), repeated where tractions are discontinuous; cells: (meshio cell type, connectivity) pairs;
+    values: (p, 5) extended displacement; fluxes: (p, 5) extended traction on the outward normal.
+    """
+
+    points: Array
+    cells: tuple[tuple[str, Indices], ...]
+    values: Array
+    fluxes: Array
+
+
+class ReducedSystem(ABC):
+    """displacement = offset + compliance(load) on the n nodes of the contact zone. SI units, local frames.
+
+    load (n, 5) = (t.e1, t.e2, t.nu, q, s): extended tractions as densities; t.nu <= 0 in compression, q = D.nu and
+    s = B.nu outward. displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). The two potentials are negated here, once,
+    so that the compliance has a positive-definite symmetric part (notes, section 1).
+    """
+
+    @property
+    @abstractmethod
+    def points(self) -> Array:
+        """Node coordinates, (n, 3) [m]."""
+
+    @property
+    @abstractmethod
+    def frames(self) -> Array:
+        """Local frames, (n, 3, 3); rows e1, e2, nu, right-handed, nu outward."""
+
+    @property
+    @abstractmethod
+    def weights(self) -> Array:
+        """Integration weights, (n,) [m^2]: the resultant of nodal densities f is sum(weights * f)."""
+
+    @property
+    @abstractmethod
+    def cells(self) -> tuple[tuple[str, Indices], ...]:
+        """(meshio cell type, connectivity) pairs of the contact zone, numbers into points."""
+
+    @property
+    @abstractmethod
+    def offset(self) -> Array:
+        """Displacement at zero load, due to the prescribed boundary data, (n, 5)."""
+
+    @abstractmethod
+    def apply(self, load: Array) -> Array:
+        """compliance(load), (n, 5) for load (n, 5)."""
+
+    @abstractmethod
+    def diagonal_blocks(self) -> Array:
+        """Response of each node to its own load, (n, 5, 5)."""
+
+    @abstractmethod
+    def dense(self) -> Array | None:
+        """The compliance as (n, 5, n, 5) where it is held as a matrix, else None."""
+
+    @abstractmethod
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+
+
+@dataclass(frozen=True)
+class Formulation(ABC):
+    """A discretisation; the fields of a concrete class are its case-file keys."""
+
+    @abstractmethod
+    def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
+        """Discretise the body, factorise once and condense to the contact zone.
+
+        Raises MeshError or CaseError if the body does not fit the formulation.
+        """

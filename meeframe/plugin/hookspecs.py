@@ -1,0 +1,65 @@
+"""Hook specifications: one documented hook per kind of thing that can be registered."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import pluggy
+
+from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.element import SurfaceElement
+from meeframe.core.formulation import Formulation
+from meeframe.core.fundamental import FundamentalSolution
+from meeframe.core.indenter import Indenter
+
+PROJECT = "meeframe"
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+@dataclass(frozen=True)
+class Record(Generic[T_co]):
+    """One registered thing.
+
+    name: as written in case files; factory: a frozen dataclass (its fields are the case file's keys) or, for elements,
+    the element class; summary: one line; source: equation, paper or book.
+    """
+
+    name: str
+    factory: Callable[..., T_co]
+    summary: str
+    source: str
+
+
+class HookSpecs:
+    """The hooks. An implementation returns a list of records; see docs/plugins.md."""
+
+    @hookspec
+    def meeframe_fundamental_solutions(self) -> Iterable[Record[FundamentalSolution]]:  # type: ignore[empty-body]
+        """Fundamental solutions (contract: meeframe.core.fundamental)."""
+
+    @hookspec
+    def meeframe_elements(self) -> Iterable[Record[SurfaceElement]]:  # type: ignore[empty-body]
+        """Surface elements (contract: meeframe.core.element)."""
+
+    @hookspec
+    def meeframe_formulations(self) -> Iterable[Record[Formulation]]:  # type: ignore[empty-body]
+        """Formulations (contract: meeframe.core.formulation)."""
+
+    @hookspec
+    def meeframe_contact_laws(self) -> Iterable[Record[ContactLaw]]:  # type: ignore[empty-body]
+        """Normal and tangential contact laws (contract: meeframe.core.contact)."""
+
+    @hookspec
+    def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
+        """Electric and magnetic conductivity laws (contract: meeframe.core.contact)."""
+
+    @hookspec
+    def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]
+        """Contact solvers (contract: meeframe.core.contact)."""
+
+    @hookspec
+    def meeframe_indenters(self) -> Iterable[Record[Indenter]]:  # type: ignore[empty-body]
+        """Indenter shapes (contract: meeframe.core.indenter)."""

@@ -1,0 +1,1 @@
+"""Conductivity and contact laws beyond the built-in ones."""
