@@ -1,50 +1,70 @@
-"""Numbers with units in case files: `Quantity("m")` annotates a field that takes '5 mm' or a plain SI number."""
+"""Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any, Final
 
-import pint
-from pydantic import BeforeValidator, Field
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+BOUNDS: Final = ("gt", "ge", "lt", "le")
+
+
+class Quantity:
+    """Marks an annotated float as a quantity; the field holds SI numbers.
+
+    unit: its SI unit, "" for pure numbers; gt, ge, lt, le: bounds in that unit. Case files may give a number in SI or a
+    text with a unit of the same dimension; infinity is written inf, NaN is refused.
+    Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
+    """
+
+    __slots__ = ("bounds", "unit")
+
+    def __init__(self, unit: str, **bounds: float) -> None:
+        unknown = set(bounds) - set(BOUNDS)
+        if unknown:
+            raise TypeError(f"bounds of a quantity are {', '.join(BOUNDS)}, not {', '.join(sorted(unknown))}")
+        self.unit = unit
+        self.bounds = bounds
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
+        """How pydantic validates it: convert first, then check the bounds."""
+        from pydantic_core import core_schema
+
+        number = core_schema.float_schema(strict=True, **self.bounds)  # type: ignore[arg-type]
+        return core_schema.no_info_before_validator_function(self.convert, number)
+
+    def convert(self, value: Any) -> Any:
+        """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""
+        if isinstance(value, str):
+            value = self._parse(value)
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"expected {self.expected}")
+        if value != value:
+            raise ValueError(f"is not a number (NaN); expected {self.expected}")
+        return float(value)
+
+    @property
+    def expected(self) -> str:
+        """What a case file may give, in words."""
+        return f"a number in {self.unit} or a text with such a unit" if self.unit else "a number without unit"
+
+    def _parse(self, text: str) -> float:
+        # pint takes half a second to start: imported when the first text comes along
+        import pint
+
+        try:
+            registry = unit_registry()
+            return float(registry.Quantity(text).to(registry.Unit(self.unit)).magnitude)
+        except pint.DimensionalityError:
+            raise ValueError(f"has the wrong unit; expected {self.expected}") from None
+        except Exception:  # pint's parser lets many kinds of errors through
+            raise ValueError(f"cannot be read as a quantity; expected {self.expected}") from None
 
 
 @lru_cache(maxsize=1)
 def unit_registry() -> Any:
     """The one registry of units."""
+    import pint
+
     return pint.UnitRegistry()
-
-
-@dataclass(frozen=True)
-class Unit:
-    """Marks an annotated field with its SI unit, for documentation."""
-
-    symbol: str
-
-
-def Quantity(unit: str, **bounds: Any) -> Any:
-    """Annotated float in a unit: plain numbers are SI, text such as '5 mm' is converted. bounds as of pydantic.Field.
-
-    Infinity is written inf, NaN is refused. Example: `radius: Quantity("m", gt=0)`.
-    """
-
-    def convert(value: Any) -> Any:
-        if isinstance(value, bool):
-            raise ValueError(f"expected a number or a text with a unit of {unit or 'none'}")
-        if isinstance(value, str):
-            value = _parse(value, unit)
-        if isinstance(value, int | float) and value != value:
-            raise ValueError("not a number (NaN)")
-        return value
-
-    return Annotated[float, BeforeValidator(convert), Field(**bounds), Unit(unit)]
-
-
-def _parse(text: str, unit: str) -> float:
-    wanted = unit or "dimensionless"
-    try:
-        quantity: Any = unit_registry().Quantity(text)
-        return float(quantity.to(unit_registry().Unit(unit)).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"{text!r} is not in units of {wanted}") from None
-    except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, ValueError, TypeError, AttributeError):
-        raise ValueError(f"{text!r} is not a number with a unit; wanted units of {wanted}") from None
