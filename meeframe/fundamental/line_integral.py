@@ -1,0 +1,48 @@
+"""The line integral over the half circle normal to a direction: exact and free of degeneracy."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import final
+
+from meeframe.core.errors import MaterialError
+from meeframe.core.fields import Array
+from meeframe.core.fundamental import FundamentalSolution, Kernel
+from meeframe.fundamental.modulated import ModulatedKernel, checked_stiffness, spread_directions
+from meeframe.kernels.line_integral import line_integrals
+from meeframe.kernels.modulation import triads
+
+MOST_POINTS = 1 << 14
+# The rule converges geometrically, so the error is about the square of the last change.
+LAST_CHANGE = 1e-8
+
+
+@final
+@dataclass(frozen=True)
+class LineIntegral(FundamentalSolution):
+    """H(e) as the mean of (C_iJKm z_i z_m)^-1 over the half circle normal to e, by the trapezoidal rule.
+
+    points: nodes of the rule, an even number >= 4; they are doubled, direction by direction, until the result is exact
+    to round-off. Source: Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; notes, section 6.
+    """
+
+    points: int = 32
+
+    def bind(self, stiffness: Array) -> Kernel:
+        """The kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not elliptic."""
+        if self.points < 4 or self.points % 2:
+            raise MaterialError(f"line integral with points = {self.points}; it must be an even number of at least 4")
+        checked = checked_stiffness(stiffness)
+        modulation = partial(line_modulation, checked, self.points)
+        modulation(triads(spread_directions(20))[1])
+        return ModulatedKernel(checked, modulation)
+
+
+def line_modulation(stiffness: Array, points: int, triad: Array, with_tangents: bool = True) -> Array:
+    """H, A, B (n, 3, 15) on triads (n, 3, 3); A = B = 0 without tangents. MaterialError if the rule does not converge."""
+    modulation, converged = line_integrals(stiffness, triad, points, MOST_POINTS, LAST_CHANGE, with_tangents)
+    if not converged:
+        raise MaterialError(
+            f"the line integral does not converge with {MOST_POINTS} points: the material is all but not elliptic"
+        )
+    result: Array = modulation
+    return result
