@@ -1,0 +1,95 @@
+"""Quadrature rules over one element as records: the Python face of meeframe.kernels.quadrature."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from meeframe.core.element import SurfaceElement, shape_coefficients
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import Array
+from meeframe.kernels import quadrature as kernels
+from meeframe.kernels.shape import ShapeTable, map_rule
+
+MOST_GAUSS_POINTS = 24
+
+
+@lru_cache(maxsize=64)
+def shape_table(element: SurfaceElement) -> ShapeTable:
+    """The element as plain, read-only arrays for the kernels."""
+    arrays = (element.exponents.astype(np.int64), shape_coefficients(element).copy(), element.nodes.copy())
+    for array in arrays:
+        array.setflags(write=False)
+    return ShapeTable(*arrays, triangle=element.reference == "triangle")
+
+
+@lru_cache(maxsize=1)
+def gauss_table() -> kernels.GaussTable:
+    """Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
+    points = np.zeros((MOST_GAUSS_POINTS + 1, MOST_GAUSS_POINTS))
+    weights = np.zeros_like(points)
+    for n in range(1, MOST_GAUSS_POINTS + 1):
+        points[n, :n], weights[n, :n] = np.polynomial.legendre.leggauss(n)
+    points.setflags(write=False)
+    weights.setflags(write=False)
+    return kernels.GaussTable(points, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class ElementRule:
+    """A quadrature rule on one element.
+
+    points: (m, 2) reference coordinates; weights: (m,) in the reference domain; positions: (m, 3); normals: (m, 3)
+    unit, outward; measures: (m,) weights times the area ratio [length^2]; shapes: (m, n) shape functions.
+    """
+
+    points: Array
+    weights: Array
+    positions: Array
+    normals: Array
+    measures: Array
+    shapes: Array
+
+
+def pair_rule(
+    element: SurfaceElement, nodes: Array, source: Array, tolerance: float, local_node: int = -1
+) -> ElementRule:
+    """Rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from source (3,).
+
+    local_node: number of the source among the element's nodes (weakly singular integrals), -1 if it is none of them;
+    tolerance: relative to the integral of the absolute value. Raises MeshError if local_node is -1 and yet the source
+    lies on the element. See meeframe.kernels.quadrature for the method.
+    """
+    nodes = np.ascontiguousarray(nodes, dtype=np.float64)
+    source = np.ascontiguousarray(source, dtype=np.float64)
+    capacity = 4096
+    while True:
+        points, weights = np.empty((capacity, 2)), np.empty(capacity)
+        count = kernels.pair_rule(
+            source, nodes, shape_table(element), local_node, tolerance, gauss_table(), points, weights
+        )
+        if count == kernels.SOURCE_ON_ELEMENT:
+            raise MeshError(
+                f"the source {source} lies on an element of type {element.name} of which it is no node; "
+                "meshes must be conforming, without hanging nodes"
+            )
+        if count != kernels.BUFFER_TOO_SMALL:
+            return mapped(element, nodes, points[:count], weights[:count])
+        capacity *= 4
+
+
+def tensor_rule(element: SurfaceElement, nodes: Array, order: int) -> ElementRule:
+    """Tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands."""
+    points, weights = np.empty((order**2, 2)), np.empty(order**2)
+    kernels.tensor_rule(order, element.reference == "triangle", gauss_table(), points, weights)
+    return mapped(element, nodes, points, weights)
+
+
+def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
+    """A rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
+    m, n = len(weights), len(element.nodes)
+    positions, normals = np.empty((m, 3)), np.empty((m, 3))
+    measures, shapes = np.empty(m), np.empty((m, n))
+    nodes = np.ascontiguousarray(nodes, dtype=np.float64)
+    map_rule(shape_table(element), nodes, points, weights, positions, normals, measures, shapes)
+    return ElementRule(points, weights, positions, normals, measures, shapes)
