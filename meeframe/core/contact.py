@@ -3,9 +3,11 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import ClassVar
 
 import numpy as np
 
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 
@@ -24,22 +26,28 @@ class Status(StrEnum):
 class ContactLaw(ABC):
     """Normal and tangential contact as a projection of augmented tractions (eqs. 11, 15).
 
-    With the gap (translation - u_tau, gap - u_nu) in the local frame, positive along the axis in which the indenter is
+    With gap = (translation - u_tau, gap - u_nu) in the local frame, positive along the axis in which the indenter is
     ahead of the body, the solutions of the law are the fixed points of
-        traction = project(traction + r * step_scaling * gap),  r > 0.
-    The law owns its metric: `step_scaling` is its square, scaled to at most one.
+        traction = project(traction + r * (tangential_scaling . gap_tau, gap_nu)),  r > 0.
+    A body is dragged along by the indenter: with this sign of the gap the tangential traction has the gap's sign. The
+    minus sign of eq. (28) belongs to the opposite sign of the slip.
     """
 
     @abstractmethod
     def project(self, trial: Array) -> Array:
-        """Admissible traction nearest to a trial one in the law's own metric, (n, 3) from (n, 3) [Pa].
+        """Admissible traction of a trial one, (n, 3) from (n, 3) [Pa]: a projection in the law's own metric.
 
-        Columns (t.e1, t.e2, t.nu) in the local frame; t.nu <= 0 in compression.
+        Columns (t.e1, t.e2, t.nu) in the local frame; t.nu <= 0 in compression. The third column of the trial may be
+        inf where there is no indenter above; the traction is then zero.
         """
 
     @abstractmethod
-    def step_scaling(self) -> Array:
-        """Dimensionless factors (3,) in (0, 1] on (e1, e2, nu) components of the gap in the augmented traction."""
+    def tangential_scaling(self) -> Array:
+        """Dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
+
+        It belongs to the metric of `project` (M^2 / max(mu)^2 for orthotropic friction; notes, section 7). Zero where
+        the law admits no tangential traction.
+        """
 
 
 @dataclass(frozen=True)
@@ -50,7 +58,7 @@ class ConductivityLaw(ABC):
     def conductivity(self, normal_traction: Array) -> Array:
         """kappa >= 0, (n,), of the normal traction (n,) [Pa], <= 0 in compression; 0 insulates, inf conducts perfectly.
 
-        Units: F/m^2 for the electric law, H/m^2 for the magnetic one.
+        Units: F/m^2 for the electric law, H/m^2 for the magnetic one. A jump is allowed at zero traction only.
         """
 
 
@@ -58,9 +66,10 @@ class ConductivityLaw(ABC):
 class ContactProblem:
     """One load step: find the load on the contact zone that satisfies the laws.
 
-    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap;
-    translation: (n, 2) tangential motion of the indenter in the local frame [m];
+    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where there
+    is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
     potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter.
+    Raises CaseError if an array has the wrong shape or a value that is not allowed.
     """
 
     system: ReducedSystem
@@ -71,25 +80,54 @@ class ContactProblem:
     translation: Array
     potentials: Array
 
+    def __post_init__(self) -> None:
+        n = len(self.system.points)
+        for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, 2))):
+            array = getattr(self, name)
+            if np.shape(array) != shape:
+                raise CaseError(f"{name} of the contact problem has shape {np.shape(array)}; {shape} is needed")
+            bad = np.isnan(array) | (array == -np.inf) if name == "gap" else ~np.isfinite(array)
+            if bad.any():
+                node = int(np.argwhere(bad)[0][0])
+                allowed = "finite values or inf" if name == "gap" else "finite values"
+                raise CaseError(f"{name} of the contact problem at node {node} is {array[node]}; allowed: {allowed}")
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """What a solver works on.
+
+    load: (n, 5) as in ReducedSystem; closed: (n,) in [0, 1], the fraction of a closed contact's conductivity that is in
+    force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze (see ContactState);
+    memory: whatever the solver that made it wants to find again at its next step; nobody else reads it.
+    """
+
+    load: Array
+    closed: Array
+    memory: object = None
+
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
     """A state of the contact zone.
 
-    load: (n, 5); displacement: (n, 5), both as in ReducedSystem; conduction: (n, 2) in [0, 1], the fraction of the
-    law's electric and magnetic conductivity in force: 1 or 0 but at nodes that graze (zero traction and zero gap).
+    load: (n, 5); displacement: (n, 5), both as in ReducedSystem; closed: (n,) in [0, 1], the fraction of a closed
+    contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes
+    that graze (zero traction and zero gap).
     """
 
     load: Array
     displacement: Array
-    conduction: Array
+    closed: Array
 
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
     """What the driver loop hands over: the last state, its status, and the history.
 
-    residual: dimensionless violation of the laws, computed from the state alone; history: (iterations,) residuals.
+    residual: dimensionless violation of the laws, computed from the state alone; iterations: steps of the solver;
+    history: (m, 2) iteration and the judged quantity (the residual, or the change by the paper's criterion) there;
+    message: why it ended, in words.
     """
 
     state: ContactState
@@ -97,7 +135,7 @@ class ContactSolution:
     iterations: int
     residual: float
     history: Array
-    message: str = ""
+    message: str
 
 
 @dataclass(frozen=True)
@@ -108,13 +146,32 @@ class Solver(ABC):
     driver loop in meeframe.solvers.
     """
 
-    @abstractmethod
-    def init(self, problem: ContactProblem, start: ContactState | None) -> ContactState:
-        """First state; start is the converged state of the previous load step, or None."""
+    stride: ClassVar[int] = 1
+    """Steps between two looks of the driver; more than one for solvers whose step costs less than such a look."""
 
     @abstractmethod
-    def step(self, problem: ContactProblem, state: ContactState) -> ContactState:
-        """Next state. Must not change its arguments."""
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """First iterate; start is the converged state of the previous load step, or None."""
+
+    @abstractmethod
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """Next iterate. Must not change its arguments."""
+
+
+def contact_gap(problem: ContactProblem, displacement: Array) -> Array:
+    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, 5) or (n, 3) [m]."""
+    gap = np.empty((len(displacement), 3))
+    gap[:, :2] = problem.translation - displacement[:, :2]
+    gap[:, 2] = problem.gap - displacement[:, 2]
+    return gap
+
+
+def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r_normal: float, r_tangential: float) -> Array:
+    """traction + r * (tangential_scaling . gap_tau, gap_nu), (n, 3) [Pa]; r_normal, r_tangential > 0 [Pa/m]."""
+    trial = np.empty_like(traction)
+    trial[:, :2] = traction[:, :2] + r_tangential * (gap[:, :2] @ law.tangential_scaling())
+    trial[:, 2] = traction[:, 2] + r_normal * gap[:, 2]
+    return trial
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, float, float]:

@@ -30,38 +30,26 @@ class NodalFields:
     fluxes: Array
 
 
+@dataclass(frozen=True, eq=False)
 class ReducedSystem(ABC):
     """displacement = offset + compliance(load) on the n nodes of the contact zone. SI units, local frames.
 
     load (n, 5) = (t.e1, t.e2, t.nu, q, s): extended tractions as densities; t.nu <= 0 in compression, q = D.nu and
     s = B.nu outward. displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). The two potentials are negated here, once,
     so that the compliance has a positive-definite symmetric part (notes, section 1).
+
+    points: node coordinates, (n, 3) [m];
+    frames: local frames, (n, 3, 3), rows e1, e2, nu, right-handed, nu outward;
+    weights: integration weights, (n,) [m^2]: the resultant of nodal densities f is sum(weights * f);
+    cells: (meshio cell type, connectivity) pairs of the contact zone, numbers into points;
+    offset: displacement at zero load, due to the prescribed boundary data, (n, 5).
     """
 
-    @property
-    @abstractmethod
-    def points(self) -> Array:
-        """Node coordinates, (n, 3) [m]."""
-
-    @property
-    @abstractmethod
-    def frames(self) -> Array:
-        """Local frames, (n, 3, 3); rows e1, e2, nu, right-handed, nu outward."""
-
-    @property
-    @abstractmethod
-    def weights(self) -> Array:
-        """Integration weights, (n,) [m^2]: the resultant of nodal densities f is sum(weights * f)."""
-
-    @property
-    @abstractmethod
-    def cells(self) -> tuple[tuple[str, Indices], ...]:
-        """(meshio cell type, connectivity) pairs of the contact zone, numbers into points."""
-
-    @property
-    @abstractmethod
-    def offset(self) -> Array:
-        """Displacement at zero load, due to the prescribed boundary data, (n, 5)."""
+    points: Array
+    frames: Array
+    weights: Array
+    cells: tuple[tuple[str, Indices], ...]
+    offset: Array
 
     @abstractmethod
     def apply(self, load: Array) -> Array:

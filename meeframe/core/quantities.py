@@ -13,18 +13,19 @@ BOUNDS: Final = ("gt", "ge", "lt", "le")
 class Quantity:
     """Marks an annotated float as a quantity; the field holds SI numbers.
 
-    unit: its SI unit, "" for pure numbers; gt, ge, lt, le: bounds in that unit. Case files may give a number in SI or a
-    text with a unit of the same dimension; infinity is written inf, NaN is refused.
+    unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where it
+    is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the same
+    dimension; infinity is written inf, NaN is refused.
     Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
     """
 
-    __slots__ = ("bounds", "unit")
+    __slots__ = ("bounds", "units")
 
-    def __init__(self, unit: str, **bounds: float) -> None:
+    def __init__(self, unit: str, *alternatives: str, **bounds: float) -> None:
         unknown = set(bounds) - set(BOUNDS)
         if unknown:
             raise TypeError(f"bounds of a quantity are {', '.join(BOUNDS)}, not {', '.join(sorted(unknown))}")
-        self.unit = unit
+        self.units = (unit, *alternatives)
         self.bounds = bounds
 
     def __get_pydantic_core_schema__(self, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
@@ -47,7 +48,9 @@ class Quantity:
     @property
     def expected(self) -> str:
         """What a case file may give, in words."""
-        return f"a number in {self.unit} or a text with such a unit" if self.unit else "a number without unit"
+        if self.units == ("",):
+            return "a number without unit"
+        return f"a number in {' or '.join(self.units)} or a text with such a unit"
 
     def _parse(self, text: str) -> float:
         # pint takes half a second to start: imported when the first text comes along
@@ -55,7 +58,9 @@ class Quantity:
 
         try:
             registry = unit_registry()
-            return float(registry.Quantity(text).to(registry.Unit(self.unit)).magnitude)
+            quantity = registry.Quantity(text)
+            fitting = next((unit for unit in self.units if quantity.is_compatible_with(unit)), self.units[0])
+            return float(quantity.to(registry.Unit(fitting)).magnitude)
         except pint.DimensionalityError:
             raise ValueError(f"has the wrong unit; expected {self.expected}") from None
         except Exception:  # pint's parser lets many kinds of errors through
