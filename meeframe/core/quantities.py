@@ -1,7 +1,9 @@
 """Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
+
+from meeframe.core.errors import CaseError
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler
@@ -52,6 +54,15 @@ class Quantity:
             return "a number without unit"
         return f"a number in {' or '.join(self.units)} or a text with such a unit"
 
+    def check(self, value: Any) -> float:
+        """convert(value) within the bounds; raises ValueError."""
+        number = self.convert(value)
+        holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
+        if not all(holds[name](bound) for name, bound in self.bounds.items()):
+            signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+            raise ValueError("must be " + " and ".join(f"{signs[name]} {bound:g}" for name, bound in self.bounds.items()))
+        return number
+
     def _parse(self, text: str) -> float:
         # pint takes half a second to start: imported when the first text comes along
         import pint
@@ -73,3 +84,20 @@ def unit_registry() -> Any:
     import pint
 
     return pint.UnitRegistry()
+
+
+def check_quantities(record: Any) -> None:
+    """For __post_init__ of a frozen dataclass made in Python: the checks that a case file's entries get.
+
+    Quantities become SI numbers within their bounds, choices (Literal) are among the allowed. Raises CaseError.
+    """
+    for name, hint in get_type_hints(type(record), include_extras=True).items():
+        value = getattr(record, name)
+        try:
+            for mark in getattr(hint, "__metadata__", ()):
+                if isinstance(mark, Quantity):
+                    object.__setattr__(record, name, mark.check(value))
+            if get_origin(hint) is Literal and value not in get_args(hint):
+                raise ValueError(f"allowed: {', '.join(map(str, get_args(hint)))}")
+        except ValueError as error:
+            raise CaseError(f"{type(record).__name__}: {name} = {value!r}: {error}") from None

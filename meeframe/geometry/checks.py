@@ -1,0 +1,220 @@
+"""Is a mesh the closed, outward oriented boundary of a body? What is wrong where, in words."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import Array
+from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+from meeframe.geometry.measures import gauss_rule, normal_vectors, volume_shares
+from meeframe.geometry.topology import Edges, corner_count, find_edges, reflection
+
+SHOWN = 3  # offenders whose place a message gives
+COINCIDENT = 1e-3  # points closer than this part of the shortest edge are duplicates
+COLLAPSED = 1e-6  # an element's Jacobian may nowhere fall below this part of its mean
+MOST_BEND = np.cos(np.pi / 4)  # elements of a contact zone within 45 degrees of the nodal normal
+
+
+def check_mesh(mesh: SurfaceMesh) -> None:
+    """Raises MeshError, saying what, how many and where, unless the mesh is a valid boundary.
+
+    In this order: numbers in range, finite points, no unused point, no repeated node, no duplicate points, no
+    degenerate or folded element, closed and manifold, consistently oriented, conforming at mid-sides, outward.
+    """
+    _check_numbers(mesh)
+    _check_points(mesh)
+    _check_elements(mesh)
+    edges = find_edges(mesh)
+    _check_edges(mesh, edges)
+    parts, inverted = _inverted_parts(mesh, edges)
+    if inverted.any():
+        middles = _middles(mesh)[inverted[parts]]
+        how_many = "the mesh" if inverted.all() else f"{inverted.sum()} of {len(inverted)} closed surfaces"
+        _refuse(f"{how_many} inside out (elements must be counter-clockwise seen from outside)", middles, "elements")
+
+
+def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
+    """The mesh with every closed surface that is inside out flipped. Raises MeshError if not closed or inconsistent."""
+    _check_numbers(mesh)
+    edges = find_edges(mesh)
+    _check_edges(mesh, edges)
+    parts, inverted = _inverted_parts(mesh, edges)
+    blocks, first = [], 0
+    for block in mesh.blocks:
+        flip = inverted[parts[first : first + len(block.groups)]]
+        first += len(flip)
+        flipped = block.connectivity[:, reflection(block.element)]
+        blocks.append(ElementBlock(block.element, np.where(flip[:, None], flipped, block.connectivity), block.groups))
+    return SurfaceMesh(mesh.points, tuple(blocks), mesh.group_names)
+
+
+def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
+    """The mesh with points closer than tolerance [m] (or linked by such) merged into the first, unused ones dropped.
+
+    Raises MeshError if that would collapse an element.
+    """
+    if not (np.isfinite(tolerance) and tolerance >= 0):
+        raise MeshError(f"merge_tolerance = {tolerance!r}: must be a length of at least zero")
+    _check_numbers(mesh)
+    _check_finite(mesh)
+    pairs = cKDTree(mesh.points).query_pairs(tolerance, output_type="ndarray")
+    n = len(mesh.points)
+    _, label = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
+    first = np.unique(label, return_index=True)[1]
+    target = first[label].astype(np.int64)
+    blocks = tuple(ElementBlock(b.element, target[b.connectivity], b.groups) for b in mesh.blocks)
+    merged = drop_unused(SurfaceMesh(mesh.points, blocks, mesh.group_names))
+    _check_repeats(merged)
+    return merged
+
+
+def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
+    """The mesh without points that no element uses."""
+    used = np.zeros(len(mesh.points), bool)
+    for block in mesh.blocks:
+        used[block.connectivity] = True
+    number = np.cumsum(used) - 1
+    blocks = tuple(ElementBlock(b.element, number[b.connectivity], b.groups) for b in mesh.blocks)
+    return SurfaceMesh(mesh.points[used], blocks, mesh.group_names)
+
+
+def _refuse(what: str, places: Array, things: str) -> None:
+    shown = ", ".join("({:.6g}, {:.6g}, {:.6g})".format(*place) for place in places[:SHOWN])
+    more = ", ..." if len(places) > SHOWN else ""
+    raise MeshError(f"mesh: {what}: {len(places)} {things}, at {shown}{more} [m]")
+
+
+def _middles(mesh: SurfaceMesh) -> Array:
+    """Mean of the nodes of each element, (n_elements, 3)."""
+    return np.concatenate([mesh.points[b.connectivity].mean(axis=1) for b in mesh.blocks])
+
+
+def _check_numbers(mesh: SurfaceMesh) -> None:
+    if mesh.n_elements == 0:
+        raise MeshError("mesh: it has no elements")
+    if mesh.points.ndim != 2 or mesh.points.shape[1] != 3:
+        raise MeshError(f"mesh: points have the shape {mesh.points.shape}; (p, 3) is wanted")
+    for block in mesh.blocks:
+        shape, nodes = block.connectivity.shape, len(block.element.nodes)
+        if block.connectivity.ndim != 2 or shape[1] != nodes:
+            raise MeshError(f"mesh: connectivity of {block.element.name} has the shape {shape}; (e, {nodes}) is wanted")
+        if block.groups.shape != shape[:1]:
+            raise MeshError(f"mesh: {shape[0]} elements {block.element.name}, but {len(block.groups)} group numbers")
+        for name, numbers, limit in (
+            ("point", block.connectivity, len(mesh.points)),
+            ("face group", block.groups, len(mesh.group_names)),
+        ):
+            wrong = numbers[(numbers < 0) | (numbers >= limit)]
+            if wrong.size:
+                raise MeshError(f"mesh: no {name} {wrong[0]}, which {block.element.name} uses; numbers end at {limit - 1}")
+
+
+def _check_finite(mesh: SurfaceMesh) -> None:
+    bad = ~np.isfinite(mesh.points).all(axis=1)
+    if bad.any():
+        _refuse("coordinates that are not finite", mesh.points[bad], "points")
+
+
+def _check_points(mesh: SurfaceMesh) -> None:
+    _check_finite(mesh)
+    used = np.zeros(len(mesh.points), bool)
+    for block in mesh.blocks:
+        used[block.connectivity] = True
+    if not used.all():
+        _refuse("points that no element uses", mesh.points[~used], "points")
+    _check_repeats(mesh)
+    ends = mesh.points[find_edges(mesh).ends]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    extent = np.ptp(mesh.points, axis=0).max()
+    shortest = lengths[lengths > 1e-12 * extent].min(initial=extent)
+    pairs = cKDTree(mesh.points).query_pairs(COINCIDENT * shortest, output_type="ndarray")
+    if len(pairs):
+        places = mesh.points[np.sort(pairs.max(axis=1))]
+        _refuse("points that coincide with others (merge_tolerance merges them)", places, "pairs of points")
+
+
+def _check_repeats(mesh: SurfaceMesh) -> None:
+    for block in mesh.blocks:
+        ordered = np.sort(block.connectivity, axis=1)
+        bad = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+        if bad.any():
+            places = mesh.points[block.connectivity[bad]].mean(axis=1)
+            _refuse("degenerate elements, the same node twice", places, f"{block.element.name} elements")
+
+
+def _check_elements(mesh: SurfaceMesh) -> None:
+    """The Jacobian keeps its sign: at nodes and Gauss points the normal stays within a right angle of the mean one."""
+    for block in mesh.blocks:
+        xi, weights = gauss_rule(block.element.reference, 3)
+        inside = normal_vectors(mesh.points, block.element, block.connectivity, xi)
+        at_nodes = normal_vectors(mesh.points, block.element, block.connectivity, block.element.nodes)
+        mean = np.einsum("emd,m->ed", inside, weights / weights.sum())
+        size = np.linalg.norm(inside, axis=-1).max(axis=1)
+        along = np.einsum("emd,ed->em", np.concatenate([inside, at_nodes], axis=1), mean).min(axis=1)
+        extent = np.ptp(mesh.points[block.connectivity], axis=1).max(axis=1)
+        bad = (along <= COLLAPSED * size**2) | (size <= 1e-12 * extent**2)
+        if bad.any():
+            places = mesh.points[block.connectivity[bad]].mean(axis=1)
+            _refuse("degenerate or folded elements (zero or negative Jacobian)", places, f"{block.element.name} elements")
+
+
+def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
+    count = np.bincount(edges.number)
+    sense = np.bincount(edges.number, weights=np.where(edges.ends[:, 0] < edges.ends[:, 1], 1.0, -1.0))
+    first = np.unique(edges.number, return_index=True)[1]
+    middle = mesh.points[edges.ends[first]].mean(axis=1)
+    faults = (
+        (count > 2, "not a manifold, more than two elements share an edge"),
+        (count == 1, "not closed, only one element has an edge"),
+        ((count == 2) & (sense != 0), "inconsistent orientation, two elements run along an edge in the same direction"),
+    )
+    for bad, what in faults:
+        if bad.any():
+            _refuse(what, middle[bad], "edges")
+    order = np.argsort(edges.number, kind="stable").reshape(-1, 2)
+    differ = (edges.between[order[:, 0]] != edges.between[order[:, 1]]).any(axis=1)
+    if differ.any():
+        _refuse("not conforming, the mid-side nodes of two elements differ along an edge", middle[differ], "edges")
+
+
+def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Array]:
+    """Closed surface that each element belongs to, (n_elements,), and whether each surface is inside out, (parts,).
+
+    A surface inside an odd number of others bounds a cavity: its elements must look inwards.
+    """
+    pairs = edges.elements[np.argsort(edges.number, kind="stable")].reshape(-1, 2)
+    n = mesh.n_elements
+    _, parts = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
+    shares = volume_shares(mesh, mesh.points.mean(axis=0))
+    signed = np.bincount(parts, weights=shares)
+    triangles, owner = _corner_triangles(mesh)
+    depth = np.zeros(len(signed), int)
+    for part in range(len(signed) if len(signed) > 1 else 0):
+        probe = triangles[np.argmax(parts[owner] == part), 0]
+        around = np.bincount(parts[owner], weights=_solid_angles(triangles - probe), minlength=len(signed))
+        around[part] = 0.0
+        depth[part] = np.count_nonzero(np.abs(around) > 2 * np.pi)
+    return parts.astype(np.int64), np.where(depth % 2 == 0, signed, -signed) <= 0
+
+
+def _corner_triangles(mesh: SurfaceMesh) -> tuple[Array, Indices]:
+    """Elements as flat triangles of corners, (t, 3, 3), and the element that each comes from, (t,)."""
+    triangles, owner, first = [], [], 0
+    for block in mesh.blocks:
+        numbers = first + np.arange(len(block.connectivity))
+        first += len(numbers)
+        for k in range(1, corner_count(block.element) - 1):
+            triangles.append(mesh.points[block.connectivity[:, [0, k, k + 1]]])
+            owner.append(numbers)
+    return np.concatenate(triangles), np.concatenate(owner)
+
+
+def _solid_angles(triangles: Array) -> Array:
+    """Signed solid angle of each triangle (t, 3, 3) seen from the origin (van Oosterom and Strackee, 1983)."""
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    triple = np.einsum("ti,ti->t", a, np.cross(b, c))
+    dots = la * lb * lc + np.einsum("ti,ti->t", a, b) * lc + np.einsum("ti,ti->t", b, c) * la
+    return 2 * np.arctan2(triple, dots + np.einsum("ti,ti->t", c, a) * lb)
