@@ -1,0 +1,261 @@
+"""Closed forms for frictionless indentation of an axisymmetric magneto-electro-elastic half space.
+
+The half space lies at x3 < 0 and is poled along x3, its outward normal; t3, q and s are the extended tractions on that
+normal, and xi (3, 3) is its point-source response (see meeframe.materials.half_space.axisymmetric_compliance).
+Pressing is described by positive numbers: approach g, force P, pressure p = -t3. Charge and magnetic flux are outward
+fluxes, the limit of q = +kappa (phi - phi_o) for kappa -> inf.
+Source: paper, eqs. (33)-(36), with the corrections of docs/theory.md; basic potentials from Johnson, Contact Mechanics
+(1985), chapter 3, and Sneddon, Int. J. Eng. Sci. 3 (1965) 47.
+
+Each density is a combination of two axisymmetric ones on the disc of radius a: an edge-singular one, 1/sqrt(a^2 - r^2),
+and a bounded one that belongs to the indenter's shape. Both have elementary potentials, integral of density/|x - y|.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+
+_NORMAL, _ELECTRIC, _MAGNETIC = range(3)
+CONDITIONS: Final = {
+    "EMII": (None, None),
+    "ECMII": (0.0, None),
+    "EIMCI": (None, 0.0),
+    "EMCI": (0.0, 0.0),
+}
+"""The paper's four conditions as (electric, magnetic) potential of the indenter; None where it insulates."""
+
+
+class Shape(ABC):
+    """An axisymmetric indenter: what the contact radius is, and the bounded density that its curvature calls for."""
+
+    @abstractmethod
+    def contact_radius(self, approach: float) -> float:
+        """Radius a [m] at which an uncharged indenter has no edge singularity."""
+
+    @abstractmethod
+    def flat_part(self, a: float) -> float:
+        """Approach [m] that is used up by the bounded density; the rest acts like a flat punch."""
+
+    @abstractmethod
+    def density(self, r: Array, a: float) -> Array:
+        """Bounded density on r < a whose potential is (flat part - height) inside."""
+
+    @abstractmethod
+    def potential(self, r: Array, a: float) -> Array:
+        """Integral of density/|x - y| over the disc, for all r >= 0."""
+
+    @abstractmethod
+    def total(self, a: float) -> float:
+        """Integral of the density over the disc."""
+
+
+@dataclass(frozen=True)
+class FlatPunch(Shape):
+    """A flat-ended cylinder of given radius [m]."""
+
+    radius: float
+
+    def contact_radius(self, approach: float) -> float:
+        """The punch's radius."""
+        return self.radius
+
+    def flat_part(self, a: float) -> float:
+        """None: all of the approach acts at the flat end."""
+        return 0.0
+
+    def density(self, r: Array, a: float) -> Array:
+        """Zero."""
+        return np.zeros_like(r)
+
+    def potential(self, r: Array, a: float) -> Array:
+        """Zero."""
+        return np.zeros_like(r)
+
+    def total(self, a: float) -> float:
+        """Zero."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class Sphere(Shape):
+    """A paraboloid r^2/(2 R), the sphere of small contacts, of radius R [m]."""
+
+    radius: float
+
+    def contact_radius(self, approach: float) -> float:
+        """sqrt(R g)."""
+        return float(np.sqrt(self.radius * approach))
+
+    def flat_part(self, a: float) -> float:
+        """a^2/R."""
+        return a**2 / self.radius
+
+    def density(self, r: Array, a: float) -> Array:
+        """2 sqrt(a^2 - r^2)/(pi^2 R)."""
+        return 2.0 * np.sqrt(a**2 - r**2) / (np.pi**2 * self.radius)
+
+    def potential(self, r: Array, a: float) -> Array:
+        """(2 a^2 - r^2)/(2 R) inside, continued outside."""
+        angle = _contact_angle(r, a)
+        outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
+        return ((2.0 * a**2 - r**2) * angle + a * outside) / (np.pi * self.radius)
+
+    def total(self, a: float) -> float:
+        """4 a^3/(3 pi R)."""
+        return 4.0 * a**3 / (3.0 * np.pi * self.radius)
+
+
+@dataclass(frozen=True)
+class Cone(Shape):
+    """A cone of height r tan(angle), angle [rad] between its side and the surface."""
+
+    angle: float
+
+    def contact_radius(self, approach: float) -> float:
+        """2 g/(pi tan(angle))."""
+        return 2.0 * approach / (np.pi * float(np.tan(self.angle)))
+
+    def flat_part(self, a: float) -> float:
+        """pi a tan(angle)/2."""
+        return np.pi * a * float(np.tan(self.angle)) / 2.0
+
+    def density(self, r: Array, a: float) -> Array:
+        """tan(angle) arcosh(a/r)/(2 pi), infinite at the tip."""
+        with np.errstate(divide="ignore"):
+            spike: Array = float(np.tan(self.angle)) * np.arccosh(a / r) / (2.0 * np.pi)
+        return spike
+
+    def potential(self, r: Array, a: float) -> Array:
+        """tan(angle) (pi a/2 - r) inside, continued outside."""
+        outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
+        return float(np.tan(self.angle)) * (a * _contact_angle(r, a) + outside - r)
+
+    def total(self, a: float) -> float:
+        """a^2 tan(angle)/2."""
+        return a**2 * float(np.tan(self.angle)) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Indentation:
+    """A solved indentation; radii r (n,) [m] are distances from the axis on the surface.
+
+    xi: (3, 3); contact_radius [m]; edge, bounded: (3,) amplitudes of the two densities in the outward extended
+    tractions (t3, q, s).
+    """
+
+    xi: Array
+    shape: Shape
+    contact_radius: float
+    edge: Array
+    bounded: Array
+
+    @property
+    def force(self) -> float:
+        """Force P with which the indenter presses [N], positive in compression (eqs. 33-36)."""
+        return -self._total(_NORMAL)
+
+    @property
+    def charge(self) -> float:
+        """Integral Q of the electric flux q = D.nu [C]."""
+        return self._total(_ELECTRIC)
+
+    @property
+    def magnetic_flux(self) -> float:
+        """Integral M of the magnetic flux s = B.nu [Wb]."""
+        return self._total(_MAGNETIC)
+
+    def pressure(self, r: Array) -> Array:
+        """Contact pressure p = -t3 >= 0 [Pa], zero outside the contact."""
+        return -self._density(r)[:, _NORMAL]
+
+    def electric_flux(self, r: Array) -> Array:
+        """Outward electric flux q = D.nu [C/m^2], zero outside the contact."""
+        return self._density(r)[:, _ELECTRIC]
+
+    def magnetic_flux_density(self, r: Array) -> Array:
+        """Outward magnetic flux density s = B.nu [Wb/m^2], zero outside the contact."""
+        return self._density(r)[:, _MAGNETIC]
+
+    def displacement(self, r: Array) -> Array:
+        """Normal surface displacement u3 [m], negative where the surface is pressed in."""
+        return self._values(r)[:, _NORMAL]
+
+    def electric_potential(self, r: Array) -> Array:
+        """Electric potential phi of the surface [V]."""
+        return self._values(r)[:, _ELECTRIC]
+
+    def magnetic_potential(self, r: Array) -> Array:
+        """Magnetic potential psi of the surface [A]."""
+        return self._values(r)[:, _MAGNETIC]
+
+    def _total(self, field: int) -> float:
+        a = self.contact_radius
+        return float(self.edge[field] * 2.0 * np.pi * a + self.bounded[field] * self.shape.total(a))
+
+    def _density(self, r: Array) -> Array:
+        radii, a = np.asarray(r, dtype=float), self.contact_radius
+        densities = np.zeros((len(radii), 3))
+        inside = radii < a
+        within = radii[inside]
+        singular = 1.0 / np.sqrt(a**2 - within**2)
+        densities[inside] = np.outer(singular, self.edge)
+        # a bounded density that is infinite at a cone's tip must not meet an amplitude of zero
+        fields = np.flatnonzero(self.bounded)
+        densities[np.ix_(inside, fields)] += np.outer(self.shape.density(within, a), self.bounded[fields])
+        return densities
+
+    def _values(self, r: Array) -> Array:
+        radii, a = np.asarray(r, dtype=float), self.contact_radius
+        edge = 2.0 * np.pi * _contact_angle(radii, a)
+        densities = np.outer(edge, self.edge) + np.outer(self.shape.potential(radii, a), self.bounded)
+        values: Array = densities @ self.xi.T
+        return values
+
+
+def indent(
+    xi: Array,
+    shape: Shape,
+    approach: float,
+    electric_potential: float | None = None,
+    magnetic_potential: float | None = None,
+) -> Indentation:
+    """Indentation by a rigid shape, approach [m] > 0.
+
+    xi: (3, 3) point-source response in SI units; electric_potential [V], magnetic_potential [A]: those of a conducting
+    indenter, None where it insulates (EMII: None, None). Raises MeeframeError if the potentials push the indenter off.
+    """
+    given = (electric_potential, magnetic_potential)
+    conducting = [field for field, value in enumerate(given, start=1) if value is not None]
+    potentials = np.array([value for value in given if value is not None])
+    active = [_NORMAL, *conducting]
+    inverse = _inverse(xi[np.ix_(active, active)])
+    # a flat punch lowered by g and held at the potentials, seen from x3 > 0: u3 = -g
+    shift = -float(inverse[0, 1:] @ potentials) / inverse[0, 0]
+    if approach + shift <= 0.0:
+        raise MeeframeError(f"no contact: approach {approach:g} m, and the potentials lift the surface by {-shift:g} m")
+    a = shape.contact_radius(approach + shift)
+    edge, bounded = np.zeros(3), np.zeros(3)
+    flat = np.concatenate(([-(approach - shape.flat_part(a))], potentials))
+    edge[active] = inverse @ flat / np.pi**2
+    bounded[active] = -inverse[:, 0]
+    if not isinstance(shape, FlatPunch):
+        edge[_NORMAL] = 0.0  # the contact radius is the one that makes it so; remove the round-off
+    return Indentation(xi, shape, a, edge, bounded)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Inverse of a block of xi, whose diagonal spans twenty decades."""
+    scale = np.abs(np.diag(matrix)) ** -0.5
+    inverse: Array = scale[:, None] * np.linalg.inv(scale[:, None] * matrix * scale) * scale
+    return inverse
+
+
+def _contact_angle(r: Array, a: float) -> Array:
+    """asin(a/r) outside the contact, pi/2 inside."""
+    angle: Array = np.arcsin(a / np.maximum(r, a))
+    return angle
