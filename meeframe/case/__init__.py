@@ -1,1 +1,1 @@
-"""."""
+"""Case files: from TOML to a checked case, and from a case to its result."""

@@ -1,0 +1,159 @@
+"""What a case file may say: one frozen model for each table. Documented in docs/case-files.md."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+
+from meeframe.core.contact import ConductivityLaw, ContactLaw
+from meeframe.core.quantities import Quantity
+from meeframe.plugin.registry import CONTRACTS
+from meeframe.plugin.validation import Problem, TableError, problems_of
+
+_FINITE: Final = {"gt": -math.inf, "lt": math.inf}
+
+Text = Annotated[str, Strict(), Field(min_length=1)]
+Flag = Annotated[bool, Strict()]
+Count = Annotated[int, Strict(), Field(ge=1)]
+Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
+Length = Annotated[float, Quantity("m", **_FINITE)]
+Angle = Annotated[float, Quantity("rad", **_FINITE)]
+Pressure = Annotated[float, Quantity("Pa", **_FINITE)]
+ElectricPotential = Annotated[float, Quantity("V", **_FINITE)]
+MagneticPotential = Annotated[float, Quantity("A", **_FINITE)]
+ElectricFlux = Annotated[float, Quantity("C/m^2", **_FINITE)]
+MagneticFlux = Annotated[float, Quantity("Wb/m^2", **_FINITE)]
+
+_FREE: Final = BeforeValidator(lambda value: None if value == "free" else value)
+FreeLength = Annotated[Length | None, _FREE]
+FreePressure = Annotated[Pressure | None, _FREE]
+
+
+def _by_name(contract: type) -> BeforeValidator:
+    """Makes the object that a table names, by the registry that is the context of the validation."""
+    return BeforeValidator(lambda table, info: _registry(info).create(CONTRACTS[contract], table))
+
+
+def _registry(info: ValidationInfo) -> Any:
+    return info.context
+
+
+class Table(BaseModel):
+    """Base of all tables: frozen, no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class BlockTable(Table):
+    """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh."""
+
+    type: Literal["block"] = "block"
+    half_width: Size
+    height: Size
+    contact_width: Size
+    divisions: Count
+    rings: Count
+    layers: Count
+    element: Text = "quad4"
+
+
+class FileTable(Table):
+    """[mesh] read from a file by meshio; unit: of its coordinates."""
+
+    type: Literal["file"] = "file"
+    file: Text
+    unit: Text = "m"
+
+    @property
+    def scale(self) -> float:
+        """Metres in the unit of the file."""
+        return float(Quantity("m").convert(f"1 {self.unit}"))
+
+    @model_validator(mode="after")
+    def _unit_of_length(self) -> "FileTable":
+        try:
+            _ = self.scale
+        except ValueError:
+            raise TableError(Problem(("unit",), "should be a unit of length such as mm", self.unit)) from None
+        return self
+
+
+def _mesh(value: Any) -> Any:
+    """The model is chosen here and not by a union: errors then speak of the one that was meant."""
+    if not isinstance(value, Mapping):
+        return value
+    kind = value.get("type", "file" if "file" in value else "block")
+    if kind not in ("block", "file"):
+        raise TableError(Problem(("type",), "should be 'block' or 'file'", kind))
+    model: type[Table] = FileTable if kind == "file" else BlockTable
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        raise TableError(*problems_of(error, model)) from None
+
+
+class BoundaryTable(Table):
+    """[[boundary]]: what is prescribed on one face group, in three independent parts; the rest has zero flux.
+
+    displacement and traction: three components each, global axes, 'free' where nothing is prescribed.
+    """
+
+    group: Text
+    displacement: tuple[FreeLength, FreeLength, FreeLength] | None = None
+    traction: tuple[FreePressure, FreePressure, FreePressure] | None = None
+    electric_potential: ElectricPotential | None = None
+    electric_flux: ElectricFlux | None = None
+    magnetic_potential: MagneticPotential | None = None
+    magnetic_flux: MagneticFlux | None = None
+
+    def prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
+        """(field, kind, number in SI) of everything prescribed."""
+        values = (*(self.displacement or (None,) * 3), self.electric_potential, self.magnetic_potential)
+        fluxes = (*(self.traction or (None,) * 3), self.electric_flux, self.magnetic_flux)
+        return [
+            *((field, "value", number) for field, number in enumerate(values) if number is not None),
+            *((field, "flux", number) for field, number in enumerate(fluxes) if number is not None),
+        ]
+
+
+class ContactTable(Table):
+    """[contact]: the face group that may come into contact, and its law."""
+
+    zone: Text = "contact"
+    law: Annotated[ContactLaw, _by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
+
+
+_INSULATING: Final = Field(default="insulating", validate_default=True)
+
+
+class ConductivityTable(Table):
+    """[conductivity]: laws of the contact zone; a field without one is insulated."""
+
+    electric: Annotated[ConductivityLaw, _by_name(ConductivityLaw)] = _INSULATING
+    magnetic: Annotated[ConductivityLaw, _by_name(ConductivityLaw)] = _INSULATING
+
+
+class StepTable(Table):
+    """[[steps]]: what one load step prescribes; potentials that are not given are those of [indenter]."""
+
+    approach: Length
+    translation: tuple[Length, Length] = (0.0, 0.0)
+    electric_potential: ElectricPotential | None = None
+    magnetic_potential: MagneticPotential | None = None
+
+
+class OutputTable(Table):
+    """[output]: what is written beside result.h5 and summary.json."""
+
+    figures: Flag = True
+    vtu: Flag = True

@@ -1,0 +1,212 @@
+"""The result file: self-describing HDF5, written step by step so that an interrupted run keeps its finished steps.
+
+Layout (docs/results.md): attributes of the root say what made the file; /zone is the contact zone; /boundary the points
+and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one load step each. Every dataset has `units`.
+"""
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from meeframe.core.contact import Status
+from meeframe.core.errors import ResultError
+from meeframe.core.fields import FLUX_UNITS, VALUE_UNITS
+from meeframe.core.formulation import NodalFields
+from meeframe.core.mesh import Indices
+from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, resultants
+from meeframe.io.output import RESULT_FILE, replacing
+
+FORMAT: Final = "meeframe-result 1"
+
+_ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
+_STEP_UNITS: Final = {
+    "initial_gap": "m",
+    "gap": "m",
+    "traction": "Pa",
+    "displacement": "m",
+    "electric_potential": "V",
+    "magnetic_potential": "A",
+    "electric_flux": "C/m^2",
+    "magnetic_flux": "Wb/m^2",
+    "closed": "1",
+    "history": "1",
+    "residual": "1",
+    "iterations": "1",
+}
+_LOADING_UNITS: Final = {"approach": "m", "translation": "m", "electric_potential": "V", "magnetic_potential": "A"}
+RESULTANT_UNITS: Final = {
+    "force": "N",
+    "charge": "C",
+    "magnetic_flux": "Wb",
+    "contact_area": "m^2",
+    "max_pressure": "Pa",
+    "max_abs_electric_potential": "V",
+    "max_abs_magnetic_potential": "A",
+}
+_BOUNDARY_UNITS: Final = {
+    "points": "m",
+    "values": ", ".join(VALUE_UNITS),
+    "fluxes": ", ".join(FLUX_UNITS),
+}
+
+
+def create_result(folder: Path, result: Result) -> None:
+    """Write the result file with what is known before the first step."""
+    with replacing(folder / RESULT_FILE) as path, h5py.File(path, "w") as file:
+        file.attrs["format"] = FORMAT
+        file.attrs["title"] = result.provenance.title
+        file.attrs["case"] = result.provenance.case_text
+        file.attrs["versions"] = json.dumps(dict(result.provenance.versions))
+        file.attrs["threads"] = result.provenance.threads
+        file.attrs["planned_steps"] = result.planned_steps
+        file.attrs["status"] = str(result.status)
+        zone = file.create_group("zone")
+        zone.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
+        _put_all(zone, _ZONE_UNITS, {name: getattr(result.zone, name) for name in _ZONE_UNITS})
+        _put_cells(zone, result.zone.cells)
+        file.create_group("steps")
+
+
+def append_step(folder: Path, zone: Zone, step: StepResult) -> None:
+    """Add one step to the result file."""
+    with _changing(folder) as file:
+        steps = file["steps"]
+        group = steps.create_group(f"{len(steps) + 1:04d}")
+        group.attrs.update({"status": str(step.status), "message": step.message})
+        group.attrs["note"] = "traction, displacement: along e1, e2, nu of the zone's frames; fluxes: outward"
+        _put_all(group, _STEP_UNITS, _step_values(step))
+        _put_all(group.create_group("loading"), _LOADING_UNITS, asdict(step.loading))
+        _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
+        if step.boundary is not None:
+            _put_boundary(file, group, step.boundary)
+
+
+def finish_result(folder: Path, result: Result) -> None:
+    """Write what is known after the last step: status, timings [s], peak memory [MB]."""
+    with _changing(folder) as file:
+        file.attrs["status"] = str(result.status)
+        file.attrs["timings"] = json.dumps(dict(result.timings))
+        file.attrs["peak_memory_mb"] = result.peak_memory_mb
+
+
+def read_result(folder: Path) -> Result:
+    """The result in an output folder; raises ResultError if there is none or it cannot be read."""
+    path = folder / RESULT_FILE
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != FORMAT:
+                raise ResultError(
+                    f"{path}: format {file.attrs.get('format')!r} is unknown; this version reads {FORMAT!r}"
+                )
+            return _read(file)
+    except OSError:
+        state = "cannot be read as HDF5" if path.exists() else "does not exist"
+        raise ResultError(f"no result in {folder}: {path} {state}") from None
+    except KeyError as error:
+        raise ResultError(f"{path} is damaged: {error}") from None
+
+
+@contextmanager
+def _changing(folder: Path) -> Iterator[Any]:
+    """The result file open for a change that takes place whole or not at all."""
+    target = folder / RESULT_FILE
+    with replacing(target) as path:
+        shutil.copyfile(target, path)
+        with h5py.File(path, "r+") as file:
+            yield file
+
+
+def _step_values(step: StepResult) -> dict[str, Any]:
+    values = {name: getattr(step, name) for name in _STEP_UNITS if hasattr(step, name)}
+    for column, field in enumerate(("electric", "magnetic")):
+        values[f"{field}_potential"] = step.potentials[:, column]
+        values[f"{field}_flux"] = step.fluxes[:, column]
+    return values
+
+
+def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
+    for name, unit in units.items():
+        group[name] = values[name]
+        group[name].attrs["units"] = unit
+
+
+def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
+    own = group.create_group("cells")
+    own.attrs["note"] = "numbers into points; meshio cell types"
+    for number, (cell_type, connectivity) in enumerate(cells):
+        own[str(number)] = connectivity
+        own[str(number)].attrs.update({"type": cell_type, "units": "1"})
+
+
+def _put_boundary(file: Any, step: Any, boundary: NodalFields) -> None:
+    fields = {"points": boundary.points, "values": boundary.values, "fluxes": boundary.fluxes}
+    if "boundary" not in file:
+        shared = file.create_group("boundary")
+        _put_all(shared, {"points": _BOUNDARY_UNITS["points"]}, fields)
+        _put_cells(shared, boundary.cells)
+    own = step.create_group("boundary")
+    _put_all(own, {name: _BOUNDARY_UNITS[name] for name in ("values", "fluxes")}, fields)
+
+
+def _read(file: Any) -> Result:
+    attributes = file.attrs
+    zone = Zone(**{name: file["zone"][name][()] for name in _ZONE_UNITS}, cells=_get_cells(file["zone"]))
+    return Result(
+        provenance=Provenance(
+            title=attributes["title"],
+            case_text=attributes["case"],
+            versions=json.loads(attributes["versions"]),
+            threads=int(attributes["threads"]),
+        ),
+        zone=zone,
+        planned_steps=int(attributes["planned_steps"]),
+        steps=tuple(_get_step(file, file["steps"][name]) for name in sorted(file["steps"])),
+        timings=json.loads(attributes.get("timings", "{}")),
+        peak_memory_mb=float(attributes.get("peak_memory_mb", 0.0)),
+    )
+
+
+def _get_step(file: Any, group: Any) -> StepResult:
+    loading = {name: group["loading"][name][()] for name in _LOADING_UNITS}
+    pairs = {
+        name: np.stack([group[f"electric_{name}"][()], group[f"magnetic_{name}"][()]], axis=1)
+        for name in ("potential", "flux")
+    }
+    boundary = None
+    if "boundary" in group:
+        own = group["boundary"]
+        shared = file["boundary"]
+        boundary = NodalFields(shared["points"][()], _get_cells(shared), own["values"][()], own["fluxes"][()])
+    return StepResult(
+        loading=Loading(
+            approach=float(loading["approach"]),
+            translation=(float(loading["translation"][0]), float(loading["translation"][1])),
+            electric_potential=float(loading["electric_potential"]),
+            magnetic_potential=float(loading["magnetic_potential"]),
+        ),
+        initial_gap=group["initial_gap"][()],
+        traction=group["traction"][()],
+        displacement=group["displacement"][()],
+        potentials=pairs["potential"],
+        fluxes=pairs["flux"],
+        closed=group["closed"][()],
+        status=Status(group.attrs["status"]),
+        iterations=int(group["iterations"][()]),
+        residual=float(group["residual"][()]),
+        history=group["history"][()],
+        message=group.attrs["message"],
+        boundary=boundary,
+    )
+
+
+def _get_cells(group: Any) -> tuple[tuple[str, Indices], ...]:
+    return tuple(
+        (str(own.attrs["type"]), own[()]) for own in (group["cells"][n] for n in sorted(group["cells"], key=int))
+    )

@@ -1,0 +1,154 @@
+"""From tables of a case file to objects, and from pydantic's errors to located messages."""
+
+import dataclasses
+import types
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, create_model
+
+from meeframe.core.errors import CaseError, MeeframeError
+
+NestedCreate = Callable[[type, Any], Any]
+"""Makes an object of a contract (first argument) from a table or a name (second argument)."""
+
+_MISSING = object()
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed."""
+
+    location: tuple[str | int, ...]
+    text: str
+    value: Any = _MISSING
+
+    def inside(self, *outer: str | int) -> "Problem":
+        """The same problem seen from an enclosing table."""
+        return Problem((*outer, *self.location), self.text, self.value)
+
+    def __str__(self) -> str:
+        path = ""
+        for key in self.location:
+            path += f"[{key + 1}]" if isinstance(key, int) else f".{key}"
+        given = "" if self.value is _MISSING else f" = {_brief(self.value)}"
+        return f"{path.lstrip('.')}{given}: {self.text}"
+
+
+class TableError(CaseError, ValueError):  # ValueError: so that pydantic lets it pass through its validators
+    """A table has unacceptable entries, listed in problems."""
+
+    def __init__(self, *problems: Problem) -> None:
+        super().__init__("; ".join(map(str, problems)))
+        self.problems = problems
+
+
+def build(
+    factory: Callable[..., Any], table: Mapping[str, Any], nested: NestedCreate, contracts: tuple[type, ...]
+) -> Any:
+    """factory(**table) with every entry checked against the fields of the dataclass `factory`.
+
+    contracts: abstract classes whose fields are themselves given as tables or names and made by `nested`.
+    Raises TableError.
+    """
+    if not dataclasses.is_dataclass(factory):
+        problems = [Problem((key,), "unknown key; no keys are taken here", value) for key, value in table.items()]
+        if problems:
+            raise TableError(*problems)
+        return factory()
+    model = _model(factory, nested, contracts)
+    try:
+        checked = model.model_validate(dict(table))
+    except ValidationError as error:
+        raise TableError(*problems_of(error, model)) from None
+    try:
+        return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
+    except (MeeframeError, ValueError) as error:
+        raise TableError(Problem((), str(error))) from error
+
+
+@lru_cache(maxsize=256)
+def _model(factory: type, nested: NestedCreate, contracts: tuple[type, ...]) -> type[BaseModel]:
+    hints = get_type_hints(factory, include_extras=True)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(factory):
+        if not field.init:
+            continue
+        # the default is the dataclass's affair: only keys that were given are handed on
+        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+        fields[field.name] = (_strict(hints[field.name], nested, contracts), ... if required else None)
+    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
+    return create_model(factory.__name__, __config__=config, **fields)
+
+
+def _strict(hint: Any, nested: NestedCreate, contracts: tuple[type, ...]) -> Any:
+    """The hint without silent conversions (true is no number), with contracts made from tables."""
+    if hint in (int, bool, str):
+        return Annotated[hint, Strict()]
+    if hint is float:
+        return Annotated[float, Strict(), Field(allow_inf_nan=True), BeforeValidator(_no_nan)]
+    if isinstance(hint, type) and hint in contracts:
+        return Annotated[hint, BeforeValidator(lambda value: nested(hint, value))]
+    if get_origin(hint) in (Union, types.UnionType):
+        parts = tuple(_strict(part, nested, contracts) for part in get_args(hint))
+        return Union[parts]  # noqa: UP007  (made at run time)
+    return hint
+
+
+def _no_nan(value: Any) -> Any:
+    if isinstance(value, float) and value != value:
+        raise ValueError("is not a number (NaN)")
+    return value
+
+
+def problems_of(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
+    """Located problems of a pydantic error, those of nested tables included."""
+    return [problem for item in error.errors() for problem in _problems(item, model)]
+
+
+def _problems(item: Any, model: type[BaseModel]) -> Iterator[Problem]:
+    location, kind, value = tuple(item["loc"]), item["type"], item["input"]
+    inner = item.get("ctx", {}).get("error")
+    if isinstance(inner, TableError):
+        for problem in inner.problems:
+            yield problem.inside(*location)
+    elif kind == "extra_forbidden":
+        yield Problem(location, f"unknown key; {_allowed_keys(location, model)}", value)
+    elif kind == "missing":
+        yield Problem(location, "missing key")
+    elif kind == "value_error":
+        yield Problem(location, str(inner), value)
+    else:
+        text = item["msg"].replace("Input should", "should", 1)
+        yield Problem(location, text[:1].lower() + text[1:], value)
+
+
+def _allowed_keys(location: tuple[str | int, ...], model: type[BaseModel]) -> str:
+    """Names of the keys where an unknown one was found; follows nested pydantic models."""
+    current: Any = model
+    for key in location[:-1]:
+        if isinstance(key, int):
+            continue
+        field = current.model_fields.get(key) if _is_model(current) else None
+        current = _model_within(field.annotation) if field is not None else None
+    keys = [field.alias or name for name, field in current.model_fields.items()] if _is_model(current) else []
+    return f"allowed: {', '.join(keys)}" if keys else "no keys are taken here"
+
+
+def _is_model(candidate: Any) -> bool:
+    return isinstance(candidate, type) and issubclass(candidate, BaseModel)
+
+
+def _model_within(hint: Any) -> Any:
+    if _is_model(hint):
+        return hint
+    return next((found for part in get_args(hint) if (found := _model_within(part)) is not None), None)
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return f"{value:.12g}"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,100 @@
+"""The summary of a result: a dictionary for summary.json and a table for the terminal."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from meeframe.core.result import Result, RunStatus, StepResult, Zone, resultants
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """What summary.json holds, of plain Python types; see docs/results.md. Numbers that are not finite become None."""
+    made = result.provenance
+    data = {
+        "title": made.title,
+        "status": str(result.status),
+        "timings": dict(result.timings),
+        "peak_memory_mb": result.peak_memory_mb,
+        "versions": dict(made.versions),
+        "threads": made.threads,
+        "planned_steps": result.planned_steps,
+        "steps": [_step(result.zone, step) for step in result.steps],
+    }
+    plain: dict[str, Any] = _plain(data)
+    return plain
+
+
+def summary_json(result: Result) -> str:
+    """Text of summary.json."""
+    return json.dumps(summary(result), indent=2, allow_nan=False) + "\n"
+
+
+def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
+    totals = resultants(zone, step)
+    return {
+        "approach": step.loading.approach,
+        "translation": list(step.loading.translation),
+        "electric_potential": step.loading.electric_potential,
+        "magnetic_potential": step.loading.magnetic_potential,
+        **vars(totals),
+        "iterations": step.iterations,
+        "residual": step.residual,
+        "status": str(step.status),
+        "message": step.message,
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def summary_table(result: Result) -> RenderableType:
+    """The summary for the terminal: a line on the run and a table with a column for each step."""
+    table = Table(title=result.provenance.title or None, title_justify="left")
+    table.add_column("")
+    table.add_column("unit")
+    for number in range(len(result.steps)):
+        table.add_column(f"step {number + 1}", justify="right")
+    totals = [resultants(result.zone, step) for step in result.steps]
+    rows: list[tuple[str, str, list[Any]]] = [
+        ("approach", "m", [step.loading.approach for step in result.steps]),
+        *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
+        ("charge", "C", [total.charge for total in totals]),
+        ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
+        ("contact area", "m^2", [total.contact_area for total in totals]),
+        ("largest pressure", "Pa", [total.max_pressure for total in totals]),
+        ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
+        ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
+        ("iterations", "", [step.iterations for step in result.steps]),
+        ("residual", "", [step.residual for step in result.steps]),
+        ("status", "", [str(step.status) for step in result.steps]),
+    ]
+    for label, unit, values in rows:
+        table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
+    return Group(table, *(_message(n, step) for n, step in enumerate(result.steps) if step.message), _headline(result))
+
+
+def _message(number: int, step: StepResult) -> Text:
+    return Text(f"step {number + 1}: {step.message}")
+
+
+def _headline(result: Result) -> Text:
+    style = {RunStatus.CONVERGED: "green", RunStatus.NOT_CONVERGED: "red", RunStatus.UNFINISHED: "yellow"}
+    line = f"{result.status}: {len(result.steps)} of {result.planned_steps} steps"
+    if result.timings:
+        line += (
+            f", {result.timings['total']:.1f} s, {result.peak_memory_mb:.0f} MB, {result.provenance.threads} threads"
+        )
+    return Text(line, style=style[result.status])

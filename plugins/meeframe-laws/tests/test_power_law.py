@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from meeframe.core.errors import CaseError
+from meeframe.plugin.registry import Kind, load
+from meeframe_laws import PowerLaw
+
+LAW = PowerLaw(reference_conductivity=2.0e-3, reference_pressure=1.0e6)
+
+
+def test_values_at_reference_and_where_open():
+    kappa = LAW.conductivity(np.array([-1.0e6, 0.0, 5.0]))
+    np.testing.assert_allclose(kappa, [2.0e-3, 0.0, 0.0], rtol=1e-14)
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.floats(1e-3, 1e12), st.floats(1.001, 1e3), st.floats(0.1, 3.0))
+def test_homogeneous_of_its_exponent_and_increasing(pressure, factor, exponent):
+    law = PowerLaw(2.0e-3, 1.0e6, exponent)
+    first, second = law.conductivity(np.array([-pressure, -factor * pressure]))
+    assert second > first > 0
+    assert second / first == pytest.approx(factor**exponent, rel=1e-10)
+
+
+def test_registered_through_the_entry_point_and_made_from_a_table():
+    entry = next(entry for entry in load().entries if entry.record.name == "power-law")
+    assert entry.provider.name == "meeframe-laws"
+    law = load().create(
+        Kind.CONDUCTIVITY_LAW,
+        {"name": "power-law", "reference_conductivity": "2 mF/m^2", "reference_pressure": "1 MPa"},
+    )
+    assert (law.reference_conductivity, law.reference_pressure, law.exponent) == pytest.approx((2e-3, 1e6, 0.95))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("reference_conductivity", -1.0),
+        ("reference_pressure", 0.0),
+        ("reference_pressure", "1 V"),
+        ("exponent", float("nan")),
+    ],
+)
+def test_bad_values_are_refused_with_their_key(key, value):
+    table = {"name": "power-law", "reference_conductivity": 1.0, "reference_pressure": 1.0, key: value}
+    with pytest.raises(CaseError, match=key):
+        load().create(Kind.CONDUCTIVITY_LAW, table)
+    with pytest.raises(CaseError, match=key):
+        PowerLaw(**{k: v for k, v in table.items() if k != "name"})
