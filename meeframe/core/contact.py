@@ -66,8 +66,8 @@ class ConductivityLaw(ABC):
 class ContactProblem:
     """One load step: find the load on the contact zone that satisfies the laws.
 
-    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where there
-    is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
+    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where
+    there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
     potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter.
     Raises CaseError if an array has the wrong shape or a value that is not allowed.
     """

@@ -1,0 +1,103 @@
+"""Coulomb friction, isotropic and orthotropic."""
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+import numpy as np
+
+from meeframe.core.contact import ContactLaw
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
+from meeframe.core.quantities import Quantity
+
+
+@final
+@dataclass(frozen=True)
+class IsotropicCoulomb(ContactLaw):
+    """Unilateral contact with isotropic friction (eqs. 11-16 with mu1 = mu2).
+
+    mu: friction coefficient, >= 0; inf sticks wherever there is pressure.
+    """
+
+    mu: Annotated[float, Quantity("", ge=0)]
+
+    def __post_init__(self) -> None:
+        _check_coefficient("mu", self.mu)
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
+        return _radial_return(trial, np.array([self.mu, self.mu]))
+
+    def tangential_scaling(self) -> Array:
+        """The identity; zero if mu is zero."""
+        return _scaling(np.array([self.mu, self.mu]))
+
+
+@final
+@dataclass(frozen=True)
+class OrthotropicCoulomb(ContactLaw):
+    """Unilateral contact with orthotropic friction (eqs. 11-16).
+
+    mu1, mu2: principal friction coefficients, >= 0; inf sticks in that direction wherever there is pressure;
+    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad].
+
+    The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
+    M^2 / max(mu)^2 its fixed points slip along M^2 g, the associated rule of eq. (12) (notes, section 7).
+    """
+
+    mu1: Annotated[float, Quantity("", ge=0)]
+    mu2: Annotated[float, Quantity("", ge=0)]
+    angle: Annotated[float, Quantity("rad", gt=-float("inf"), lt=float("inf"))] = 0.0
+
+    def __post_init__(self) -> None:
+        _check_coefficient("mu1", self.mu1)
+        _check_coefficient("mu2", self.mu2)
+        if not np.isfinite(self.angle):
+            raise CaseError(f"angle of the friction law is {self.angle}; allowed: a finite angle in rad")
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        axes = self._axes()
+        principal = np.column_stack([trial[:, :2] @ axes.T, trial[:, 2]])
+        traction = _radial_return(principal, np.array([self.mu1, self.mu2]))
+        traction[:, :2] = traction[:, :2] @ axes
+        return traction
+
+    def tangential_scaling(self) -> Array:
+        """M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
+        axes = self._axes()
+        scaling: Array = axes.T @ _scaling(np.array([self.mu1, self.mu2])) @ axes
+        return scaling
+
+    def _axes(self) -> Array:
+        """Principal directions as rows, (2, 2)."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return np.array([[c, s], [-s, c]])
+
+
+def _check_coefficient(name: str, mu: float) -> None:
+    if not mu >= 0.0:
+        raise CaseError(f"{name} of the friction law is {mu}; allowed: a number >= 0 or inf")
+
+
+def _scaling(mu: Array) -> Array:
+    """diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any scaling will
+    then do, and one is the fastest."""
+    largest = mu[np.isfinite(mu)].max(initial=0.0)
+    factors = np.where(np.isinf(mu), 1.0, 0.0 if largest == 0.0 else (mu / (largest or 1.0)) ** 2)
+    return np.diag(factors)
+
+
+def _radial_return(trial: Array, mu: Array) -> Array:
+    """Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
+    traction = np.zeros_like(trial)
+    pressure = -np.minimum(trial[:, 2], 0.0)
+    traction[:, 2] = -pressure
+    free = np.isinf(mu)
+    bounded = (mu > 0.0) & ~free
+    traction[:, :2][:, free] = np.where(pressure[:, None] > 0.0, trial[:, :2][:, free], 0.0)
+    norm = np.linalg.norm(trial[:, :2][:, bounded] / mu[bounded], axis=1)
+    outside = norm > pressure
+    factor = np.divide(pressure, norm, out=np.ones_like(norm), where=outside)
+    traction[:, :2][:, bounded] = trial[:, :2][:, bounded] * factor[:, None]
+    return traction

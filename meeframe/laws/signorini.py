@@ -1,0 +1,25 @@
+"""Frictionless unilateral contact."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from meeframe.core.contact import ContactLaw
+from meeframe.core.fields import Array
+
+
+@final
+@dataclass(frozen=True)
+class Signorini(ContactLaw):
+    """Unilateral contact without friction (eqs. 10, 11): p_nu = min(0, p_nu*), zero tangential traction."""
+
+    def project(self, trial: Array) -> Array:
+        """(0, 0, min(0, trial_nu)), (n, 3) [Pa]."""
+        traction = np.zeros_like(trial)
+        traction[:, 2] = np.minimum(trial[:, 2], 0.0)
+        return traction
+
+    def tangential_scaling(self) -> Array:
+        """Zero: no tangential traction is admitted."""
+        return np.zeros((2, 2))
