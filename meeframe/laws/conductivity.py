@@ -6,9 +6,18 @@ from typing import Annotated, final
 import numpy as np
 
 from meeframe.core.contact import ConductivityLaw
-from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.quantities import Quantity
+from meeframe.core.quantities import Quantity, check_quantities
+
+
+@final
+@dataclass(frozen=True)
+class Insulating(ConductivityLaw):
+    """No flux through the contact: kappa = 0."""
+
+    def conductivity(self, normal_traction: Array) -> Array:
+        """Zero, (n,)."""
+        return np.zeros_like(normal_traction)
 
 
 @final
@@ -17,13 +26,13 @@ class StepConductivity(ConductivityLaw):
     """kappa where there is contact pressure, zero elsewhere (eqs. 17, 18).
 
     kappa: >= 0 [F/m^2 as the electric law, H/m^2 as the magnetic one]; 0 insulates, inf conducts perfectly.
+    Raises CaseError if it is negative or NaN.
     """
 
     kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
 
     def __post_init__(self) -> None:
-        if not self.kappa >= 0.0:
-            raise CaseError(f"kappa of the conductivity law is {self.kappa}; allowed: a number >= 0 or inf")
+        check_quantities(self)
 
     def conductivity(self, normal_traction: Array) -> Array:
         """kappa where normal_traction < 0, else 0, (n,)."""

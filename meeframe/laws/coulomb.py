@@ -1,14 +1,14 @@
 """Coulomb friction, isotropic and orthotropic."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
 
 from meeframe.core.contact import ContactLaw
-from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.quantities import Quantity
+from meeframe.core.quantities import Quantity, check_quantities
 
 
 @final
@@ -16,13 +16,13 @@ from meeframe.core.quantities import Quantity
 class IsotropicCoulomb(ContactLaw):
     """Unilateral contact with isotropic friction (eqs. 11-16 with mu1 = mu2).
 
-    mu: friction coefficient, >= 0; inf sticks wherever there is pressure.
+    mu: friction coefficient, >= 0; inf sticks wherever there is pressure. Raises CaseError if it is negative or NaN.
     """
 
     mu: Annotated[float, Quantity("", ge=0)]
 
     def __post_init__(self) -> None:
-        _check_coefficient("mu", self.mu)
+        check_quantities(self)
 
     def project(self, trial: Array) -> Array:
         """Radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
@@ -39,7 +39,8 @@ class OrthotropicCoulomb(ContactLaw):
     """Unilateral contact with orthotropic friction (eqs. 11-16).
 
     mu1, mu2: principal friction coefficients, >= 0; inf sticks in that direction wherever there is pressure;
-    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad].
+    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad]. Raises CaseError if one of
+    them is out of bounds.
 
     The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
     M^2 / max(mu)^2 its fixed points slip along M^2 g, the associated rule of eq. (12) (notes, section 7).
@@ -47,13 +48,10 @@ class OrthotropicCoulomb(ContactLaw):
 
     mu1: Annotated[float, Quantity("", ge=0)]
     mu2: Annotated[float, Quantity("", ge=0)]
-    angle: Annotated[float, Quantity("rad", gt=-float("inf"), lt=float("inf"))] = 0.0
+    angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
 
     def __post_init__(self) -> None:
-        _check_coefficient("mu1", self.mu1)
-        _check_coefficient("mu2", self.mu2)
-        if not np.isfinite(self.angle):
-            raise CaseError(f"angle of the friction law is {self.angle}; allowed: a finite angle in rad")
+        check_quantities(self)
 
     def project(self, trial: Array) -> Array:
         """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
@@ -73,11 +71,6 @@ class OrthotropicCoulomb(ContactLaw):
         """Principal directions as rows, (2, 2)."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, s], [-s, c]])
-
-
-def _check_coefficient(name: str, mu: float) -> None:
-    if not mu >= 0.0:
-        raise CaseError(f"{name} of the friction law is {mu}; allowed: a number >= 0 or inf")
 
 
 def _scaling(mu: Array) -> Array:
