@@ -14,6 +14,7 @@ _SYMMETRIES = {
     "lambda": (("lambda_kl = lambda_lk", (1, 0)),),
     "mu": (("mu_kl = mu_lk", (1, 0)),),
 }
+_SEMIDEFINITE = 1e-12  # relative to the largest eigenvalue: positive, but for round-off
 _SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below any table's last digit
 
 
@@ -59,8 +60,8 @@ def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: t
 
 def check_elastic(material: str, elastic: Array) -> None:
     """Refuse an elastic stiffness c_ijkl [Pa] that is not positive definite; the error gives its eigenvalue."""
-    lowest = np.linalg.eigvalsh(mandel_matrix(elastic))[0]
-    if lowest <= 0.0:
+    lowest, definite = _lowest_eigenvalue(mandel_matrix(elastic))
+    if not definite:
         raise MaterialError(
             f"material {material!r} is not admissible: the elastic stiffness c must be positive definite, "
             f"but its smallest eigenvalue is {lowest:.6g} Pa"
@@ -74,21 +75,26 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
     error gives the eigenvalue, scaled and in SI, and the components at fault.
     """
     for symbol, tensor, unit in (("eps", eps, "F/m"), ("mu", mu, "N s^2/C^2")):
-        lowest = np.linalg.eigvalsh(tensor)[0]
-        if lowest <= 0.0:
+        lowest, definite = _lowest_eigenvalue(tensor)
+        if not definite:
             raise MaterialError(
                 f"material {material!r} is not admissible: {symbol} must be positive definite, "
                 f"but its smallest eigenvalue is {lowest:.6g} {unit}"
             )
     block = np.block([[eps, lambda_], [lambda_, mu]])
     scale = np.repeat([np.abs(eps).max(), np.abs(mu).max()], 3) ** -0.5
-    lowest = np.linalg.eigvalsh(scale[:, None] * scale[None, :] * block)[0]
-    if lowest <= 0.0:
+    lowest, definite = _lowest_eigenvalue(scale[:, None] * scale[None, :] * block)
+    if not definite:
         raise MaterialError(
             f"material {material!r} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
             f"definite, but its smallest eigenvalue is {lowest:.6g} with eps and mu scaled to order one "
             f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
         )
+
+
+def _lowest_eigenvalue(matrix: Array) -> tuple[float, bool]:
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return float(eigenvalues[0]), bool(eigenvalues[0] > _SEMIDEFINITE * np.abs(eigenvalues).max())
 
 
 def _coupling_hint(eps: Array, lambda_: Array, mu: Array) -> str:

@@ -144,13 +144,19 @@ class Cone(Shape):
 class Indentation:
     """A solved indentation; radii r (n,) [m] are distances from the axis on the surface.
 
-    xi: (3, 3); contact_radius [m]; edge, bounded: (3,) amplitudes of the two densities in the outward extended
-    tractions (t3, q, s).
+    xi: (3, 3); contact_radius [m]; shift: by how much the potentials add to the approach in the contact radius [m];
+    edge, bounded: (3,) amplitudes of the two densities in the outward extended tractions (t3, q, s).
+
+    A negative shift under a sphere or cone makes the surface rise like a square root just outside the contact, through
+    the indenter: the published form, kept here, is then only an approximation, and conditions that switch from
+    insulating to perfectly conducting at the contact's edge have no exact solution. (Thermoelastic contact knows the
+    same for one direction of heat flow: Barber, J. Elasticity 8 (1978) 409.)
     """
 
     xi: Array
     shape: Shape
     contact_radius: float
+    shift: float
     edge: Array
     bounded: Array
 
@@ -245,7 +251,7 @@ def indent(
     bounded[active] = -inverse[:, 0]
     if not isinstance(shape, FlatPunch):
         edge[_NORMAL] = 0.0  # the contact radius is the one that makes it so; remove the round-off
-    return Indentation(xi, shape, a, edge, bounded)
+    return Indentation(xi, shape, a, shift, edge, bounded)
 
 
 def _inverse(matrix: Array) -> Array:

@@ -1,0 +1,105 @@
+"""Surface compliance against isotropic closed forms, the Stroh eigenproblem and the notes' numbers."""
+
+import numpy as np
+import pytest
+
+from meeframe.core.errors import MaterialError
+from meeframe.core.fields import FieldScaling
+from meeframe.materials import VACUUM_PERMITTIVITY, Material, library_material, mixture, rotation_about
+from meeframe.materials.half_space import axisymmetric_compliance, surface_compliance
+
+AXIS = np.array([0.0, 0.0, 1.0])
+
+
+def stroh_compliance(stiffness: np.ndarray, normal: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Y = i A B^-1 from the 10x10 eigenproblem of the scaled material (decaying modes), inward normal -normal."""
+    scaling = FieldScaling.of(stiffness)
+    c, m, n = scaling.scale_stiffness(stiffness), direction, -normal
+    q, r, t = (np.einsum("i,iJKm,m->JK", a, c, b) for a, b in ((m, m), (m, n), (n, n)))
+    inverse = np.linalg.inv(t)
+    n1 = -inverse @ r.T
+    system = np.block([[n1, inverse], [r @ inverse @ r.T - q, n1.T]])
+    values, vectors = np.linalg.eig(system)
+    decaying = vectors[:, values.imag > 0]
+    y = 1j * decaying[:5] @ np.linalg.inv(decaying[5:])
+    return scaling.factors[:, None] * y * scaling.factors
+
+
+def test_table_1_gives_the_numbers_of_the_notes() -> None:
+    xi = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
+    expected = [[2.03385e-12, 1.77286e-3, 1.93803e-6], [1.77286e-3, -2.35892e7, 2.85282e3]]
+    np.testing.assert_allclose(xi[:2], expected, rtol=3e-6)
+    assert xi[2, 2] == pytest.approx(-1.00418e3, rel=3e-6)
+    assert np.linalg.det(xi) == pytest.approx(5.14254e-2, rel=5e-6)
+
+
+def test_unrounded_mixture_gives_table_2() -> None:
+    # xi11 as corrected in the notes; the printed digits of the others
+    mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
+    xi = axisymmetric_compliance(mixed.stiffness)
+    expected = [[2.03552e-12, 1.77480e-3, 1.93900e-6], [1.77480e-3, -2.35928e7, 2.85507e3]]
+    np.testing.assert_allclose(xi[:2], expected, rtol=5e-6)
+    assert xi[2, 2] == pytest.approx(-1.00418e3, rel=5e-6)
+    assert np.linalg.det(xi) == pytest.approx(5.14794e-2, rel=1e-5)
+
+
+def test_isotropic_half_space_is_boussinesq_and_cerruti() -> None:
+    # degenerate: the eigenproblem of this one cannot be solved by eigenvectors
+    young, poisson = 200e9, 0.3
+    shear = young / (2 * (1 + poisson))
+    material = Material.isotropic(young, poisson)
+    y = surface_compliance(material.stiffness, AXIS, [[1.0, 0.0, 0.0]])[0]
+    coupling = (1 - 2 * poisson) / (2 * shear)
+    expected = np.diag([(1 - poisson) / shear, 1 / shear, (1 - poisson) / shear]).astype(complex)
+    # a pull t3 > 0 pushes the surface outward around it
+    expected[0, 2], expected[2, 0] = -1j * coupling, 1j * coupling
+    np.testing.assert_allclose(y[:3, :3] * shear, expected * shear, atol=1e-13)
+    xi = axisymmetric_compliance(material.stiffness)
+    assert xi[0, 0] == pytest.approx((1 - poisson**2) / (np.pi * young), rel=1e-13)
+    # outward flux leaves a negative potential: phi = -q/(2 pi eps r)
+    assert xi[1, 1] == pytest.approx(-1 / (2 * np.pi * VACUUM_PERMITTIVITY), rel=1e-13)
+
+
+@pytest.mark.parametrize("name", ["orthotropic-mee", "pvdf", "batio3-cofe2o4"])
+def test_tilted_materials_match_the_stroh_eigenproblem(name: str) -> None:
+    tilted = library_material(name).rotated(rotation_about(np.array([1.0, 2.0, 3.0]), 0.8))
+    normal = np.array([0.6, 0.0, 0.8])
+    angles = np.array([0.1, 1.3, 2.9])
+    directions = np.outer(np.cos(angles), [0.8, 0.0, -0.6]) + np.outer(np.sin(angles), [0.0, 1.0, 0.0])
+    y = surface_compliance(tilted.stiffness, normal, directions)
+    factors = tilted.scaling.factors
+    for got, direction in zip(y, directions, strict=True):
+        reference = stroh_compliance(tilted.stiffness, normal, direction)
+        np.testing.assert_allclose(got / np.outer(factors, factors), reference / np.outer(factors, factors), atol=1e-10)
+
+
+def test_compliance_is_hermitian_reversible_and_positive() -> None:
+    material = library_material("orthotropic-mee")
+    directions = np.random.default_rng(0).normal(size=(8, 3))
+    y = surface_compliance(material.stiffness, AXIS, directions)
+    np.testing.assert_allclose(y, np.conj(y.transpose(0, 2, 1)), rtol=1e-15)
+    back = surface_compliance(material.stiffness, AXIS, -directions)
+    factors = np.outer(material.scaling.factors, material.scaling.factors)
+    np.testing.assert_allclose(back / factors, np.conj(y) / factors, atol=1e-13)
+    flipped = np.diag([1.0, 1.0, 1.0, -1.0, -1.0]) @ (y / factors)
+    assert np.linalg.eigvalsh(flipped + np.conj(flipped.transpose(0, 2, 1))).min() > 0
+
+
+def test_poling_reversed_or_turned() -> None:
+    material = library_material("batio3-cofe2o4")
+    xi = axisymmetric_compliance(material.stiffness)
+    flip = np.outer([1, -1, -1], [1, -1, -1])
+    down = axisymmetric_compliance(material.stiffness, -AXIS)
+    np.testing.assert_allclose(down, xi * flip, rtol=1e-10)
+    turned = material.rotated(rotation_about(np.array([0.0, 1.0, 0.0]), np.pi / 2))
+    np.testing.assert_allclose(axisymmetric_compliance(turned.stiffness, [2.0, 0.0, 0.0]), xi, rtol=1e-10)
+
+
+def test_bad_vectors_and_anisotropy_are_refused() -> None:
+    stiffness = library_material("orthotropic-mee").stiffness
+    with pytest.raises(MaterialError, match="not axisymmetric"):
+        axisymmetric_compliance(stiffness)
+    with pytest.raises(MaterialError, match="normal"):
+        surface_compliance(stiffness, np.zeros(3), [[1.0, 0.0, 0.0]])
+    with pytest.raises(MaterialError, match="direction"):
+        surface_compliance(stiffness, AXIS, [[0.0, 0.0, 2.0]])
