@@ -1,5 +1,7 @@
 """Fundamental solutions of the extended equations of equilibrium."""
 
+from meeframe.fundamental.isotropic import Isotropic
 from meeframe.fundamental.line_integral import LineIntegral
+from meeframe.fundamental.tabulated import Tabulated
 
-__all__ = ["LineIntegral"]
+__all__ = ["Isotropic", "LineIntegral", "Tabulated"]

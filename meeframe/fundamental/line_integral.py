@@ -38,7 +38,10 @@ class LineIntegral(FundamentalSolution):
 
 
 def line_modulation(stiffness: Array, points: int, triad: Array, with_tangents: bool = True) -> Array:
-    """H, A, B (n, 3, 15) on triads (n, 3, 3); A = B = 0 without tangents. MaterialError if the rule does not converge."""
+    """H, A, B (n, 3, 15) on triads (n, 3, 3); A = B = 0 without tangents.
+
+    Raises MaterialError if the rule does not converge.
+    """
     modulation, converged = line_integrals(stiffness, triad, points, MOST_POINTS, LAST_CHANGE, with_tangents)
     if not converged:
         raise MaterialError(

@@ -1,0 +1,146 @@
+"""The production kernel: a piecewise polynomial table of the fundamental solution over all directions."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from meeframe.core.errors import MaterialError
+from meeframe.core.fields import Array
+from meeframe.core.fundamental import FundamentalSolution, Kernel
+from meeframe.fundamental.line_integral import LineIntegral, line_modulation
+from meeframe.fundamental.modulated import checked_stiffness
+from meeframe.kernels.modulation import triads
+from meeframe.kernels.tabulated import TERMS, WIDTH, evaluate, gradient
+
+MOST_CELLS = 64
+LINE_POINTS = 16
+# The check sees a few directions of every cell; elsewhere the error may be a little larger.
+MARGIN = 2.0
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class TabulatedKernel(Kernel):
+    """Kernel from a table (3 cells^2, 1024); see meeframe.kernels.tabulated.
+
+    coefficients: (3, 225), the stiffness as [face, J, M, 3 k + i] = C_iJMl with l = face + k mod 3.
+    """
+
+    table: Array
+    cells: int
+    coefficients: Array
+
+    def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
+        """U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
+        offset = np.ascontiguousarray(offset, dtype=float)
+        normal = np.ascontiguousarray(normal, dtype=float)
+        # Allocated here because NumPy asks for huge pages, which halves the time of large calls.
+        u, t = np.empty((len(offset), 25)), np.empty((len(offset), 25))
+        evaluate(self.table, self.cells, self.coefficients, offset, normal, u, t)
+        return u.reshape(-1, 5, 5), t.reshape(-1, 5, 5)
+
+    def gradient(self, offset: Array) -> Array:
+        """U,q (n, 5, 5, 3) for offset (n, 3)."""
+        result: Array = gradient(self.table, self.cells, np.ascontiguousarray(offset, dtype=float))
+        return result
+
+
+@final
+@dataclass(frozen=True)
+class Tabulated(FundamentalSolution):
+    """The line integral tabulated over the faces of a cube, by polynomials of degree 7 in each of its cells.
+
+    tolerance: largest error of U at any direction, relative to its largest entry; T is allowed ten times as much.
+    cells: cells along a face at first; bind checks every cell against the line integral and refines where needed.
+    Source: notes, section 6.
+    """
+
+    tolerance: float = 1e-8
+    cells: int = 12
+
+    def bind(self, stiffness: Array) -> Kernel:
+        """The kernel for a scaled stiffness (3, 5, 5, 3).
+
+        Raises MaterialError if the stiffness is not symmetric or not elliptic, or too anisotropic for the tolerance.
+        """
+        if not 1 <= self.cells <= MOST_CELLS:
+            raise MaterialError(f"tabulated kernel with cells = {self.cells}; allowed are 1 to {MOST_CELLS}")
+        checked = checked_stiffness(stiffness)
+        reference = LineIntegral(LINE_POINTS).bind(checked)
+        coefficients = _face_coefficients(checked)
+        cells = self.cells
+        while True:
+            kernel = TabulatedKernel(_table(checked, cells), cells, coefficients)
+            excess = MARGIN * _largest_error(kernel, reference) / self.tolerance
+            if excess <= 1.0:
+                return kernel
+            if cells == MOST_CELLS:
+                raise MaterialError(
+                    f"a table of {cells} cells misses the tolerance {self.tolerance:g} by a factor {excess:.1e}: the material is "
+                    "too anisotropic; allow a larger tolerance or choose the fundamental solution line-integral"
+                )
+            # The error of T falls with the seventh power of the cell size.
+            growth = min(2.0, 1.05 * excess ** (1.0 / 7.0))
+            cells = min(MOST_CELLS, max(cells + 2, round(cells * growth)))
+
+
+def _face_coefficients(stiffness: Array) -> Array:
+    faces = [np.roll(stiffness, -face, axis=3).transpose(1, 2, 3, 0).ravel() for face in range(3)]
+    return np.ascontiguousarray(faces)
+
+
+def _directions(cells: int, s: Array, t: Array) -> Array:
+    """Points x with x_a = 1 at local coordinates s, t (k,) of every cell, (3, cells, cells, k, 3)."""
+    corner = 2.0 * np.arange(cells) + 1.0 - cells
+    x = np.ones((3, cells, cells, len(s), 3))
+    for face in range(3):
+        x[face, ..., (face + 1) % 3] = (corner[:, None, None] + s) / cells
+        x[face, ..., (face + 2) % 3] = (corner[None, :, None] + t) / cells
+    return x
+
+
+def _nodes() -> Array:
+    """Nodes (8,) on [-1, 1] that make the error of an interpolant's derivative least.
+
+    The error is close to a multiple of the polynomial with these zeros; the derivative of that is the Chebyshev
+    polynomial T_7, the smallest of all on the interval. Tractions need derivatives and decide the size of the table.
+    """
+    integral = np.zeros(TERMS + 1)
+    integral[TERMS], integral[TERMS - 2] = 0.5 / TERMS, -0.5 / (TERMS - 2)
+    nodes: Array = np.polynomial.chebyshev.chebroots(integral).real
+    return nodes
+
+
+def _table(stiffness: Array, cells: int) -> Array:
+    """Interpolation of G = H / |x| at _nodes of every cell, (3 cells^2, 1024)."""
+    nodes = _nodes()
+    offset = _directions(cells, np.repeat(nodes, TERMS), np.tile(nodes, TERMS)).reshape(-1, 3)
+    distance, triad = triads(offset)
+    modulation = line_modulation(stiffness, LINE_POINTS, triad, with_tangents=False)
+    values = np.zeros((len(offset), WIDTH))
+    values[:, :15] = modulation[:, 0] / distance[:, None]
+    to_powers = np.linalg.inv(np.vander(nodes, increasing=True))
+    values = values.reshape(-1, TERMS, TERMS, WIDTH)
+    table = np.einsum("ip,jq,npqc->nijc", to_powers, to_powers, values, optimize=True)
+    return np.ascontiguousarray(table.reshape(-1, TERMS * TERMS * WIDTH))
+
+
+def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:
+    """The larger of the error of U and a tenth of that of T, at corners and inside of all cells.
+
+    Derivatives of an interpolant are worst at the ends of a cell, so opposite corners are among the test points.
+    """
+    inside = 1.0 - 1e-9
+    s, t = np.array([[-inside, inside, -0.95, 0.31], [-inside, inside, 0.9, -0.53]])
+    offset = _directions(kernel.cells, s, t).reshape(-1, 3)
+    normal = np.random.default_rng(0).normal(size=offset.shape)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    u, t_kernel = kernel.evaluate(offset, normal)
+    u_exact, t_exact = reference.evaluate(offset, normal)
+    return max(_relative(u, u_exact), 0.1 * _relative(t_kernel, t_exact))
+
+
+def _relative(value: Array, exact: Array) -> float:
+    error = np.abs(value - exact).max(axis=(1, 2)) / np.abs(exact).max(axis=(1, 2))
+    return float(error.max())
