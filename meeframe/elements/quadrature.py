@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.core.element import SurfaceElement, shape_coefficients
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
 from meeframe.kernels import quadrature as kernels
 from meeframe.kernels.shape import ShapeTable, map_rule
 
@@ -62,11 +63,12 @@ def pair_rule(
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
+    own_xi = element.nodes[local_node] if local_node >= 0 else np.full(2, np.nan)
     capacity = 4096
     while True:
         points, weights = np.empty((capacity, 2)), np.empty(capacity)
         count = kernels.pair_rule(
-            source, nodes, shape_table(element), local_node, tolerance, gauss_table(), points, weights
+            source, nodes, shape_table(element), own_xi, tolerance, gauss_table(), points, weights
         )
         if count == kernels.SOURCE_ON_ELEMENT:
             raise MeshError(
@@ -93,3 +95,27 @@ def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array)
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     map_rule(shape_table(element), nodes, points, weights, positions, normals, measures, shapes)
     return ElementRule(points, weights, positions, normals, measures, shapes)
+
+
+@dataclass(frozen=True, eq=False)
+class ElementExtents:
+    """What the order of a rule on a whole element depends on, for required_order.
+
+    centres: (e, 3); sizes: (e, 2) lengths along xi and eta, enlarged for skew and curvature; least_orders: (e,) points
+    per direction that shape functions and the turning of the normal ask for at any distance.
+    """
+
+    centres: Array
+    sizes: Array
+    least_orders: Indices
+
+
+def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> ElementExtents:
+    """Extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
+    nodes = np.ascontiguousarray(nodes, dtype=np.float64)
+    count = len(nodes)
+    extents = ElementExtents(np.empty((count, 3)), np.empty((count, 2)), np.empty(count, np.int64))
+    kernels.element_extents(
+        shape_table(element), nodes, tolerance, extents.centres, extents.sizes, extents.least_orders
+    )
+    return extents

@@ -1,32 +1,46 @@
 """Quadrature over an element seen from a source point: one adaptive rule for distant, near and own elements.
 
-Idea. A domain of integration is one or more bilinear *patches* (u, v) in [-1, 1]^2 of the reference domain; triangles
-are patches with a collapsed edge. Along a straight line of length l that is seen from the source with end distances
-r1, r2, kernels r^-p have their complex singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1),
-s = (r1 + r2) / l, and n Gauss points leave an error of order rho^-(2n - degree). Each direction of a cell gets the order
-that follows from its least s; a cell that would need too many points is halved across its longer side.
+A domain of integration is one or more bilinear *patches* (u, v) in [-1, 1]^2 of the reference domain; triangles are
+patches with a collapsed edge. Each direction of a cell of a patch gets the order that quadrature_order finds; a cell
+that would need too many points is halved across its longer side.
 
 Own elements are split at the source into triangles with the collapsed edge (u = -1) at the source (Duffy). With
 offset = rho g, rho = (1 + u) / 2, the singularities that remain are those of 1/|g|, so that the same estimate, with g
 in place of the offset, gives orders and halvings for elongated and curved elements alike.
 """
 
-from math import ceil, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from meeframe.kernels.quadrature_order import (
+    cell_spreads,
+    lengths_and_bulge,
+    most_points,
+    order_for,
+    reaches,
+    required_order,
+    turning_spread,
+)
 from meeframe.kernels.shape import geometry_polynomial, normal_at, position_at, tangent_at
+
+__all__ = [
+    "BUFFER_TOO_SMALL",
+    "SOURCE_ON_ELEMENT",
+    "GaussTable",
+    "element_extents",
+    "pair_rule",
+    "required_order",
+    "shape_degree",
+    "tensor_rule",
+]
 
 BUFFER_TOO_SMALL = -1
 SOURCE_ON_ELEMENT = -2
-UNREACHABLE_ORDER = 1 << 20
 
-_ERROR_CONSTANT = 4.0
 _STACK = 128
 _SMALLEST_CELL = 1e-13
-_TINY = 1e-300
 
 
 class GaussTable(NamedTuple):
@@ -37,25 +51,15 @@ class GaussTable(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def order_for(spread, degree, tolerance):
-    """Gauss points for kernels r^-p times a polynomial, seen at spread s = (sum of end distances) / length."""
-    if spread <= 1.0 + 1e-12:
-        return UNREACHABLE_ORDER
-    growth = log(spread + sqrt(spread * spread - 1.0))
-    order = ceil(0.5 * (log(_ERROR_CONSTANT / tolerance) / growth + degree))
-    return max(min(order, UNREACHABLE_ORDER), degree + 1)
-
-
-@njit(cache=True, nogil=True)
-def required_order(distance, size_xi, size_eta, degree, tolerance):
-    """Points per direction of a tensor Gauss rule over a whole element, for a relative error below tolerance.
-
-    distance: source to element centre; size_xi, size_eta: from element_extents, same unit; degree: highest exponent of
-    the shape functions. Large (>= UNREACHABLE_ORDER at worst) where the source is too close: use pair_rule there.
-    """
-    along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance)
-    along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance)
-    return max(along_xi, along_eta)
+def _reference_corners(triangle, out):
+    """Fill out (4, 2) with the corners of the reference domain; a triangle repeats its third. Returns their number."""
+    if triangle:
+        out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 0.0, 0.0, 1.0, 0.0
+        out[2, 0], out[2, 1], out[3, 0], out[3, 1] = 0.0, 1.0, 0.0, 1.0
+        return 3
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = -1.0, -1.0, 1.0, -1.0
+    out[2, 0], out[2, 1], out[3, 0], out[3, 1] = 1.0, 1.0, -1.0, 1.0
+    return 4
 
 
 @njit(cache=True, nogil=True)
@@ -92,88 +96,26 @@ def _offset(table, polynomial, source, corners, own, u, v):
 
 
 @njit(cache=True, nogil=True)
-def _norm(x, y, z):
-    return sqrt(x * x + y * y + z * z)
-
-
-@njit(cache=True, nogil=True)
-def _segment_distance(grid, first, second):
-    """Distance from the origin to the segment between two of the grid's points."""
-    ax, ay, az = grid[first, 0], grid[first, 1], grid[first, 2]
-    dx, dy, dz = grid[second, 0] - ax, grid[second, 1] - ay, grid[second, 2] - az
-    square = dx * dx + dy * dy + dz * dz
-    t = 0.0
-    if square > 0.0:
-        t = min(1.0, max(0.0, -(ax * dx + ay * dy + az * dz) / square))
-    return _norm(ax + t * dx, ay + t * dy, az + t * dz)
-
-
-@njit(cache=True, nogil=True)
-def _distance(grid, first, second):
-    return _norm(grid[first, 0] - grid[second, 0], grid[first, 1] - grid[second, 1], grid[first, 2] - grid[second, 2])
-
-
-@njit(cache=True, nogil=True)
-def _bulge(grid, first, middle, second):
-    """Distance of a line's middle point from the middle of its chord."""
-    return _norm(
-        grid[middle, 0] - 0.5 * (grid[first, 0] + grid[second, 0]),
-        grid[middle, 1] - 0.5 * (grid[first, 1] + grid[second, 1]),
-        grid[middle, 2] - 0.5 * (grid[first, 2] + grid[second, 2]),
-    )
-
-
-@njit(cache=True, nogil=True)
-def _lengths_and_spreads(grid):
-    """Of a cell sampled on a 3 x 3 grid (9, 3), v fastest: length and spread along u, then along v.
-
-    The spread is a lower bound: each of the two end lines counts with its nearest point, less the bulge of the cell.
-    """
-    bulge = max(
-        max(_bulge(grid, 0, 1, 2), _bulge(grid, 6, 7, 8)),
-        max(_bulge(grid, 0, 3, 6), _bulge(grid, 2, 5, 8)),
-    )
-    bulge = max(bulge, max(_bulge(grid, 1, 4, 7), _bulge(grid, 3, 4, 5)))
-    length_u = max(_distance(grid, 0, 6), max(_distance(grid, 1, 7), _distance(grid, 2, 8)))
-    length_v = max(_distance(grid, 0, 2), max(_distance(grid, 3, 5), _distance(grid, 6, 8)))
-    ends_u = _segment_distance(grid, 0, 2) + _segment_distance(grid, 6, 8)
-    ends_v = _segment_distance(grid, 0, 6) + _segment_distance(grid, 2, 8)
-    spread_u = max(0.0, ends_u - 2.0 * bulge) / max(length_u, _TINY)
-    spread_v = max(0.0, ends_v - 2.0 * bulge) / max(length_v, _TINY)
-    return length_u, length_v, spread_u, spread_v
-
-
-@njit(cache=True, nogil=True)
-def _turning_spread(grid, first, second):
-    """Spread that corresponds to the turning of the normal between two points: the root in the area ratio."""
-    a = max(_norm(grid[first, 0], grid[first, 1], grid[first, 2]), _TINY)
-    b = max(_norm(grid[second, 0], grid[second, 1], grid[second, 2]), _TINY)
-    add = turn = 0.0
-    for axis in range(3):
-        one, two = grid[first, axis] / a, grid[second, axis] / b
-        add += (one + two) ** 2
-        turn += (one - two) ** 2
-    return sqrt(1.0 + add / max(turn, 1e-20))
-
-
-@njit(cache=True, nogil=True)
-def _cell_orders(table, polynomial, source, corners, own, cell, degree, tolerance, grid):
-    """Gauss points along u and v of a cell (u0, u1, v0, v1), and its lengths along u and v."""
+def _sample(table, polynomial, source, corners, own, cell, offsets, normals):
+    """Fill offsets (9, 3) on the 3 x 3 grid of a cell (u0, u1, v0, v1) and normals (4, 3) at its corners, v fastest."""
     for a in range(3):
+        u = cell[0] + 0.5 * a * (cell[1] - cell[0])
         for b in range(3):
-            u = cell[0] + 0.5 * a * (cell[1] - cell[0])
             v = cell[2] + 0.5 * b * (cell[3] - cell[2])
+            k = 3 * a + b
             x, y, z = _offset(table, polynomial, source, corners, own, u, v)
-            grid[3 * a + b, 0], grid[3 * a + b, 1], grid[3 * a + b, 2] = x, y, z
-    length_u, length_v, spread_u, spread_v = _lengths_and_spreads(grid)
-    for a in range(2):
-        for b in range(2):
-            xi, eta = _bilinear(corners, cell[a], cell[2 + b])
-            x, y, z = normal_at(table, polynomial, xi, eta)
-            grid[2 * a + b, 0], grid[2 * a + b, 1], grid[2 * a + b, 2] = x, y, z
-    spread_u = min(spread_u, min(_turning_spread(grid, 0, 2), _turning_spread(grid, 1, 3)))
-    spread_v = min(spread_v, min(_turning_spread(grid, 0, 1), _turning_spread(grid, 2, 3)))
-    return order_for(spread_u, degree, tolerance), order_for(spread_v, degree, tolerance), length_u, length_v
+            offsets[k, 0], offsets[k, 1], offsets[k, 2] = x, y, z
+            if a != 1 and b != 1:
+                k = a + b // 2
+                x, y, z = normal_at(table, polynomial, *_bilinear(corners, u, v))
+                normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z
+
+
+@njit(cache=True, nogil=True)
+def _turning_spreads(normals):
+    along_u = min(turning_spread(normals, 0, 2), turning_spread(normals, 1, 3))
+    along_v = min(turning_spread(normals, 0, 1), turning_spread(normals, 2, 3))
+    return along_u, along_v
 
 
 @njit(cache=True, nogil=True)
@@ -198,16 +140,19 @@ def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, gaus
     """Append the adaptive rule of one patch, halving cells that are too close; an explicit stack of cells."""
     limit = most_points(tolerance, gauss)
     stack = np.empty((_STACK, 4))
-    grid = np.empty((9, 3))
+    offsets, normals = np.empty((9, 3)), np.empty((4, 3))
     cell = np.empty(4)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = -1.0, 1.0, -1.0, 1.0
     depth = 1
     while depth > 0:
         depth -= 1
         cell[:] = stack[depth]
-        order_u, order_v, length_u, length_v = _cell_orders(
-            table, polynomial, source, corners, own, cell, degree, tolerance, grid
-        )
+        _sample(table, polynomial, source, corners, own, cell, offsets, normals)
+        length_u, length_v, bulge = lengths_and_bulge(offsets)
+        spread_u, spread_v = cell_spreads(offsets, length_u, length_v, bulge)
+        turning_u, turning_v = _turning_spreads(normals)
+        order_u = order_for(min(spread_u, turning_u), degree, tolerance)
+        order_v = order_for(min(spread_v, turning_v), degree, tolerance)
         if order_u <= limit and order_v <= limit:
             count = _emit(corners, cell, order_u, order_v, gauss, points, weights, count)
             if count < 0:
@@ -226,62 +171,52 @@ def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, gaus
 
 
 @njit(cache=True, nogil=True)
-def most_points(tolerance, gauss):
-    """Points per direction beyond which halving a cell is cheaper than a higher order."""
-    return min(gauss.points.shape[1], max(6, int(ceil(1.2 - 1.1 * log(tolerance) / log(10.0)))))
-
-
-@njit(cache=True, nogil=True)
-def _reference_corners(triangle, out):
-    """Fill out (4, 2) with the corners of the reference domain; a triangle repeats its third. Returns their number."""
-    if triangle:
-        out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 0.0, 0.0, 1.0, 0.0
-        out[2, 0], out[2, 1], out[3, 0], out[3, 1] = 0.0, 1.0, 0.0, 1.0
-        return 3
-    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = -1.0, -1.0, 1.0, -1.0
-    out[2, 0], out[2, 1], out[3, 0], out[3, 1] = 1.0, 1.0, -1.0, 1.0
-    return 4
-
-
-@njit(cache=True, nogil=True)
-def _degrees(table):
-    """Highest exponent in one direction and highest total degree of the shape functions."""
-    directional = total = 0
+def _total_degree(table):
+    degree = 0
     for k in range(table.exponents.shape[0]):
-        i, j = table.exponents[k, 0], table.exponents[k, 1]
-        directional = max(directional, max(i, j))
-        total = max(total, i + j)
-    return directional, total
+        degree = max(degree, table.exponents[k, 0] + table.exponents[k, 1])
+    return degree
 
 
 @njit(cache=True, nogil=True)
-def pair_rule(source, nodes, table, local_node, tolerance, gauss, points, weights):
+def shape_degree(table):
+    """Degree along u or v of shape functions; on triangles times the area ratio of the collapsed patch."""
+    if table.triangle:
+        return _total_degree(table) + 1
+    degree = 0
+    for k in range(table.exponents.shape[0]):
+        degree = max(degree, max(table.exponents[k, 0], table.exponents[k, 1]))
+    return degree
+
+
+@njit(cache=True, nogil=True)
+def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights):
     """Rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
 
-    local_node: number of the source among the element's nodes, -1 if it is none of them. Kernels may grow as 1/r and
+    own_xi: (2,) reference coordinates of the source if the element holds it, else NaN. Kernels may grow as 1/r and
     1/r^2; on own elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the
     integral of the absolute value is below tolerance for polynomial densities of the element's degree.
     Fills points (capacity, 2), weights (capacity,) and returns their number, or BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT
-    if local_node is -1 and yet the source lies on the element.
+    if own_xi is NaN and yet the source lies on the element.
     """
     polynomial = np.empty((table.exponents.shape[0], 3))
     geometry_polynomial(table, nodes, polynomial)
     corners = np.empty((4, 2))
     n_corners = _reference_corners(table.triangle, corners)
-    directional, total = _degrees(table)
-    if local_node < 0:
-        degree = total + 1 if table.triangle else directional
+    if np.isnan(own_xi[0]):
+        degree = shape_degree(table)
         return _patch_rule(table, polynomial, source, corners, False, degree, tolerance, gauss, points, weights, 0)
+    degree = _total_degree(table) + 1
     count = 0
     wedge = np.empty((4, 2))
     for side in range(n_corners):
-        wedge[0] = table.nodes[local_node]
+        wedge[0] = own_xi
         wedge[1] = corners[side]
         wedge[2] = corners[(side + 1) % n_corners]
         wedge[3] = wedge[0]
         if _bilinear_area(wedge, 1.0, 0.0) < 1e-12:
             continue
-        count = _patch_rule(table, polynomial, source, wedge, True, total + 1, tolerance, gauss, points, weights, count)
+        count = _patch_rule(table, polynomial, source, wedge, True, degree, tolerance, gauss, points, weights, count)
         if count < 0:
             break
     return count
@@ -294,3 +229,27 @@ def tensor_rule(order, triangle, gauss, points, weights):
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
     return _emit(corners, cell, order, order, gauss, points, weights, 0)
+
+
+@njit(cache=True, nogil=True)
+def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
+    """Measures of elements with nodes (e, n, 3), for required_order.
+
+    Fills centres (e, 3), sizes (e, 2) along xi and eta, enlarged for skew and curvature, and least_orders (e,): points
+    per direction that shape functions and the turning of the normal ask for at any distance.
+    """
+    polynomial = np.empty((table.exponents.shape[0], 3))
+    corners = np.empty((4, 2))
+    _reference_corners(table.triangle, corners)
+    cell = np.array([-1.0, 1.0, -1.0, 1.0])
+    offsets, normals, origin = np.empty((9, 3)), np.empty((4, 3)), np.zeros(3)
+    for e in range(nodes.shape[0]):
+        geometry_polynomial(table, nodes[e], polynomial)
+        _sample(table, polynomial, origin, corners, False, cell, offsets, normals)
+        length_u, length_v, bulge = lengths_and_bulge(offsets)
+        reach_u, reach_v = reaches(offsets)
+        centres[e] = offsets[4]
+        sizes[e, 0] = max(length_u, reach_v) + 2.0 * bulge
+        sizes[e, 1] = max(length_v, reach_u) + 2.0 * bulge
+        turning_u, turning_v = _turning_spreads(normals)
+        least_orders[e] = order_for(min(turning_u, turning_v), shape_degree(table), tolerance)
