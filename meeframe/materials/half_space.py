@@ -8,7 +8,7 @@ Source: Barnett and Lothe, Phys. Norvegica 7 (1973) 13; Ting, Anisotropic Elasti
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import Array, FieldScaling
@@ -18,7 +18,7 @@ _CONVERGED = 1e-12  # of the coarser of two rules; the error falls geometrically
 _AXISYMMETRIC = 1e-9  # relative, in scaled fields
 
 
-def surface_compliance(stiffness: Array, normal: Array, directions: Array) -> NDArray[np.complex128]:
+def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLike) -> NDArray[np.complex128]:
     """Surface compliance Y(m), (n, 5, 5), Hermitian, SI units, global axes, with u^ = Y t^ / k.
 
     stiffness: C_iJKm (3, 5, 5, 3) in SI units; normal: outward normal (3,); directions: (n, 3), of which the component
@@ -47,20 +47,19 @@ def surface_compliance(stiffness: Array, normal: Array, directions: Array) -> ND
     return result
 
 
-def axisymmetric_compliance(stiffness: Array, normal: Array | None = None) -> Array:
+def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
     """Point-source response xi_JK, (3, 3), of (normal displacement, phi, psi) to (normal traction, q, s), SI units.
 
     u_J(x) = xi_JK t_K / |x| on the surface with outward normal (3,), by default x3. xi_11 > 0, xi_22 < 0, xi_33 < 0.
     Raises MaterialError if the response depends on direction.
     """
-    nu = np.array([0.0, 0.0, 1.0]) if normal is None else np.asarray(normal, dtype=float)
+    nu = _unit(normal)
     helper = np.eye(3)[np.abs(nu).argmin()]
     e1 = np.cross(nu, helper)
     angles = np.linspace(0.0, np.pi, 7, endpoint=False)
-    unit = nu / np.linalg.norm(nu)
-    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(unit, e1))
+    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
     rows = np.zeros((3, 5))
-    rows[0, :3] = unit
+    rows[0, :3] = nu
     rows[1, 3] = rows[2, 4] = 1.0
     blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
     factors = FieldScaling.of(stiffness).factors[2:]
@@ -74,12 +73,16 @@ def axisymmetric_compliance(stiffness: Array, normal: Array | None = None) -> Ar
     return xi
 
 
-def _frame(normal: Array, directions: Array) -> tuple[Array, Array]:
-    nu, ways = np.asarray(normal, dtype=float), np.atleast_2d(np.asarray(directions, dtype=float))
+def _unit(normal: ArrayLike) -> Array:
+    nu = np.asarray(normal, dtype=float)
     length = np.linalg.norm(nu)
     if nu.shape != (3,) or not np.isfinite(length) or length == 0.0:
         raise MaterialError(f"the normal of a half space is a finite non-zero vector (3,), got {nu.tolist()}")
-    nu = nu / length
+    return np.asarray(nu / length)
+
+
+def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    nu, ways = _unit(normal), np.atleast_2d(np.asarray(directions, dtype=float))
     tangents = ways - np.outer(ways @ nu, nu)
     lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
     if not (lengths > 1e-9 * np.linalg.norm(ways, axis=1, keepdims=True)).all():

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array, FieldScaling
@@ -48,12 +49,12 @@ class Material:
     def from_voigt(
         cls,
         name: str,
-        elastic: Array,
-        piezoelectric: Array,
-        piezomagnetic: Array,
-        permittivity: Array,
-        magnetoelectric: Array,
-        permeability: Array,
+        elastic: ArrayLike,
+        piezoelectric: ArrayLike,
+        piezomagnetic: ArrayLike,
+        permittivity: ArrayLike,
+        magnetoelectric: ArrayLike,
+        permeability: ArrayLike,
         source: str = "",
     ) -> "Material":
         """A material from Voigt matrices in SI units: c (6, 6), e and q (3, 6), eps, lambda and mu (3, 3).
@@ -65,7 +66,8 @@ class Material:
             if matrix.shape != shape:
                 raise MaterialError(f"material {name!r}: Voigt matrix {symbol} is {matrix.shape}, needs {shape}")
         tensors = elastic_tensor(c), coupling_tensor(e), coupling_tensor(q)
-        return cls(name, *tensors, permittivity, magnetoelectric, permeability, source)
+        eps, lambda_, mu = (np.asarray(matrix, dtype=float) for matrix in (permittivity, magnetoelectric, permeability))
+        return cls(name, *tensors, eps, lambda_, mu, source)
 
     @classmethod
     def isotropic(
@@ -112,7 +114,7 @@ class Material:
         """The field scaling of this material."""
         return FieldScaling.of(self.stiffness)
 
-    def rotated(self, rotation: Array) -> "Material":
+    def rotated(self, rotation: ArrayLike) -> "Material":
         """The material turned by a rotation R, (3, 3): the columns of R are its axes in the global frame.
 
         Tensors transform as T'_ij = R_ia R_jb T_ab. Raises MaterialError unless R is proper orthogonal.

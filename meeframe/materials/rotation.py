@@ -1,6 +1,7 @@
 """Rotations of a material's frame."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from meeframe.core.errors import MaterialError
@@ -9,7 +10,7 @@ from meeframe.core.fields import Array
 _TOLERANCE = 1e-8
 
 
-def checked_rotation(matrix: Array) -> Array:
+def checked_rotation(matrix: ArrayLike) -> Array:
     """The matrix (3, 3), if it is proper orthogonal. Raises MaterialError if not, with what is wrong."""
     rotation = np.asarray(matrix, dtype=float)
     if rotation.shape != (3, 3) or not np.isfinite(rotation).all():
@@ -22,7 +23,7 @@ def checked_rotation(matrix: Array) -> Array:
     return rotation
 
 
-def rotation_about(axis: Array, angle: float) -> Array:
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
     """Rotation matrix (3, 3) about an axis (3,), not zero, by an angle [rad], right-handed."""
     direction = np.asarray(axis, dtype=float)
     length = np.linalg.norm(direction)
@@ -35,7 +36,7 @@ def rotation_about(axis: Array, angle: float) -> Array:
     return matrix
 
 
-def rotation_from_euler(angles: Array, sequence: str = "ZXZ") -> Array:
+def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
     """Rotation matrix (3, 3) of Euler angles (3,) [rad]; sequence as in scipy: capitals about the turning axes,
     small letters about the fixed ones, e.g. 'ZXZ' (Bunge), 'xyz'.
     """  # fmt: skip
