@@ -48,7 +48,8 @@ def checked_tensor(material: str, symbol: str, values: Array) -> Array:
 
 def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: tuple[int, ...]) -> None:
     difference = np.abs(tensor - tensor.transpose(axes))
-    if difference.max() <= _SYMMETRY_TOLERANCE * np.abs(tensor).max():
+    # below the smallest normal number there is no relative accuracy left
+    if difference.max() <= _SYMMETRY_TOLERANCE * np.abs(tensor).max() + np.finfo(float).tiny:
         return
     index = tuple(int(i) for i in np.unravel_index(difference.argmax(), tensor.shape))
     partner = tuple(index[axis] for axis in axes)

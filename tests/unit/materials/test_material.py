@@ -178,6 +178,12 @@ def test_quarter_turn_about_x2_moves_the_axis(table_1: Material) -> None:
     assert half.piezoelectric[2, 2, 2] == pytest.approx(-9.3)
 
 
+def test_subnormal_coupling_survives_rotation(table_1: Material) -> None:
+    data = fields(table_1)
+    data["magnetoelectric"] = np.full((3, 3), 1.3e-316)
+    Material("tiny", **data).rotated(rotation_from_euler(np.array([0.0, 0.0, 1.0])))
+
+
 def test_euler_angles_compose_rotations() -> None:
     a, b, c = 0.3, 1.1, -0.4
     x, z = np.eye(3)[0], np.eye(3)[2]
