@@ -53,5 +53,6 @@ def _require_isotropic(stiffness: Array, constants: Array) -> None:
     found = [f"{name} (by {value:.1e})" for name, value in wrong.items() if value > TOLERANCE]
     if found:
         raise MaterialError(
-            f"fundamental solution isotropic: {'; '.join(found)}; allowed is {TOLERANCE:g} of the largest scaled constant"
+            f"fundamental solution isotropic: {'; '.join(found)}; "
+            f"allowed is {TOLERANCE:g} of the largest scaled constant"
         )

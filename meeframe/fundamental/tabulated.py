@@ -77,8 +77,9 @@ class Tabulated(FundamentalSolution):
                 return kernel
             if cells == MOST_CELLS:
                 raise MaterialError(
-                    f"a table of {cells} cells misses the tolerance {self.tolerance:g} by a factor {excess:.1e}: the material is "
-                    "too anisotropic; allow a larger tolerance or choose the fundamental solution line-integral"
+                    f"a table of {cells} cells misses the tolerance {self.tolerance:g} by a factor {excess:.1e}: the "
+                    "material is too anisotropic; allow a larger tolerance or choose the fundamental solution "
+                    "line-integral"
                 )
             # The error of T falls with the seventh power of the cell size.
             growth = min(2.0, 1.05 * excess ** (1.0 / 7.0))
@@ -121,8 +122,8 @@ def _table(stiffness: Array, cells: int) -> Array:
     values = np.zeros((len(offset), WIDTH))
     values[:, :15] = modulation[:, 0] / distance[:, None]
     to_powers = np.linalg.inv(np.vander(nodes, increasing=True))
-    values = values.reshape(-1, TERMS, TERMS, WIDTH)
-    table = np.einsum("ip,jq,npqc->nijc", to_powers, to_powers, values, optimize=True)
+    at_nodes = values.reshape(-1, TERMS, TERMS, WIDTH)
+    table = np.einsum("ip,jq,npqc->nijc", to_powers, to_powers, at_nodes, optimize=True)
     return np.ascontiguousarray(table.reshape(-1, TERMS * TERMS * WIDTH))
 
 
