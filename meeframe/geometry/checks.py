@@ -1,6 +1,7 @@
 """Is a mesh the closed, outward oriented boundary of a body? What is wrong where, in words."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -11,10 +12,11 @@ from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
 from meeframe.geometry.measures import gauss_rule, normal_vectors, volume_shares
 from meeframe.geometry.topology import Edges, corner_count, find_edges, reflection
 
+Flags = NDArray[np.bool_]
+
 SHOWN = 3  # offenders whose place a message gives
 COINCIDENT = 1e-3  # points closer than this part of the shortest edge are duplicates
 COLLAPSED = 1e-6  # an element's Jacobian may nowhere fall below this part of its mean
-MOST_BEND = np.cos(np.pi / 4)  # elements of a contact zone within 45 degrees of the nodal normal
 
 
 def check_mesh(mesh: SurfaceMesh) -> None:
@@ -108,7 +110,9 @@ def _check_numbers(mesh: SurfaceMesh) -> None:
         ):
             wrong = numbers[(numbers < 0) | (numbers >= limit)]
             if wrong.size:
-                raise MeshError(f"mesh: no {name} {wrong[0]}, which {block.element.name} uses; numbers end at {limit - 1}")
+                raise MeshError(
+                    f"mesh: no {name} {wrong[0]}, which {block.element.name} uses; numbers end at {limit - 1}"
+                )
 
 
 def _check_finite(mesh: SurfaceMesh) -> None:
@@ -157,7 +161,9 @@ def _check_elements(mesh: SurfaceMesh) -> None:
         bad = (along <= COLLAPSED * size**2) | (size <= 1e-12 * extent**2)
         if bad.any():
             places = mesh.points[block.connectivity[bad]].mean(axis=1)
-            _refuse("degenerate or folded elements (zero or negative Jacobian)", places, f"{block.element.name} elements")
+            _refuse(
+                "degenerate or folded elements (zero or negative Jacobian)", places, f"{block.element.name} elements"
+            )
 
 
 def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
@@ -179,7 +185,7 @@ def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
         _refuse("not conforming, the mid-side nodes of two elements differ along an edge", middle[differ], "edges")
 
 
-def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Array]:
+def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Flags]:
     """Closed surface that each element belongs to, (n_elements,), and whether each surface is inside out, (parts,).
 
     A surface inside an odd number of others bounds a cavity: its elements must look inwards.
@@ -217,4 +223,5 @@ def _solid_angles(triangles: Array) -> Array:
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ti,ti->t", a, np.cross(b, c))
     dots = la * lb * lc + np.einsum("ti,ti->t", a, b) * lc + np.einsum("ti,ti->t", b, c) * la
-    return 2 * np.arctan2(triple, dots + np.einsum("ti,ti->t", c, a) * lb)
+    angles: Array = 2 * np.arctan2(triple, dots + np.einsum("ti,ti->t", c, a) * lb)
+    return angles

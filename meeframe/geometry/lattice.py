@@ -1,13 +1,17 @@
 """From surfaces of straight four-sided cells to meshes of any element type."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+
+Entry = TypeVar("Entry", np.float64, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +92,14 @@ def grid_points(half_widths: tuple[float, float], divisions: tuple[int, int], he
     return np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).astype(float)
 
 
-def border(grid: Array | Indices) -> Array | Indices:
+def border(grid: NDArray[Entry]) -> NDArray[Entry]:
     """Entries on the border of a grid (nx + 1, ny + 1, ...), (2 nx + 2 ny, ...), counter-clockwise from [0, 0]."""
-    sides = [grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]]
-    return np.concatenate(sides)
+    return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
 
 
-def prism(top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int], names: tuple[str, ...]) -> QuadSurface:
+def prism(
+    top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int], names: tuple[str, ...]
+) -> QuadSurface:
     """Closed surface of a top grid, strips of cells between successive loops around it, and a base grid.
 
     top, base: (nx + 1, ny + 1, 3) seen from above; loops: (k, 2 nx + 2 ny, 3) counter-clockwise from above, the last
@@ -105,11 +110,11 @@ def prism(top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int
     count = loops.shape[1]
     loop_numbers = top_numbers.size + np.arange(len(loops) * count).reshape(-1, count)
     base_numbers = np.empty(shape, np.int64)
-    base_numbers.flat[border(top_numbers).astype(np.int64)] = loop_numbers[-1]
+    base_numbers.flat[border(top_numbers)] = loop_numbers[-1]
     inner = base_numbers[1:-1, 1:-1]
     inner[...] = top_numbers.size + loop_numbers.size + np.arange(inner.size).reshape(inner.shape)
 
-    here = np.concatenate([border(top_numbers)[None], loop_numbers[:-1]]).astype(np.int64)
+    here = np.concatenate([border(top_numbers)[None], loop_numbers[:-1]])
     strips = np.stack([here, loop_numbers, np.roll(loop_numbers, -1, 1), np.roll(here, -1, 1)], axis=-1)
     cells = _cells(top_numbers)
     chequer = np.add.outer(np.arange(shape[0] - 1), np.arange(shape[1] - 1)).ravel() % 2

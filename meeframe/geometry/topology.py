@@ -64,4 +64,5 @@ def reflection(element: SurfaceElement) -> Indices:
     """Node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
     swapped = np.asarray(element.nodes, float)[:, ::-1]
     distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
-    return distance.argmin(axis=1).astype(np.int64)
+    order: Indices = distance.argmin(axis=1).astype(np.int64)
+    return order

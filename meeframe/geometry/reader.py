@@ -1,0 +1,133 @@
+"""Surface meshes from files, by meshio."""
+
+import contextlib
+import io
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from meeframe.core.element import SurfaceElement
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import Array
+from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+from meeframe.geometry.checks import check_mesh, drop_unused, merge_points, orient_outward
+
+UNNAMED = "surface"
+# names of meshio's cells with four or more nodes that are not surfaces, and of points and lines
+_LOWER = ("vertex", "line", "VTK_LAGRANGE_CURVE")
+_SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
+
+
+def read_mesh(
+    path: str | PathLike[str],
+    elements: Iterable[SurfaceElement],
+    *,
+    length_unit: float = 1.0,
+    merge_tolerance: float | None = None,
+    group_data: str | None = None,
+    reorient: bool = False,
+) -> SurfaceMesh:
+    """The checked surface mesh in any file that meshio reads; formats with mixed element types too.
+
+    elements: the element types to choose from, by their meshio_type. length_unit: metres per unit of the file.
+    merge_tolerance: merge points closer than this [m]; None refuses coinciding points. group_data: name of a cell array
+    of whole numbers that makes face groups NAME_1, NAME_2, ...; by default groups are the file's cell sets or gmsh's
+    physical groups, and elements without any form the group 'surface'. reorient: flip surfaces that are inside out.
+    Points, lines and volume cells are passed over. Raises MeshError, which names the file.
+    """
+    file = Path(path)
+    try:
+        if not (np.isfinite(length_unit) and length_unit > 0):
+            raise MeshError(f"length_unit = {length_unit!r}: must be a positive number of metres")
+        data = _load(file)
+        mesh = drop_unused(_convert(data, elements, length_unit, group_data))
+        if merge_tolerance is not None:
+            mesh = merge_points(mesh, merge_tolerance)
+        if reorient:
+            mesh = orient_outward(mesh)
+        check_mesh(mesh)
+    except MeshError as error:
+        raise MeshError(f"{file}: {error}") from None
+    return mesh
+
+
+def _load(file: Path) -> Any:
+    """meshio's mesh; its printing and its exits become errors."""
+    import meshio  # a quarter of a second to start: only for those who read files
+
+    if not file.is_file():
+        raise MeshError("no such file")
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            return meshio.read(file)
+    except (Exception, SystemExit) as error:
+        text = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        raise MeshError(f"meshio cannot read it: {text}") from None
+
+
+def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, group_data: str | None) -> SurfaceMesh:
+    points = np.asarray(data.points, float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise MeshError("its points are not three-dimensional")
+    known = {element.meshio_type: element for element in elements}
+    kept = [k for k, cells in enumerate(data.cells) if _is_surface(cells.type, known)]
+    if not kept or sum(len(data.cells[k].data) for k in kept) == 0:
+        found = ", ".join(sorted({cells.type for cells in data.cells})) or "none"
+        raise MeshError(f"no surface elements; cells in the file: {found}; wanted: {', '.join(known)}")
+    labels = _labels(data, kept, group_data)
+    names = tuple(sorted({name for part in labels for name in part}))
+    blocks = tuple(
+        ElementBlock(known[data.cells[k].type], np.asarray(data.cells[k].data, np.int64), _numbers(part, names))
+        for k, part in zip(kept, labels, strict=True)
+    )
+    _check_range(points, blocks)
+    return SurfaceMesh(points * length_unit, blocks, names)
+
+
+def _is_surface(cell_type: str, known: dict[str, SurfaceElement]) -> bool:
+    if cell_type in known:
+        return True
+    if cell_type.startswith(_LOWER) or cell_type.lower().removeprefix("vtk_lagrange_").startswith(_SOLID):
+        return False
+    raise MeshError(f"cells of type {cell_type!r} are not among the element types: {', '.join(known)}")
+
+
+def _check_range(points: Array, blocks: tuple[ElementBlock, ...]) -> None:
+    for block in blocks:
+        if block.connectivity.size and not 0 <= block.connectivity.min() <= block.connectivity.max() < len(points):
+            raise MeshError(f"elements refer to points that are not among the file's {len(points)}")
+
+
+def _numbers(labels: list[str], names: tuple[str, ...]) -> Indices:
+    return np.array([names.index(name) for name in labels], np.int64)
+
+
+def _labels(data: Any, kept: list[int], group_data: str | None) -> list[list[str]]:
+    """Face group of each element of the kept cell blocks."""
+    if group_data is not None:
+        if group_data not in data.cell_data:
+            found = ", ".join(data.cell_data) or "none"
+            raise MeshError(f"group_data = {group_data!r}: no such cell array in the file; it has: {found}")
+        return [[f"{group_data}_{int(v)}" for v in np.ravel(data.cell_data[group_data][k])] for k in kept]
+    sets = {name: members for name, members in data.cell_sets.items() if not name.startswith("gmsh:")}
+    if sets:
+        return [_labels_from_sets(sets, k, len(data.cells[k].data)) for k in kept]
+    if "gmsh:physical" in data.cell_data:
+        tags = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 2}
+        tags[0] = UNNAMED  # gmsh's way of saying: in no physical group
+        return [[tags.get(int(v), f"physical_{int(v)}") for v in data.cell_data["gmsh:physical"][k]] for k in kept]
+    return [[UNNAMED] * len(data.cells[k].data) for k in kept]
+
+
+def _labels_from_sets(sets: dict[str, Any], block: int, count: int) -> list[str]:
+    labels = [""] * count
+    for name, members in sets.items():
+        for element in np.asarray([] if members[block] is None else members[block], np.int64):
+            if labels[element]:
+                raise MeshError(f"an element is in two face groups, {labels[element]!r} and {name!r}")
+            labels[element] = name
+    return [label or UNNAMED for label in labels]
