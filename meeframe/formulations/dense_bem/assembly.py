@@ -1,0 +1,238 @@
+"""Assembly of the collocated system: sources are shared out over threads, whose kernels release the interpreter."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numba import get_num_threads
+
+from meeframe.core.element import shape_derivatives, shape_functions
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.formulation import Progress
+from meeframe.core.fundamental import Kernel
+from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.elements.quadrature import gauss_table, shape_table
+from meeframe.formulations.dense_bem.collocation import Sources
+from meeframe.formulations.dense_bem.layout import Layout
+from meeframe.kernels import assembly as kernels
+from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, element_extents, shape_degree, tensor_rule
+
+TABULATED_ORDERS = (2, 3, 4, 5, 6, 8)
+# Quadrature points handed to the fundamental solution at a time: their kernels fit the second-level cache.
+POINTS_PER_CALL = 1024
+SOURCES_PER_TASK = 8
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """matrix @ unknowns = rhs + load_matrix @ loads; matrix (u, u), load_matrix (u, 5 n), rhs (u,)."""
+
+    matrix: Array
+    load_matrix: Array
+    rhs: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What every task reads: the mesh in units of the system, and how its elements are integrated."""
+
+    mesh: SurfaceMesh
+    layout: Layout
+    sources: Sources
+    kernel: Kernel
+    tolerance: float
+    rules: tuple[kernels.RuleTable, ...]
+
+
+def assemble(
+    mesh: SurfaceMesh, layout: Layout, sources: Sources, kernel: Kernel, tolerance: float, progress: Progress
+) -> System:
+    """The boundary element system (eqs. 19, 20) with relative quadrature error tolerance."""
+    rules = tuple(_tabulate(block, mesh.points, tolerance) for block in mesh.blocks)
+    problem = Problem(mesh, layout, sources, kernel, tolerance, rules)
+    n = layout.n_unknowns
+    system = System(np.zeros((n, n)), np.zeros((n, N_FIELDS * len(layout.zone)), order="F"), np.zeros(n))
+    n_sources = len(sources.position)
+    tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        for done, _ in enumerate(pool.map(lambda task: _collocate(problem, task, system), tasks), 1):
+            progress("assembly", done / len(tasks))
+    return system
+
+
+@dataclass(frozen=True, eq=False)
+class _Panels:
+    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see meeframe.kernels.assembly."""
+
+    value: Array
+    flux: Array
+    total: Array
+
+
+def _collocate(problem: Problem, task: range, system: System) -> None:
+    """Enter the rows of some sources."""
+    layout, sources = problem.layout, problem.sources
+    panels = _Panels(np.empty((len(layout.value_column), 25)), np.empty((len(layout.flux_column), 25)), np.empty(25))
+    buffers = [_buffers(block, 16 * len(block.connectivity) + 8192) for block in problem.mesh.blocks]
+    for source in task:
+        for panel in (panels.value, panels.flux, panels.total):
+            panel[:] = 0.0
+        for number in range(len(problem.mesh.blocks)):
+            buffers[number] = _add_others(problem, source, number, buffers[number], panels)
+        kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
+        for own in range(sources.own_start[source], sources.own_start[source + 1]):
+            number = sources.own_block[own]
+            buffers[number] = _add_own(problem, source, own, buffers[number], panels)
+        kernels.enter_rows(
+            sources.row[source],
+            panels.value,
+            panels.flux,
+            layout.value_column,
+            layout.value_data,
+            layout.flux_column,
+            layout.flux_data,
+            layout.load_column,
+            system.matrix,
+            system.load_matrix,
+            system.rhs,
+        )
+
+
+def _add_others(
+    problem: Problem, source: int, number: int, buffers: kernels.Buffers, panels: _Panels
+) -> kernels.Buffers:
+    """Add the elements of a block that do not hold the source; returns the buffers, enlarged if need be."""
+    block, sources = problem.mesh.blocks[number], problem.sources
+    position = sources.position[source]
+    held = slice(sources.own_start[source], sources.own_start[source + 1])
+    own = np.zeros(len(block.connectivity), bool)
+    own[sources.own_element[held][sources.own_block[held] == number]] = True
+    while True:
+        count, n_near = kernels.far_points(position, own, problem.tolerance, problem.rules[number], buffers)
+        if count >= 0:
+            count = kernels.near_points(
+                position,
+                problem.mesh.points,
+                block.connectivity,
+                n_near,
+                shape_table(block.element),
+                problem.tolerance,
+                gauss_table(),
+                buffers,
+                count,
+            )
+        if count >= 0:
+            break
+        buffers = _enlarged(count, block, buffers, position)
+    flux_nodes = problem.layout.patches.connectivity[number]
+    for first in range(0, count, POINTS_PER_CALL):
+        points = slice(first, min(first + POINTS_PER_CALL, count))
+        u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
+        kernels.accumulate(
+            u.reshape(-1, 25),
+            t.reshape(-1, 25),
+            buffers.shape_weights[points],
+            buffers.elements[points],
+            block.connectivity,
+            flux_nodes,
+            panels.value,
+            panels.flux,
+            panels.total,
+        )
+    return buffers
+
+
+def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, panels: _Panels) -> kernels.Buffers:
+    """Add one element that holds the source; returns the buffers, enlarged if need be."""
+    sources = problem.sources
+    number, element, xi = sources.own_block[own], sources.own_element[own], sources.own_xi[own]
+    block = problem.mesh.blocks[number]
+    position = sources.position[source]
+    table = shape_table(block.element)
+    while True:
+        count = kernels.adaptive_points(
+            position,
+            problem.mesh.points,
+            block.connectivity,
+            element,
+            xi,
+            table,
+            problem.tolerance,
+            gauss_table(),
+            buffers,
+            0,
+        )
+        if count >= 0:
+            break
+        buffers = _enlarged(count, block, buffers, position)
+    u, t = problem.kernel.evaluate(buffers.offsets[:count], buffers.normals[:count])
+    kernels.accumulate_own(
+        u.reshape(-1, 25),
+        t.reshape(-1, 25),
+        buffers.shape_weights[:count],
+        buffers.weights[:count],
+        shape_functions(block.element, xi[None])[0],
+        block.connectivity[element],
+        problem.layout.patches.connectivity[number][element],
+        panels.value,
+        panels.flux,
+    )
+    return buffers
+
+
+def _buffers(block: ElementBlock, capacity: int) -> kernels.Buffers:
+    n_nodes = block.connectivity.shape[1]
+    return kernels.Buffers(
+        np.empty((capacity, 3)),
+        np.empty((capacity, 3)),
+        np.empty((capacity, n_nodes)),
+        np.empty(capacity),
+        np.empty(capacity, np.int64),
+        np.empty(len(block.connectivity), np.int64),
+        np.empty((capacity, 2)),
+        np.empty(capacity),
+        np.empty((capacity, n_nodes)),
+    )
+
+
+def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position: Array) -> kernels.Buffers:
+    if code == BUFFER_TOO_SMALL:
+        return _buffers(block, 2 * len(buffers.elements))
+    raise MeshError(
+        f"the collocation point {np.array2string(position, precision=6)} (in units of the contact zone) lies on an "
+        "element that does not hold it: the mesh overlaps itself"
+    )
+
+
+def _tabulate(block: ElementBlock, points: Array, tolerance: float) -> kernels.RuleTable:
+    """Tensor rules of the tabulated orders on all elements of a block."""
+    starts = np.full(max(TABULATED_ORDERS) + 1, -1)
+    rows = 0
+    parts = []
+    for order in TABULATED_ORDERS:
+        starts[order] = rows
+        rows += order**2 * len(block.connectivity)
+        parts.append(_tensor_rules(block, points, order))
+    positions, normals, shape_weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    n_elements = len(block.connectivity)
+    centres, sizes, least_orders = np.empty((n_elements, 3)), np.empty((n_elements, 2)), np.empty(n_elements, np.int64)
+    table = shape_table(block.element)
+    element_extents(table, points[block.connectivity], tolerance, centres, sizes, least_orders)
+    degree = shape_degree(table)
+    return kernels.RuleTable(centres, sizes, least_orders, degree, starts, positions, normals, shape_weights)
+
+
+def _tensor_rules(block: ElementBlock, points: Array, order: int) -> tuple[Array, Array, Array]:
+    """Positions, normals (e * order^2, 3) and shape functions times measure (e * order^2, k) on all elements."""
+    xi, weights = np.empty((order**2, 2)), np.empty(order**2)
+    tensor_rule(order, block.element.reference == "triangle", gauss_table(), xi, weights)
+    nodes = points[block.connectivity]
+    shapes = shape_functions(block.element, xi)
+    positions = np.einsum("qa,eax->eqx", shapes, nodes)
+    tangents = np.einsum("qak,eax->eqkx", shape_derivatives(block.element, xi), nodes)
+    areas = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+    ratios = np.linalg.norm(areas, axis=2)
+    normals = areas / ratios[:, :, None]
+    shape_weights = shapes * (ratios * weights)[:, :, None]
+    return positions.reshape(-1, 3), normals.reshape(-1, 3), shape_weights.reshape(-1, shapes.shape[1])

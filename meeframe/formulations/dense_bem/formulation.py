@@ -1,0 +1,89 @@
+"""The dense boundary element formulation: body in, reduced system out."""
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, final
+
+import numpy as np
+
+from meeframe.core.body import Body
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, FieldScaling
+from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
+from meeframe.core.fundamental import FundamentalSolution
+from meeframe.core.quantities import Quantity
+from meeframe.formulations.dense_bem.assembly import assemble
+from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.layout import Units, lay_out
+from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
+from meeframe.fundamental import Tabulated
+from meeframe.geometry import check_mesh, zone_frames
+
+
+@final
+@dataclass(frozen=True)
+class DenseBEM(Formulation):
+    """Collocation at the nodes, one dense matrix, one factorisation.
+
+    fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral;
+    edge_angle: tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+    """
+
+    fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
+    quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-6
+    edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
+
+    def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
+        """Assemble, factorise once, condense to the contact zone.
+
+        Raises MeshError if the mesh is not a closed, outward surface, CaseError if the boundary conditions contradict
+        each other or leave a field undetermined, MaterialError if the fundamental solution does not apply.
+        """
+        if body.contact_group is None:
+            raise CaseError("this body has no contact zone to condense to")
+        solution = self._solve(body, progress)
+        zone = zone_frames(body.mesh, body.contact_group)
+        offset, compliance = zone_relation(solution)
+        to_load = _local_axes(zone.frames)
+        to_displacement = to_load.copy()
+        to_displacement[:, ELECTRIC:] *= -1.0
+        matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
+        return DenseSystem(
+            points=zone.points,
+            frames=zone.frames,
+            weights=zone.weights,
+            cells=zone.cells,
+            offset=np.einsum("naj,nj->na", to_displacement, offset),
+            matrix=np.ascontiguousarray(matrix),
+            recovery=lambda load: solution.fields(np.einsum("naj,na->nj", to_load, load)),
+        )
+
+    def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
+        """Fields on the boundary of a body without contact zone. Raises as reduce."""
+        if body.contact_group is not None:
+            raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
+        return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
+
+    def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
+        check_mesh(body.mesh)
+        scaling = FieldScaling.of(body.stiffness)
+        units = Units(characteristic_length(body), scaling)
+        progress("fundamental solution", 0.0)
+        kernel = self.fundamental_solution.bind(scaling.scale_stiffness(body.stiffness))
+        progress("fundamental solution", 1.0)
+        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
+        mesh = replace(body.mesh, points=body.mesh.points / units.length)
+        system = assemble(mesh, layout, collocate(mesh, layout), kernel, self.quadrature_tolerance, progress)
+        progress("factorisation", 0.0)
+        constant, response = factorise(system)
+        progress("factorisation", 1.0)
+        return BoundarySolution(constant, response, layout, units, body.mesh)
+
+
+def _local_axes(frames: Array) -> Array:
+    """(n, 5, 5) with rows: local components of an extended traction in global ones; frames (n, 3, 3)."""
+    rotation = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    rotation[:, MECHANICAL, MECHANICAL] = frames
+    rotation[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    return rotation

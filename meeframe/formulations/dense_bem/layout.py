@@ -1,0 +1,147 @@
+"""Degrees of freedom: which values and fluxes are known, unknown or contact loads.
+
+Every unknown has a collocation row of the same number, see collocation.py. Data are in the units of the system: lengths
+by a length, fields by FieldScaling.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, N_FIELDS, VALUE_NAMES, Array, FieldScaling
+from meeframe.core.mesh import Indices
+from meeframe.formulations.dense_bem.patches import Patches
+
+NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Units of the system: points / length; values u / s; fluxes t * s * length (notes, section 2)."""
+
+    length: float
+    scaling: FieldScaling
+
+    def values(self, values: Array) -> Array:
+        """Values (..., 5) in SI units into units of the system."""
+        return self.scaling.scale_values(values)
+
+    def fluxes(self, fluxes: Array) -> Array:
+        """Fluxes (..., 5) in SI units into units of the system."""
+        return self.scaling.scale_fluxes(fluxes) * self.length
+
+    def values_si(self, values: Array) -> Array:
+        """Values (..., 5) of the system into SI units."""
+        return self.scaling.unscale_values(values)
+
+    def fluxes_si(self, fluxes: Array) -> Array:
+        """Fluxes (..., 5) of the system into SI units."""
+        return self.scaling.unscale_fluxes(fluxes) / self.length
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Columns of unknowns and contact loads (NONE where there is none), and known data in units of the system.
+
+    value_column, value_data: (p, 5); flux_column, flux_data, load_column: (m, 5);
+    zone: (n,) points of the contact zone; n_unknowns: size of the system. Unknowns have zero data.
+    """
+
+    patches: Patches
+    value_column: Indices
+    value_data: Array
+    flux_column: Indices
+    flux_data: Array
+    load_column: Indices
+    zone: Indices
+    n_unknowns: int
+
+
+def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
+    """Number the unknowns of a body.
+
+    Raises CaseError if two conditions contradict each other, touch the contact zone, or leave a field undetermined.
+    """
+    values = np.full((len(body.mesh.points), N_FIELDS), np.nan)
+    fluxes = np.zeros((len(patches.point), N_FIELDS))
+    flux_unknown = np.zeros(fluxes.shape, bool)
+    for condition in body.conditions:
+        _apply(condition, body, patches, values, fluxes, flux_unknown)
+    contact = np.zeros(len(patches.point), bool)
+    if body.contact_group is not None:
+        contact = patches.group == body.mesh.group(body.contact_group)
+    _check_determined(body, values, patches.point[contact])
+
+    unknown_value = np.isnan(values)
+    value_column = _number(unknown_value, 0)
+    flux_column = _number(flux_unknown, int(unknown_value.sum()))
+    zone = np.unique(patches.point[contact])
+    load_column = np.full(fluxes.shape, NONE)
+    load_column[contact] = N_FIELDS * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(N_FIELDS)
+    return Layout(
+        patches,
+        value_column,
+        units.values(np.where(unknown_value, 0.0, values)),
+        flux_column,
+        units.fluxes(np.where(flux_unknown, 0.0, fluxes)),
+        load_column,
+        zone,
+        int(unknown_value.sum() + flux_unknown.sum()),
+    )
+
+
+def _number(mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], start: int) -> Indices:
+    columns = np.full(mask.shape, NONE)
+    columns[mask] = start + np.arange(mask.sum())
+    return columns
+
+
+def _apply(
+    condition: BoundaryCondition,
+    body: Body,
+    patches: Patches,
+    values: Array,
+    fluxes: Array,
+    flux_unknown: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+) -> None:
+    """Enter one condition into values (p, 5), fluxes (m, 5) and flux_unknown (m, 5), in SI units."""
+    if condition.group == body.contact_group:
+        raise CaseError(f"a boundary condition names the contact zone {condition.group!r}; conditions belong outside")
+    field = condition.field
+    points = body.mesh.group_points(condition.group)
+    data = np.broadcast_to(np.asarray(condition.data, float), points.shape)
+    members = patches.group == body.mesh.group(condition.group)
+    if condition.kind == "flux":
+        fluxes[members, field] = data[np.searchsorted(points, patches.point[members])]
+        return
+    old = values[points, field]
+    tolerance = 1e-9 * np.abs(data).max(initial=0.0)
+    conflict = ~np.isnan(old) & (np.abs(old - data) > tolerance)
+    if conflict.any():
+        raise CaseError(
+            f"{VALUE_NAMES[field]} on {condition.group!r} contradicts another face at "
+            f"{int(conflict.sum())} shared points: {data[conflict][0]:g} and {old[conflict][0]:g}"
+        )
+    values[points, field] = data
+    flux_unknown[members, field] = True
+
+
+def _check_determined(body: Body, values: Array, contact_points: Indices) -> None:
+    """Every potential needs a prescribed value somewhere, the displacement enough of them to stop rigid motions."""
+    known = ~np.isnan(values)
+    pinned = np.atleast_1d(known[contact_points].any(axis=0))
+    if pinned.any():
+        names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)
+        raise CaseError(f"{names} is prescribed on a face that touches the contact zone {body.contact_group!r}")
+    for field in range(ELECTRIC, N_FIELDS):
+        if not known[:, field].any():
+            raise CaseError(f"{VALUE_NAMES[field]} is prescribed nowhere: its constant is undetermined")
+    centred = body.mesh.points - body.mesh.points.mean(axis=0)
+    centred /= np.abs(centred).max()
+    rotations = np.cross(np.eye(3)[None], centred[:, None])
+    motions = np.concatenate([np.broadcast_to(np.eye(3), (len(centred), 3, 3)), rotations], axis=1)
+    constrained = np.swapaxes(motions, 1, 2)[known[:, :3]]
+    if np.linalg.matrix_rank(constrained, tol=1e-6) < 6:
+        raise CaseError("the prescribed displacements leave a rigid motion of the body free")

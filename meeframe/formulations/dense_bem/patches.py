@@ -1,0 +1,92 @@
+"""Flux nodes: where tractions may jump.
+
+Values (extended displacements) are continuous: one node per mesh point. Fluxes (extended tractions) are continuous on a
+face only: one node per *patch*, the elements that meet at a point, belong to one face group and have no edge between
+them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from meeframe.core.element import shape_derivatives
+from meeframe.core.fields import Array
+from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Every local node of every element of a mesh: all arrays have one entry (normal: one row) per corner."""
+
+    block: Indices
+    element: Indices
+    local: Indices
+    point: Indices
+    group: Indices
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Flux nodes.
+
+    point, group: (m,) of each flux node; connectivity: flux nodes of the elements, per block (e, n);
+    corners: the corners of the mesh; of_corner: (c,) the flux node of each.
+    """
+
+    point: Indices
+    group: Indices
+    connectivity: tuple[Indices, ...]
+    corners: Corners
+    of_corner: Indices
+
+
+def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
+    """Flux nodes of a mesh; elements whose normals at a point differ by more than edge_angle [rad] are on two."""
+    corners = mesh_corners(mesh)
+    of_corner = _number_patches(corners, np.cos(edge_angle))
+    _, first = np.unique(of_corner, return_index=True)
+    sizes = [block.connectivity.size for block in mesh.blocks]
+    parts = np.split(of_corner, np.cumsum(sizes)[:-1])
+    connectivity = tuple(part.reshape(block.connectivity.shape) for part, block in zip(parts, mesh.blocks, strict=True))
+    return Patches(corners.point[first], corners.group[first], connectivity, corners, of_corner)
+
+
+def mesh_corners(mesh: SurfaceMesh) -> Corners:
+    """The corners of a mesh, block by block, element by element."""
+    parts = [_block_corners(number, block, mesh.points) for number, block in enumerate(mesh.blocks)]
+    return Corners(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _block_corners(number: int, block: ElementBlock, points: Array) -> tuple[Indices, ...]:
+    n_elements, n_nodes = block.connectivity.shape
+    derivatives = shape_derivatives(block.element, block.element.nodes)
+    tangents = np.einsum("ank,enx->eakx", derivatives, points[block.connectivity])
+    normals = np.cross(tangents[:, :, 0], tangents[:, :, 1]).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    element, local = np.indices((n_elements, n_nodes)).reshape(2, -1)
+    block_number = np.full(n_elements * n_nodes, number)
+    return block_number, element, local, block.connectivity.ravel(), np.repeat(block.groups, n_nodes), normals
+
+
+def _number_patches(corners: Corners, cosine: float) -> Indices:
+    """Flux node of each corner: connected components of 'same point, same group, nearly the same normal'."""
+    order = np.lexsort((corners.group, corners.point))
+    link_from, link_to = [], []
+    for shift in range(1, _most_corners_at_a_point(corners)):
+        a, b = order[:-shift], order[shift:]
+        same = (corners.point[a] == corners.point[b]) & (corners.group[a] == corners.group[b])
+        smooth = np.einsum("nx,nx->n", corners.normal[a], corners.normal[b]) > cosine
+        link_from.append(a[same & smooth])
+        link_to.append(b[same & smooth])
+    rows, columns = np.concatenate(link_from), np.concatenate(link_to)
+    n = len(order)
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    return np.asarray(labels, dtype=np.int64)
+
+
+def _most_corners_at_a_point(corners: Corners) -> int:
+    return int(np.bincount(corners.point).max())

@@ -1,0 +1,54 @@
+"""Observed orders of convergence of the dense boundary elements for the field of a source outside the body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.element import SurfaceElement
+from meeframe.core.mesh import SurfaceMesh
+from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.fundamental import Tabulated
+from meeframe.geometry import box_mesh, sphere_mesh
+from meeframe.materials import library_material, rotation_about
+from meeframe.testing.manufactured import PointSourceField, prescribe, relative_errors
+
+SLACK = 0.3
+MATERIAL = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
+SOURCE = PointSourceField(MATERIAL.stiffness, np.array([1.2, 1.4, 1.1]), np.array([1.0, -0.5, 0.7, 0.8, -0.6]))
+BOX = {"x-": "vvvvv", "x+": "vfffv", "y-": "fffvf", "y+": "fvvff", "z-": "vvvvv", "z+": "fffff"}
+SPHERE = {"lower": "vvvvv", "upper": "fffff"}
+
+
+def halved_sphere(divisions: int, element: SurfaceElement) -> SurfaceMesh:
+    mesh = sphere_mesh(0.6, divisions, element)
+    blocks = []
+    for block in mesh.blocks:
+        heights = mesh.points[block.connectivity].mean(axis=1)[:, 2]
+        blocks.append(replace(block, groups=(heights > 0).astype(np.int64)))
+    return SurfaceMesh(mesh.points, tuple(blocks), ("lower", "upper"))
+
+
+def box(divisions: int, element: SurfaceElement) -> SurfaceMesh:
+    return box_mesh((1.0, 1.0, 1.0), (divisions, divisions, divisions), element)
+
+
+@pytest.mark.parametrize(("mesh_of", "kinds"), [(box, BOX), (halved_sphere, SPHERE)], ids=["box", "sphere"])
+@pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9(), Tri3(), Tri6()], ids=lambda e: e.name)
+def test_order_of_convergence(mesh_of, kinds, element):
+    """Values converge with the order of the shape functions plus one, fluxes with the order of the shape functions.
+
+    A flux where the value is prescribed solves an integral equation of the first kind: it loses one order against the
+    interpolated values.
+    """
+    coarse, fine = (4, 8) if element.order == 1 else (2, 4)
+    formulation = DenseBEM(Tabulated(), quadrature_tolerance=1e-6)
+    errors = []
+    for divisions in (coarse, fine):
+        mesh = mesh_of(divisions, element)
+        computed = formulation.boundary_fields(prescribe(mesh, SOURCE, MATERIAL.stiffness, kinds))
+        errors.append(relative_errors(mesh, SOURCE, computed))
+    value_order, flux_order = np.log2(np.divide(*errors))
+    assert value_order > element.order + 1 - SLACK
+    assert flux_order > element.order - SLACK
