@@ -73,7 +73,8 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
 
 
 def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
-    """The mesh without points that no element uses."""
+    """The mesh without points that no element uses. Raises MeshError if numbers are out of range."""
+    _check_numbers(mesh)
     used = np.zeros(len(mesh.points), bool)
     for block in mesh.blocks:
         used[block.connectivity] = True

@@ -48,7 +48,8 @@ class Placement:
     @property
     def base(self) -> Array:
         """Axes of the place, rows e1, e2, axis, (3, 3)."""
-        return frames_of(np.array([self.axis]) / math.hypot(*self.axis))[0]
+        base: Array = frames_of(np.array([self.axis]) / math.hypot(*self.axis))[0]
+        return base
 
     @property
     def turn(self) -> Array:

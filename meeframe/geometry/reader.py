@@ -11,12 +11,11 @@ import numpy as np
 
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
 from meeframe.geometry.checks import check_mesh, drop_unused, merge_points, orient_outward
 
 UNNAMED = "surface"
-# names of meshio's cells with four or more nodes that are not surfaces, and of points and lines
+# how names of meshio's cells begin that are not surfaces
 _LOWER = ("vertex", "line", "VTK_LAGRANGE_CURVE")
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
 
@@ -84,7 +83,6 @@ def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, 
         ElementBlock(known[data.cells[k].type], np.asarray(data.cells[k].data, np.int64), _numbers(part, names))
         for k, part in zip(kept, labels, strict=True)
     )
-    _check_range(points, blocks)
     return SurfaceMesh(points * length_unit, blocks, names)
 
 
@@ -94,12 +92,6 @@ def _is_surface(cell_type: str, known: dict[str, SurfaceElement]) -> bool:
     if cell_type.startswith(_LOWER) or cell_type.lower().removeprefix("vtk_lagrange_").startswith(_SOLID):
         return False
     raise MeshError(f"cells of type {cell_type!r} are not among the element types: {', '.join(known)}")
-
-
-def _check_range(points: Array, blocks: tuple[ElementBlock, ...]) -> None:
-    for block in blocks:
-        if block.connectivity.size and not 0 <= block.connectivity.min() <= block.connectivity.max() < len(points):
-            raise MeshError(f"elements refer to points that are not among the file's {len(points)}")
 
 
 def _numbers(labels: list[str], names: tuple[str, ...]) -> Indices:

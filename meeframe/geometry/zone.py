@@ -94,7 +94,8 @@ def _shape_integrals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
 def _weighted_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
     """Unit normals at the nodes of each element times its area, (e, n, 3)."""
     areas = _shape_integrals(mesh, block).sum(axis=1)
-    return _unit_normals(mesh, block) * areas[:, None, None]
+    weighted: Array = _unit_normals(mesh, block) * areas[:, None, None]
+    return weighted
 
 
 def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
