@@ -1,7 +1,8 @@
 """What a case file may say: one frozen model for each table. Documented in docs/case-files.md."""
 
+import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
@@ -10,15 +11,21 @@ from pydantic import (
     ConfigDict,
     Field,
     Strict,
+    TypeAdapter,
     ValidationError,
     ValidationInfo,
     model_validator,
 )
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw
+from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.element import SurfaceElement
+from meeframe.core.formulation import Formulation
+from meeframe.core.indenter import Indenter
 from meeframe.core.quantities import Quantity
-from meeframe.plugin.registry import CONTRACTS
-from meeframe.plugin.validation import Problem, TableError, problems_of
+from meeframe.geometry import Placement
+from meeframe.plugin.registry import CONTRACTS, Registry
+from meeframe.plugin.validation import Problem, TableError, build, problems_of
+from meeframe.solvers import Limits
 
 _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 
@@ -41,11 +48,13 @@ FreePressure = Annotated[Pressure | None, _FREE]
 
 def _by_name(contract: type) -> BeforeValidator:
     """Makes the object that a table names, by the registry that is the context of the validation."""
+
     return BeforeValidator(lambda table, info: _registry(info).create(CONTRACTS[contract], table))
 
 
-def _registry(info: ValidationInfo) -> Any:
-    return info.context
+def _registry(info: ValidationInfo) -> Registry:
+    registry: Registry = info.context  # type: ignore[assignment]  # load_case sees to it
+    return registry
 
 
 class Table(BaseModel):
@@ -54,25 +63,39 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
+def _pair(check: Callable[[Any], Any]) -> BeforeValidator:
+    """One number stands for two equal ones, (x1, x2)."""
+    return BeforeValidator(lambda value: value if isinstance(value, list | tuple) else (check(value),) * 2)
+
+
+SizePair = Annotated[tuple[Size, Size], _pair(Quantity("m", gt=0, lt=math.inf).check)]
+CountPair = Annotated[tuple[Count, Count], _pair(TypeAdapter(Count).validate_python)]
+
+
 class BlockTable(Table):
-    """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh."""
+    """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh and its Grading."""
 
     type: Literal["block"] = "block"
-    half_width: Size
+    half_width: SizePair
     height: Size
-    contact_width: Size
-    divisions: Count
+    contact_width: SizePair
+    divisions: CountPair
     rings: Count
     layers: Count
-    element: Text = "quad4"
+    element: Annotated[SurfaceElement, _by_name(SurfaceElement)] = Field(default="quad4", validate_default=True)
+    first_ring: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
+    layer_growth: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.5
 
 
 class FileTable(Table):
-    """[mesh] read from a file by meshio; unit: of its coordinates."""
+    """[mesh] read from a file; unit: of its coordinates; the other keys are those of meeframe.geometry.read_mesh."""
 
     type: Literal["file"] = "file"
     file: Text
     unit: Text = "m"
+    merge_tolerance: Size | None = None
+    group_data: Text | None = None
+    reorient: Flag = False
 
     @property
     def scale(self) -> float:
@@ -88,7 +111,7 @@ class FileTable(Table):
         return self
 
 
-def _mesh(value: Any) -> Any:
+def _mesh(value: Any, info: ValidationInfo) -> Any:
     """The model is chosen here and not by a union: errors then speak of the one that was meant."""
     if not isinstance(value, Mapping):
         return value
@@ -97,7 +120,7 @@ def _mesh(value: Any) -> Any:
         raise TableError(Problem(("type",), "should be 'block' or 'file'", kind))
     model: type[Table] = FileTable if kind == "file" else BlockTable
     try:
-        return model.model_validate(value)
+        return model.model_validate(value, context=info.context)
     except ValidationError as error:
         raise TableError(*problems_of(error, model)) from None
 
@@ -143,6 +166,46 @@ class ConductivityTable(Table):
     magnetic: Annotated[ConductivityLaw, _by_name(ConductivityLaw)] = _INSULATING
 
 
+def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:
+    """Divides a flat table: keys of `record`, keys of the table itself (others), and the rest for the named object."""
+    if isinstance(value, str):
+        value = {"name": value}
+    if not isinstance(value, Mapping):
+        return value
+    own = {field.name for field in dataclasses.fields(record)}
+    divided: dict[str, Any] = {key: value[key] for key in others if key in value}
+    rest = {key: item for key, item in value.items() if key not in own and key not in others}
+    divided["named"] = _registry(info).create(CONTRACTS[contract], rest)
+    divided["record"] = build(record, {key: value[key] for key in own & value.keys()})
+    return divided
+
+
+class IndenterTable(Table):
+    """[indenter]: a named shape with its keys, its placement and its potentials."""
+
+    named: Indenter
+    record: Placement
+    electric_potential: ElectricPotential = 0.0
+    magnetic_potential: MagneticPotential = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, value: Any, info: ValidationInfo) -> Any:
+        return _divided(value, info, Indenter, Placement, ("electric_potential", "magnetic_potential"))
+
+
+class SolverTable(Table):
+    """[solver]: a named solver with its keys, and the limits of the iteration."""
+
+    named: Solver
+    record: Limits
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, value: Any, info: ValidationInfo) -> Any:
+        return _divided(value, info, Solver, Limits)
+
+
 class StepTable(Table):
     """[[steps]]: what one load step prescribes; potentials that are not given are those of [indenter]."""
 
@@ -157,3 +220,19 @@ class OutputTable(Table):
 
     figures: Flag = True
     vtu: Flag = True
+
+
+class CaseTable(Table):
+    """The whole case file."""
+
+    title: Annotated[str, Strict()] = ""
+    material: dict[str, Any]
+    mesh: Annotated[BlockTable | FileTable, BeforeValidator(_mesh)]
+    boundary: tuple[BoundaryTable, ...] = Field(min_length=1)
+    contact: ContactTable = Field(default_factory=dict, validate_default=True)
+    conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
+    indenter: IndenterTable
+    formulation: Annotated[Formulation, _by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
+    solver: SolverTable = Field(default="uzawa", validate_default=True)
+    steps: tuple[StepTable, ...] = Field(min_length=1)
+    output: OutputTable = OutputTable()

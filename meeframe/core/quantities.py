@@ -1,5 +1,6 @@
 """Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -15,8 +16,8 @@ BOUNDS: Final = ("gt", "ge", "lt", "le")
 class Quantity:
     """Marks an annotated float as a quantity; the field holds SI numbers.
 
-    unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where it
-    is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the same
+    unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where
+    it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the same
     dimension; infinity is written inf, NaN is refused.
     Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
     """
@@ -31,13 +32,12 @@ class Quantity:
         self.bounds = bounds
 
     def __get_pydantic_core_schema__(self, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
-        """How pydantic validates it: convert first, then check the bounds."""
+        """How pydantic validates it."""
         from pydantic_core import core_schema
 
-        number = core_schema.float_schema(strict=True, **self.bounds)  # type: ignore[arg-type]
-        return core_schema.no_info_before_validator_function(self.convert, number)
+        return core_schema.no_info_plain_validator_function(self.check)
 
-    def convert(self, value: Any) -> Any:
+    def convert(self, value: Any) -> float:
         """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""
         if isinstance(value, str):
             value = self._parse(value)
@@ -59,9 +59,14 @@ class Quantity:
         number = self.convert(value)
         holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
         if not all(holds[name](bound) for name, bound in self.bounds.items()):
-            signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
-            raise ValueError("must be " + " and ".join(f"{signs[name]} {bound:g}" for name, bound in self.bounds.items()))
+            raise ValueError(f"must be {self._range()}; expected {self.expected}")
         return number
+
+    def _range(self) -> str:
+        signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+        finite = {name: bound for name, bound in self.bounds.items() if abs(bound) != math.inf}
+        parts = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]
+        return " and ".join([*parts, *(["finite"] if len(finite) < len(self.bounds) else [])])
 
     def _parse(self, text: str) -> float:
         # pint takes half a second to start: imported when the first text comes along

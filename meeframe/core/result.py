@@ -34,7 +34,7 @@ class Zone:
 class Loading:
     """What one load step prescribes to the indenter.
 
-    approach: along its axis into the body [m]; translation: in the tangential plane, along e1 and e2 [m];
+    approach: along its axis into the body [m]; translation: in the plane across its axis [m];
     electric_potential [V], magnetic_potential [A]: of its surface, where the laws conduct.
     """
 

@@ -40,8 +40,10 @@ def check_output(folder: Path, overwrite: bool) -> None:
 
 def clear_output(folder: Path) -> None:
     """Remove the files that an earlier run left, and only those."""
-    for name in OUTPUT_FILES:
+    for name in map(Path, OUTPUT_FILES):
         (folder / name).unlink(missing_ok=True)
+        for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
+            leftover.unlink()
 
 
 @contextmanager

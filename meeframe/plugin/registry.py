@@ -1,11 +1,12 @@
 """The registry: everything that has a name in a case file, whoever provides it."""
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
 from importlib import metadata
+from pathlib import Path
 from typing import Any, Final
 
 import pluggy
@@ -81,10 +82,14 @@ class Broken:
 
 @dataclass(frozen=True)
 class Registry:
-    """What is registered, and the plugins that failed. Made by `load` or `from_plugins`."""
+    """What is registered, and the plugins that failed. Made by `load` or `from_plugins`.
+
+    folder: where relative paths in tables start.
+    """
 
     entries: tuple[Entry, ...]
     broken: tuple[Broken, ...] = ()
+    folder: Path = Path()
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":
@@ -107,6 +112,11 @@ class Registry:
                     failed.append(_broken(provider, error, f"{kind.hook}: "))
         _refuse_duplicates(entries)
         return cls(tuple(entries), tuple(failed))
+
+    @property
+    def providers(self) -> tuple[Provider, ...]:
+        """Whoever registered something, each once."""
+        return tuple(dict.fromkeys(entry.provider for entry in self.entries))
 
     def names(self, kind: Kind) -> tuple[str, ...]:
         """Sorted names of a kind."""
@@ -142,10 +152,14 @@ class Registry:
         except PluginError as error:
             raise TableError(Problem(("name",), str(error))) from None
         options = {key: value for key, value in table.items() if key != "name"}
-        return build(record.factory, options, self._create_nested, tuple(CONTRACTS))
+        return build(record.factory, options, self._convert)
 
-    def _create_nested(self, contract: type, table: Any) -> Any:
-        return self.create(CONTRACTS[contract], table)
+    def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
+        """How tables give a value of a type that pydantic does not know: a contract, or a path."""
+        if hint is Path:
+            return lambda value: self.folder / value if isinstance(value, str) else value
+        kind = CONTRACTS.get(hint) if isinstance(hint, type) else None
+        return None if kind is None else lambda value: self.create(kind, value)
 
     def _choices(self, kind: Kind, name: str) -> str:
         names = self.names(kind)

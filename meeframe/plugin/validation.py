@@ -3,18 +3,19 @@
 import dataclasses
 import types
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, ValidationError, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError, create_model
 
 from meeframe.core.errors import CaseError, MeeframeError
 
-NestedCreate = Callable[[type, Any], Any]
-"""Makes an object of a contract (first argument) from a table or a name (second argument)."""
+Converters = Callable[[Any], Callable[[Any], Any] | None]
+"""For a type hint, how what a table gives becomes a value of it; None if pydantic knows."""
 
 _MISSING = object()
+_CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 
 @dataclass(frozen=True)
@@ -45,20 +46,14 @@ class TableError(CaseError, ValueError):  # ValueError: so that pydantic lets it
         self.problems = problems
 
 
-def build(
-    factory: Callable[..., Any], table: Mapping[str, Any], nested: NestedCreate, contracts: tuple[type, ...]
-) -> Any:
-    """factory(**table) with every entry checked against the fields of the dataclass `factory`.
-
-    contracts: abstract classes whose fields are themselves given as tables or names and made by `nested`.
-    Raises TableError.
-    """
+def build(factory: Callable[..., Any], table: Mapping[str, Any], converters: Converters = lambda _hint: None) -> Any:
+    """factory(**table) with every entry checked against the fields of the dataclass `factory`. Raises TableError."""
     if not dataclasses.is_dataclass(factory):
         problems = [Problem((key,), "unknown key; no keys are taken here", value) for key, value in table.items()]
         if problems:
             raise TableError(*problems)
         return factory()
-    model = _model(factory, nested, contracts)
+    model = _model(factory, converters)
     try:
         checked = model.model_validate(dict(table))
     except ValidationError as error:
@@ -70,7 +65,7 @@ def build(
 
 
 @lru_cache(maxsize=256)
-def _model(factory: type, nested: NestedCreate, contracts: tuple[type, ...]) -> type[BaseModel]:
+def _model(factory: type, converters: Converters) -> type[BaseModel]:
     hints = get_type_hints(factory, include_extras=True)
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(factory):
@@ -78,23 +73,43 @@ def _model(factory: type, nested: NestedCreate, contracts: tuple[type, ...]) -> 
             continue
         # the default is the dataclass's affair: only keys that were given are handed on
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        fields[field.name] = (_strict(hints[field.name], nested, contracts), ... if required else None)
-    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
-    return create_model(factory.__name__, __config__=config, **fields)
+        fields[field.name] = (_strict(hints[field.name], converters), ... if required else None)
+    return create_model(factory.__name__, __config__=_CONFIG, **fields)
 
 
-def _strict(hint: Any, nested: NestedCreate, contracts: tuple[type, ...]) -> Any:
-    """The hint without silent conversions (true is no number), with contracts made from tables."""
+def _strict(hint: Any, converters: Converters) -> Any:
+    """The hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
+    convert = converters(hint)
+    if convert is not None:
+        return Annotated[hint, BeforeValidator(convert)]
     if hint in (int, bool, str):
         return Annotated[hint, Strict()]
     if hint is float:
-        return Annotated[float, Strict(), Field(allow_inf_nan=True), BeforeValidator(_no_nan)]
-    if isinstance(hint, type) and hint in contracts:
-        return Annotated[hint, BeforeValidator(lambda value: nested(hint, value))]
+        return Annotated[float, Strict(), BeforeValidator(_no_nan)]
     if get_origin(hint) in (Union, types.UnionType):
-        parts = tuple(_strict(part, nested, contracts) for part in get_args(hint))
-        return Union[parts]  # noqa: UP007  (made at run time)
+        return Annotated[Any, BeforeValidator(_one_of([_strict(part, converters) for part in get_args(hint)]))]
     return hint
+
+
+def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
+    """Validator of a union that says in one text what all its parts allow; pydantic's own gives one error for each."""
+    models = [create_model("Part", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)]
+
+    def choose(value: Any) -> Any:
+        if value is None and len(models) < len(hints):
+            return None
+        problems: list[Problem] = []
+        for model in models:
+            try:
+                return model.model_validate({"part": value}).part  # type: ignore[attr-defined]
+            except ValidationError as error:
+                problems += problems_of(error, model)
+        inner = [replace(problem, location=problem.location[1:]) for problem in problems if len(problem.location) > 1]
+        if inner:
+            raise TableError(*inner)
+        raise ValueError("; or ".join(problem.text for problem in problems))
+
+    return choose
 
 
 def _no_nan(value: Any) -> Any:

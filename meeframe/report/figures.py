@@ -7,21 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
-from meeframe.core.result import Result, StepResult, Zone
+from meeframe.core.result import Result, StepResult
+from meeframe.report.picture import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.tri import Triangulation
 
-# fans and splits of meshio's cell types into triangles, by position of the node in the cell
-_TRIANGLES: Final = {
-    "triangle": ((0, 1, 2),),
-    "triangle6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-    "quad": ((0, 1, 2), (0, 2, 3)),
-    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
-    "quad9": ((0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)),
-}
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 _MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
 _LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73")  # of the Okabe-Ito palette
@@ -56,10 +47,10 @@ def figures(result: Result) -> "dict[str, Figure]":
     step = result.steps[-1]
     if not all(np.isfinite(quantity.values(step)).all() for quantity in _QUANTITIES):
         return {}
-    triangulation = _triangulation(result.zone)
+    picture = Picture.of(result.zone)
     title = result.provenance.title
-    drawn = {f"{q.file}.png": _map(q, q.values(step), triangulation, title) for q in _QUANTITIES}
-    return drawn | {"sections.png": _sections(step, triangulation, title)}
+    drawn = {f"{q.file}.png": _map(q, q.values(step), picture, title) for q in _QUANTITIES}
+    return drawn | {"sections.png": _sections(step, picture, title)}
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
@@ -67,42 +58,29 @@ def save_figure(figure: "Figure", path: Path) -> None:
     figure.savefig(path, dpi=150, format="png")
 
 
-def _triangulation(zone: Zone) -> "Triangulation":
-    """The zone seen along its mean normal, coordinates along e1 and e2 from its centre [m]."""
-    from matplotlib.tri import Triangulation
-
-    centre = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
-    e1, e2 = (zone.frames[:, axis].mean(axis=0) for axis in (0, 1))
-    flat = (zone.points - centre) @ np.stack([e1, e2], axis=1)
-    return Triangulation(flat[:, 0] * 1e3, flat[:, 1] * 1e3, _triangles(zone.cells))
-
-
-def _triangles(cells: tuple[tuple[str, Indices], ...]) -> Indices:
-    parts = [connectivity[:, triangle] for name, connectivity in cells for triangle in _TRIANGLES[name]]
-    return np.concatenate(parts)
-
-
-def _map(quantity: _Quantity, values: Array, triangulation: "Triangulation", title: str) -> "Figure":
+def _map(quantity: _Quantity, values: Array, picture: Picture, title: str) -> "Figure":
     factor, unit = _prefixed(values, quantity.unit)
     figure = _figure((5.6, 4.6))
     axes = figure.subplots()
-    drawn = axes.tripcolor(triangulation, values / factor, shading="gouraud", cmap=_MAP_COLOURS, rasterized=True)
+    shown = picture.values(values / factor)
+    drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=_MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     _head(axes, quantity.label, title)
     return figure
 
 
-def _sections(step: StepResult, triangulation: "Triangulation", title: str) -> "Figure":
+def _sections(step: StepResult, picture: Picture, title: str) -> "Figure":
     from matplotlib.tri import LinearTriInterpolator
 
-    x = np.linspace(triangulation.x.min(), triangulation.x.max(), 401)
+    flat = picture.triangulation
+    x = np.linspace(flat.x.min(), flat.x.max(), 401)
     figure = _figure((6.0, 7.2))
     rows = figure.subplots(len(_QUANTITIES), sharex=True)
     for axes, quantity, colour in zip(rows, _QUANTITIES, _LINE_COLOURS, strict=True):
         values = quantity.values(step)
         factor, unit = _prefixed(values, quantity.unit)
-        section = LinearTriInterpolator(triangulation, values / factor)(x, np.zeros_like(x))
+        section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))
         axes.plot(x, section, color=colour, linewidth=1.8)
         axes.set_ylabel(f"{quantity.label}\n[{unit}]")
         axes.grid(alpha=0.3)

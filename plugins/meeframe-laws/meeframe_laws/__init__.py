@@ -4,7 +4,6 @@ from collections.abc import Iterable
 
 from meeframe.core.contact import ConductivityLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
-
 from meeframe_laws.conductivity import PowerLaw
 
 __all__ = ["PowerLaw", "meeframe_conductivity_laws"]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, final
 
 import numpy as np
+
 from meeframe.core.contact import ConductivityLaw
 from meeframe.core.fields import Array
 from meeframe.core.quantities import Quantity, check_quantities
@@ -15,8 +16,8 @@ from meeframe.core.quantities import Quantity, check_quantities
 class PowerLaw(ConductivityLaw):
     """kappa(p) = reference_conductivity * (|p| / reference_pressure)^exponent in contact, 0 where the contact is open.
 
-    The conductance of two rough surfaces grows nearly in proportion to the area that truly touches. The exponent 0.95 is
-    that of plastically deforming asperities (Cooper, Mikic & Yovanovich 1969, thermal contact conductance); an
+    The conductance of two rough surfaces grows nearly in proportion to the area that truly touches. The exponent 0.95
+    is that of plastically deforming asperities (Cooper, Mikic & Yovanovich 1969, thermal contact conductance); an
     electric or magnetic contact is governed by the same potential problem.
 
     reference_conductivity: kappa at the reference pressure, F/m^2 (electric) or H/m^2 (magnetic); reference_pressure

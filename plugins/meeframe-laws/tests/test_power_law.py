@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from meeframe_laws import PowerLaw
+
 from meeframe.core.errors import CaseError
 from meeframe.plugin.registry import Kind, load
-from meeframe_laws import PowerLaw
 
 LAW = PowerLaw(reference_conductivity=2.0e-3, reference_pressure=1.0e6)
 

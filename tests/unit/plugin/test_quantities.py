@@ -4,8 +4,9 @@ import math
 from typing import Annotated
 
 import pytest
-from meeframe.core.quantities import Quantity
 from pydantic import TypeAdapter, ValidationError
+
+from meeframe.core.quantities import Quantity
 
 LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+
 from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.errors import PluginError
 from meeframe.core.indenter import Indenter
@@ -83,13 +84,13 @@ def test_nested_tables_are_created_through_the_registry():
     [
         ({"name": "ball"}, "radius: missing key"),
         ({"name": "ball", "radius": "5 V"}, "radius = '5 V': has the wrong unit"),
-        ({"name": "ball", "radius": -1}, "radius = -1: should be greater than 0"),
+        ({"name": "ball", "radius": -1}, "radius = -1: must be > 0 and finite"),
         ({"name": "ball", "radius": float("nan")}, "radius = nan: is not a number"),
         ({"name": "ball", "radius": True}, "radius = true: expected a number in m"),
         ({"name": "ball", "radius": 1, "copies": 1.5}, "copies = 1.5: should be a valid integer"),
         ({"name": "ball", "radius": 1, "copies": True}, "copies = true: should be a valid integer"),
         ({"name": "ball", "radius": 1, "raduis": 2}, "raduis = 2: unknown key; allowed: radius, copies"),
-        ({"name": "compound", "first": {"name": "ball", "radius": -2}}, "first.radius = -2: should be greater"),
+        ({"name": "compound", "first": {"name": "ball", "radius": -2}}, "first.radius = -2: must be > 0"),
         ({"name": "compound", "first": "bal"}, "first.name: unknown indenter 'bal'; did you mean 'ball'?"),
         ({"name": "compound", "first": {"name": "ball", "radius": 1}, "weights": [-1, 1]}, "weights must not be"),
         ({"radius": 1}, "name: missing key; one of ball, compound"),

@@ -1,0 +1,146 @@
+"""From a case file to a case: every problem of the file is found before anything is computed."""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from meeframe.case.case import Case, Output
+from meeframe.case.schema import BlockTable, BoundaryTable, CaseTable, FileTable, IndenterTable, StepTable
+from meeframe.core.body import BoundaryCondition
+from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.mesh import SurfaceMesh
+from meeframe.core.result import Loading
+from meeframe.geometry import Grading, block_mesh, read_mesh
+from meeframe.materials import material_from_table
+from meeframe.plugin import registry as plugins
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.validation import Problem, TableError, problems_of
+
+T = TypeVar("T")
+
+
+def load_case(path: str | Path, registry: Registry | None = None) -> Case:
+    """The checked case of a case file.
+
+    registry: where names are looked up; by default the built-ins and the installed plugins.
+    Raises CaseError with one line for each problem found: file, key, value and what is allowed.
+    """
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8")
+        tables = tomllib.loads(text)
+    except OSError as error:
+        raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CaseError(f"{file}: is not a TOML file: {error}") from None
+    try:
+        return case_from_tables(tables, registry, file.parent, text)
+    except TableError as error:
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from None
+
+
+def case_from_tables(
+    tables: Mapping[str, Any], registry: Registry | None = None, folder: Path = Path(), text: str = ""
+) -> Case:
+    """The checked case of the tables of a case file; folder: where relative paths in it start.
+
+    Raises TableError (a CaseError) with all problems found.
+    """
+    registry = replace(registry or plugins.load(), folder=folder)
+    found = _Problems()
+    checked = found.attempt(lambda: _validate(tables, registry))
+    material = None
+    if isinstance(tables.get("material"), Mapping):
+        material = found.attempt(lambda: material_from_table(tables["material"], folder), "material")
+    if checked is None:
+        raise TableError(*found.problems)
+    mesh = found.attempt(lambda: _mesh(checked.mesh, registry, folder), "mesh")
+    if material is None or mesh is None:
+        raise TableError(*found.problems)
+    case = found.attempt(
+        lambda: Case(
+            material=material,
+            mesh=mesh,
+            conditions=tuple(c for table in checked.boundary for c in _conditions(table)),
+            indenter=checked.indenter.named,
+            steps=tuple(_loading(step, checked.indenter) for step in checked.steps),
+            placement=checked.indenter.record,
+            zone=checked.contact.zone,
+            contact_law=checked.contact.law,
+            electric_law=checked.conductivity.electric,
+            magnetic_law=checked.conductivity.magnetic,
+            formulation=checked.formulation,
+            solver=checked.solver.named,
+            limits=checked.solver.record,
+            output=Output(checked.output.figures, checked.output.vtu),
+            title=checked.title,
+            text=text,
+        )
+    )
+    if case is None:
+        raise TableError(*found.problems)
+    return case
+
+
+@dataclass
+class _Problems:
+    """Collects problems, so that one run of a check shows them all."""
+
+    problems: list[Problem] = field(default_factory=list)
+
+    def attempt(self, make: Callable[[], T], *location: str) -> T | None:
+        """What make() returns, or None and its problems are noted at the location."""
+        try:
+            return make()
+        except TableError as error:
+            self.problems += [problem.inside(*location) for problem in error.problems]
+        except MeeframeError as error:
+            self.problems.append(Problem(location, str(error)))
+        return None
+
+
+def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
+    try:
+        return CaseTable.model_validate(dict(tables), context=registry)
+    except ValidationError as error:
+        raise TableError(*problems_of(error, CaseTable)) from None
+
+
+def _mesh(table: BlockTable | FileTable, registry: Registry, folder: Path) -> SurfaceMesh:
+    if isinstance(table, FileTable):
+        return read_mesh(
+            folder / table.file,
+            [registry.create(Kind.ELEMENT, name) for name in registry.names(Kind.ELEMENT)],
+            length_unit=table.scale,
+            merge_tolerance=table.merge_tolerance,
+            group_data=table.group_data,
+            reorient=table.reorient,
+        )
+    return block_mesh(
+        table.half_width,
+        table.height,
+        table.contact_width,
+        table.divisions,
+        table.rings,
+        table.layers,
+        table.element,
+        Grading(table.first_ring, table.layer_growth),
+    )
+
+
+def _conditions(table: BoundaryTable) -> list[BoundaryCondition]:
+    return [BoundaryCondition(table.group, *prescribed) for prescribed in table.prescribed()]
+
+
+def _loading(step: StepTable, indenter: IndenterTable) -> Loading:
+    electric, magnetic = step.electric_potential, step.magnetic_potential
+    return Loading(
+        approach=step.approach,
+        translation=step.translation,
+        electric_potential=indenter.electric_potential if electric is None else electric,
+        magnetic_potential=indenter.magnetic_potential if magnetic is None else magnetic,
+    )

@@ -1,0 +1,92 @@
+"""From a case to its result in memory: one reduced system, then one contact problem for each load step."""
+
+import platform
+from collections.abc import Iterator
+from importlib import metadata
+
+import numba
+import numpy as np
+
+from meeframe.case.case import Case
+from meeframe.case.clock import Clock, peak_memory_mb
+from meeframe.core.contact import ContactProblem, ContactSolution, Status
+from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, split_displacement, split_load
+from meeframe.geometry import ContactZone, initial_gap
+from meeframe.plugin import registry as plugins
+from meeframe.solvers import solve
+
+
+def solve_case(case: Case, progress: Progress = silent) -> Result:
+    """The result of a case, in memory.
+
+    Raises MeshError, CaseError or MaterialError if the formulation does not take the body. A step that does not
+    converge raises nothing: its status says so.
+    """
+    clock = Clock(progress)
+    system = case.formulation.reduce(case.body, clock)
+    steps = tuple(solve_steps(case, system, clock))
+    return Result(provenance(case), zone_of(system), len(case.steps), steps, clock.timings(), peak_memory_mb())
+
+
+def solve_steps(case: Case, system: ReducedSystem, clock: Progress = silent) -> Iterator[StepResult]:
+    """The load steps of a case one after the other, each started from the last one that converged."""
+    start = None
+    for number, loading in enumerate(case.steps):
+        problem = _problem(case, system, loading)
+
+        def show(stage: str, fraction: float, number: int = number) -> None:
+            clock(stage, (number + fraction) / len(case.steps))
+
+        show("contact", 0.0)
+        solution = solve(problem, case.solver, case.limits, start, show)
+        if solution.status is Status.CONVERGED:
+            start = solution.state
+        clock("boundary fields", 0.0)
+        yield _step_result(system, problem, loading, solution)
+
+
+def zone_of(system: ReducedSystem) -> Zone:
+    """The contact zone of a reduced system."""
+    return Zone(system.points, system.frames, system.weights, system.cells)
+
+
+def provenance(case: Case) -> Provenance:
+    """What makes a result of this case, here and now."""
+    libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
+    versions = {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
+    versions |= {provider.name: provider.version for provider in plugins.load().providers}
+    return Provenance(case.title, case.text, versions, numba.get_num_threads())
+
+
+def _problem(case: Case, system: ReducedSystem, loading: Loading) -> ContactProblem:
+    zone = ContactZone(system.points, system.frames, system.weights, system.cells, np.arange(len(system.points)))
+    translation = system.frames @ (np.array(loading.translation) @ case.placement.base[:2])
+    # where the zone is not parallel to the plane of translation the indenter also moves along the normal
+    gap = initial_gap(case.indenter, zone, case.placement, loading.approach) + translation[:, 2]
+    potentials = np.tile([loading.electric_potential, loading.magnetic_potential], (len(gap), 1))
+    laws = case.contact_law, case.electric_law, case.magnetic_law
+    return ContactProblem(system, *laws, gap, translation[:, :2], potentials)
+
+
+def _step_result(
+    system: ReducedSystem, problem: ContactProblem, loading: Loading, solution: ContactSolution
+) -> StepResult:
+    state = solution.state
+    traction, fluxes = split_load(state.load)
+    displacement, potentials = split_displacement(state.displacement)
+    return StepResult(
+        loading=loading,
+        initial_gap=problem.gap,
+        traction=traction,
+        displacement=displacement,
+        potentials=potentials,
+        fluxes=fluxes,
+        closed=state.closed,
+        status=solution.status,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        history=solution.history,
+        message=solution.message,
+        boundary=system.recover(state.load),
+    )

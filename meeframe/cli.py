@@ -1,0 +1,165 @@
+"""The command line: meeframe run, check, show, plugins."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+from rich.console import Console
+
+from meeframe.core.errors import MeeframeError
+
+if TYPE_CHECKING:
+    from meeframe.core.formulation import Progress
+
+CONVERGED: Final = 0
+NOT_CONVERGED: Final = 1
+BAD_INPUT: Final = 2
+INTERRUPTED: Final = 130
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
+)
+
+CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+@app.command()
+def run(
+    case: CaseFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results that DIR holds.")] = False,
+) -> None:
+    """Solve a case and write result.h5, summary.json, fields.vtu and figures.
+
+    Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status():
+        from meeframe.case.run import run as run_case
+        from meeframe.core.result import RunStatus
+        from meeframe.report.summary import summary_table
+
+        _warn_of_broken_plugins()
+        with _progress() as progress:
+            result = run_case(case, out, overwrite, progress)
+        _console().print(summary_table(result))
+        raise typer.Exit(CONVERGED if result.status is RunStatus.CONVERGED else NOT_CONVERGED)
+
+
+@app.command()
+def check(case: CaseFile) -> None:
+    """Validate a case without running it."""
+    with _exit_status():
+        from meeframe.case.load import load_case
+
+        _warn_of_broken_plugins()
+        checked = load_case(case)
+        steps = len(checked.steps)
+        print(
+            f"{case}: ok: material {checked.material.name}, {checked.mesh.n_elements} elements, "
+            f"contact zone {checked.zone}, {steps} step{'s' * (steps > 1)}"
+        )
+
+
+@app.command()
+def show(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")]) -> None:
+    """Print the summary of a run as a table."""
+    with _exit_status():
+        from meeframe.io.results import read_result
+        from meeframe.report.summary import summary_table
+
+        _console().print(summary_table(read_result(folder)))
+
+
+@app.command()
+def plugins() -> None:
+    """List everything that has a name in case files, with who provides it."""
+    with _exit_status():
+        from rich.table import Table
+
+        from meeframe.plugin.registry import load
+
+        registry = load()
+        table = Table(box=None, pad_edge=False, header_style="bold")
+        for title in ("kind", "name", "provider", "version"):
+            table.add_column(title, no_wrap=True)
+        table.add_column("summary")
+        table.add_column("source")
+        for entry in registry.entries:
+            record, provider = entry.record, entry.provider
+            table.add_row(entry.kind, record.name, provider.name, provider.version, record.summary, record.source)
+        _console().print(table)
+        _warn_of_broken_plugins()
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from meeframe import __version__
+
+        print(f"meeframe {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@contextmanager
+def _exit_status() -> Iterator[None]:
+    """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback."""
+    try:
+        yield
+    except MeeframeError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        print("interrupted; finished steps are in the output folder", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _console() -> Console:
+    """Standard output; as wide as the text wants where it is not a terminal."""
+    return Console(width=None if sys.stdout.isatty() else 240)
+
+
+def _warn_of_broken_plugins() -> None:
+    from meeframe.plugin.registry import load
+
+    for broken in load().broken:
+        print(f"warning: {broken}", file=sys.stderr)
+
+
+@contextmanager
+def _progress() -> "Iterator[Progress]":
+    """A bar for each stage on the terminal, one after the other."""
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:22}"), BarColumn(), TimeElapsedColumn())
+    tasks: dict[str, TaskID] = {}
+    with Progress(*columns, console=Console(stderr=True), transient=False) as bars:
+
+        def show(stage: str, fraction: float) -> None:
+            if stage not in tasks:
+                for task in tasks.values():  # whatever came before is done
+                    bars.update(task, completed=1.0)
+                tasks[stage] = bars.add_task(stage, total=1.0)
+            bars.update(tasks[stage], completed=fraction)
+
+        yield show
+        for task in tasks.values():
+            bars.update(task, completed=1.0)

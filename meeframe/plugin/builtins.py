@@ -1,0 +1,93 @@
+"""What meeframe itself registers, through the same hooks as everybody else."""
+
+from collections.abc import Iterable
+
+from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.element import SurfaceElement
+from meeframe.core.formulation import Formulation
+from meeframe.core.fundamental import FundamentalSolution
+from meeframe.core.indenter import Indenter
+from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
+from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, RectangularPunch, Sphere
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.plugin.hookspecs import Record, hookimpl
+from meeframe.solvers import Uzawa
+
+_PAPER = "the reference paper"
+_BARNETT = "Barnett, phys. stat. sol. (b) 49 (1972) 741-748"
+_JOHNSON = "Johnson, Contact Mechanics (1985)"
+
+
+@hookimpl
+def meeframe_fundamental_solutions() -> Iterable[Record[FundamentalSolution]]:
+    """Fundamental solutions of appendix B."""
+    return [
+        Record("tabulated", Tabulated, "polynomials on the sphere of directions; the default", _BARNETT),
+        Record("residue", Residue, "explicit, Stroh eigenvalues of any multiplicity", f"{_PAPER}, eqs. 43-54"),
+        Record("line-integral", LineIntegral, "trapezoidal rule to round-off; the reference", _BARNETT),
+        Record("isotropic", Isotropic, "closed form for isotropic uncoupled media", "Kelvin (1848)"),
+    ]
+
+
+@hookimpl
+def meeframe_elements() -> Iterable[Record[SurfaceElement]]:
+    """Lagrange elements."""
+    lagrange = "Zienkiewicz & Taylor, The Finite Element Method"
+    return [
+        Record("quad4", Quad4, "quadrilateral, bilinear", lagrange),
+        Record("quad8", Quad8, "quadrilateral, serendipity, quadratic", lagrange),
+        Record("quad9", Quad9, "quadrilateral, biquadratic", lagrange),
+        Record("tri3", Tri3, "triangle, linear", lagrange),
+        Record("tri6", Tri6, "triangle, quadratic", lagrange),
+    ]
+
+
+@hookimpl
+def meeframe_formulations() -> Iterable[Record[Formulation]]:
+    """Boundary elements."""
+    return [Record("dense-bem", DenseBEM, "collocation, one dense matrix", f"{_PAPER}, eqs. 19-26")]
+
+
+@hookimpl
+def meeframe_contact_laws() -> Iterable[Record[ContactLaw]]:
+    """Contact without and with Coulomb friction."""
+    return [
+        Record("signorini", Signorini, "unilateral contact without friction", f"{_PAPER}, eqs. 10, 11"),
+        Record("isotropic-coulomb", IsotropicCoulomb, "unilateral contact, Coulomb friction", f"{_PAPER}, eqs. 11-16"),
+        Record(
+            "orthotropic-coulomb",
+            OrthotropicCoulomb,
+            "unilateral contact, Coulomb friction with an elliptic cone",
+            f"{_PAPER}, eqs. 11-16",
+        ),
+    ]
+
+
+@hookimpl
+def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
+    """Insulation, and conduction in contact."""
+    return [
+        Record("insulating", Insulating, "no flux through the contact", f"{_PAPER}, section 7.1 (EMII)"),
+        Record("step", StepConductivity, "kappa under pressure; inf conducts perfectly", f"{_PAPER}, eqs. 17, 18"),
+    ]
+
+
+@hookimpl
+def meeframe_solvers() -> Iterable[Record[Solver]]:
+    """Iterations on the contact problem."""
+    return [Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32")]
+
+
+@hookimpl
+def meeframe_indenters() -> Iterable[Record[Indenter]]:
+    """Shapes of rigid indenters."""
+    return [
+        Record("sphere", Sphere, "sphere or, by default, its paraboloid", f"{_JOHNSON}, section 3.4"),
+        Record("flat-punch", FlatPunch, "circular flat end", f"{_JOHNSON}, section 3.8"),
+        Record("rectangular-punch", RectangularPunch, "rectangular flat end", f"{_JOHNSON}, section 3.8"),
+        Record("cone", Cone, "cone", "Sneddon, Int. J. Eng. Sci. 3 (1965) 47-57"),
+        Record("cylinder", Cylinder, "cylinder lying on the surface", f"{_JOHNSON}, section 4.2"),
+        Record("heights", Heights, "heights from a file, on a grid or at the nodes", "measured or made"),
+    ]

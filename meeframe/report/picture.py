@@ -1,0 +1,57 @@
+"""The contact zone laid flat and cut into triangles, for drawing."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
+from meeframe.core.result import Zone
+
+# meshio's cell types cut into triangles, by position of the node in the cell
+TRIANGLES: Final = {
+    "triangle": ((0, 1, 2),),
+    "triangle6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),  # 4: its centre, or else one diagonal would be preferred
+    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+    "quad9": ((0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A flat zone. triangulation: matplotlib's, coordinates [mm]; quads: cells whose centres follow the nodes in it."""
+
+    triangulation: Any
+    quads: Indices
+
+    @classmethod
+    def of(cls, zone: Zone) -> "Picture":
+        """The zone seen along its mean normal, coordinates along its mean e1 and e2 from the middle of its extent."""
+        from matplotlib.tri import Triangulation
+
+        parts = [connectivity for name, connectivity in zone.cells if name == "quad"]
+        quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
+        middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
+        axes = zone.frames[:, :2].mean(axis=0)
+        flat = _with_centres((zone.points - middle) @ axes.T * 1e3, quads)
+        return cls(Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
+
+    def values(self, nodal: Array) -> Array:
+        """Values at the points of the triangulation of values (n,) at the nodes of the zone."""
+        return _with_centres(nodal, self.quads)
+
+
+def _with_centres(nodal: Array, quads: Indices) -> Array:
+    return np.concatenate([nodal, nodal[quads].mean(axis=1)])
+
+
+def _triangles(cells: tuple[tuple[str, Indices], ...], n_nodes: int) -> Indices:
+    triangles: list[Indices] = []
+    for name, nodes in cells:
+        if name == "quad":
+            nodes = np.column_stack([nodes, n_nodes + np.arange(len(nodes))])
+            n_nodes += len(nodes)
+        triangles += [nodes[:, triangle] for triangle in TRIANGLES[name]]
+    return np.concatenate(triangles)

@@ -1,0 +1,134 @@
+"""The result file: round trip, self-description, and that it survives whatever happens while it is written."""
+
+import dataclasses
+
+import h5py
+import numpy as np
+import pytest
+
+from meeframe.core.contact import Status
+from meeframe.core.errors import ResultError
+from meeframe.core.result import RunStatus
+from meeframe.io import results as files
+from meeframe.io.output import OUTPUT_FILES, RESULT_FILE, check_output, clear_output, replacing
+
+
+def write(folder, result):
+    files.create_result(folder, dataclasses.replace(result, steps=()))
+    for step in result.steps:
+        files.append_step(folder, result.zone, step)
+    files.finish_result(folder, result)
+
+
+def assert_equal(first, second):
+    """Equality of records with arrays in them, to the last bit."""
+    if dataclasses.is_dataclass(first):
+        assert type(first) is type(second)
+        for field in dataclasses.fields(first):
+            assert_equal(getattr(first, field.name), getattr(second, field.name))
+    elif isinstance(first, tuple):
+        assert len(first) == len(second)
+        for one, other in zip(first, second, strict=True):
+            assert_equal(one, other)
+    elif isinstance(first, np.ndarray):
+        np.testing.assert_array_equal(first, second)
+    else:
+        assert first == second
+
+
+def test_round_trip(tmp_path, synthetic):
+    result = synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, Status.CYCLING), planned=3)
+    write(tmp_path, result)
+    assert_equal(files.read_result(tmp_path), result)
+
+
+def test_without_boundary_fields(tmp_path, synthetic):
+    result = synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None))
+    write(tmp_path, result)
+    assert files.read_result(tmp_path).steps[0].boundary is None
+
+
+def test_every_dataset_says_its_unit_and_the_file_what_made_it(tmp_path, synthetic):
+    write(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    with h5py.File(tmp_path / RESULT_FILE) as file:
+        without = []
+        file.visititems(
+            lambda name, item: (
+                without.append(name) if isinstance(item, h5py.Dataset) and "units" not in item.attrs else None
+            )
+        )
+        assert without == []
+        assert file.attrs["case"] == 'title = "a title"\n'
+        assert file["steps/0001/resultants/force"].attrs["units"] == "N"
+        force = file["steps/0001/resultants/force"][()]
+    place = synthetic.zone()
+    inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
+    assert force == pytest.approx([0.1 * 1e6 * place.weights[inside].sum(), 0.0, -1e6 * place.weights[inside].sum()])
+
+
+def test_a_failed_change_leaves_the_finished_steps(tmp_path, synthetic, monkeypatch):
+    write(tmp_path, synthetic.result(synthetic.step(1e-6), planned=2))
+    before = (tmp_path / RESULT_FILE).read_bytes()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "_put_boundary", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        files.append_step(tmp_path, synthetic.zone(), synthetic.step(2e-6))
+    assert (tmp_path / RESULT_FILE).read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == [RESULT_FILE]
+    assert files.read_result(tmp_path).status is RunStatus.UNFINISHED
+
+
+def test_nothing_to_read(tmp_path):
+    with pytest.raises(ResultError, match="does not exist"):
+        files.read_result(tmp_path)
+    (tmp_path / RESULT_FILE).write_text("no HDF5")
+    with pytest.raises(ResultError, match="cannot be read as HDF5"):
+        files.read_result(tmp_path)
+    with h5py.File(tmp_path / RESULT_FILE, "w") as file:
+        file.attrs["format"] = "something else"
+    with pytest.raises(ResultError, match="'something else' is unknown"):
+        files.read_result(tmp_path)
+
+
+def test_damaged_file(tmp_path, synthetic):
+    write(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    with h5py.File(tmp_path / RESULT_FILE, "r+") as file:
+        del file["steps/0001/traction"]
+    with pytest.raises(ResultError, match=r"damaged.*traction"):
+        files.read_result(tmp_path)
+
+
+def test_output_folder_is_made_refused_or_accepted(tmp_path):
+    check_output(tmp_path / "a" / "b", overwrite=False)
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+    (tmp_path / "a" / "b" / "notes.txt").write_text("mine")
+    with pytest.raises(ResultError, match=r"not empty \(notes.txt\).*--overwrite"):
+        check_output(tmp_path / "a" / "b", overwrite=False)
+    check_output(tmp_path / "a" / "b", overwrite=True)
+    with pytest.raises(ResultError, match=r"notes.txt cannot be written|cannot be written"):
+        check_output(tmp_path / "a" / "b" / "notes.txt", overwrite=True)
+
+
+def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
+    for name in (*OUTPUT_FILES, ".result.123.h5", "notes.txt"):
+        (tmp_path / name).write_text("x")
+    clear_output(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_replacing_keeps_the_old_content_when_writing_fails(tmp_path):
+    target = tmp_path / "summary.json"
+    target.write_text("old")
+
+    def write_half():
+        with replacing(target) as path:
+            path.write_text("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(ResultError, match=r"summary.json cannot be written: No space"):
+        write_half()
+    assert target.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1

@@ -1,0 +1,105 @@
+"""Summary and figures of a made-up result whose numbers are known."""
+
+import dataclasses
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from meeframe.core.contact import Status
+from meeframe.core.result import Zone
+from meeframe.elements import ELEMENTS
+from meeframe.report.figures import figures, save_figure
+from meeframe.report.picture import Picture
+from meeframe.report.summary import summary, summary_json, summary_table
+
+STEP_KEYS = {
+    "force", "charge", "magnetic_flux", "contact_area", "max_pressure", "max_abs_electric_potential",
+    "max_abs_magnetic_potential", "iterations", "residual", "status",
+}  # fmt: skip
+
+
+def test_summary_numbers(synthetic):
+    data = summary(synthetic.result(synthetic.step(1e-6)))
+    (step,) = data["steps"]
+    area = 9 * 1e-6  # the nine nodes within 1.5 mm, one square millimetre each
+    assert step["contact_area"] == pytest.approx(area)
+    assert step["force"] == pytest.approx([1e5 * area, 0.0, -1e6 * area])
+    assert step["charge"] == pytest.approx(2.0 * area)
+    assert step["magnetic_flux"] == pytest.approx(-3.0 * area)
+    assert step["max_pressure"] == pytest.approx(1e6)
+    assert (step["max_abs_electric_potential"], step["max_abs_magnetic_potential"]) == (5.0, 7.0)
+    assert step.keys() >= STEP_KEYS
+    assert data.keys() >= {"status", "timings", "peak_memory_mb", "versions", "threads", "steps"}
+    assert data["status"] == "converged"
+
+
+@pytest.mark.parametrize(
+    ("statuses", "planned", "expected"),
+    [
+        ([Status.CONVERGED], 2, "unfinished"),
+        ([Status.CONVERGED, Status.DIVERGED], 2, "not-converged"),
+        ([Status.DIVERGED], 2, "not-converged"),
+        ([], 1, "unfinished"),
+    ],
+)
+def test_overall_status(synthetic, statuses, planned, expected):
+    steps = [synthetic.step(1e-6, status) for status in statuses]
+    assert summary(synthetic.result(*steps, planned=planned))["status"] == expected
+
+
+def test_numbers_that_are_not_finite_stay_json(synthetic):
+    step = synthetic.step(1e-6, Status.DIVERGED)
+    broken = dataclasses.replace(step, traction=np.full_like(step.traction, np.nan), residual=float("inf"))
+    data = json.loads(summary_json(synthetic.result(broken)))
+    assert data["steps"][0]["force"] == [None, None, None]
+    assert data["steps"][0]["residual"] is None
+    assert figures(synthetic.result(broken)) == {}
+
+
+def test_table_shows_every_step_and_its_message(synthetic):
+    stalled = dataclasses.replace(synthetic.step(2e-6, Status.STALLED), message="the residual stays at 1e-3")
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(synthetic.step(1e-6), stalled)))
+    text = console.export_text()
+    assert "step 2: the residual stays at 1e-3" in text
+    assert "not-converged: 2 of 2 steps" in text
+    assert "-9" in text
+
+
+def test_figures_are_drawn(tmp_path, synthetic):
+    drawn = figures(synthetic.result(synthetic.step(1e-6)))
+    assert set(drawn) == {"pressure.png", "electric_potential.png", "magnetic_potential.png", "sections.png"}
+    for name, figure in drawn.items():
+        save_figure(figure, tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_figures_carry_the_numbers_with_units(synthetic):
+    drawn = figures(synthetic.result(synthetic.step(1e-6)))
+    axes, bar = drawn["pressure.png"].axes
+    assert bar.get_ylabel() == "contact pressure [MPa]"
+    assert axes.collections[0].get_array().max() == pytest.approx(1.0)
+    section = drawn["sections.png"].axes[1].lines[0].get_xydata()
+    assert section[np.argmin(np.abs(section[:, 0])), 1] == pytest.approx(-5.0)
+    assert section[0, 0] == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "triangle6", "quad", "quad8", "quad9"])
+def test_triangles_cover_their_cell(cell):
+    element = next(element for element in ELEMENTS.values() if element.meshio_type == cell)
+    n = len(element.nodes)
+    points = np.column_stack([element.nodes, np.zeros(n)])
+    zone = Zone(points, np.tile(np.eye(3), (n, 1, 1)), np.ones(n), ((cell, np.arange(n)[None, :]),))
+    flat = Picture.of(zone).triangulation
+    corners = np.stack([flat.x, flat.y], axis=1)[flat.triangles] * 1e-3
+    edges = corners[:, 1:] - corners[:, :1]
+    areas = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx(4.0 if element.reference == "quadrilateral" else 0.5)
+
+
+def test_no_figures_without_steps(synthetic):
+    assert figures(synthetic.result(planned=1)) == {}
