@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import final
 
-from meeframe.core.errors import MaterialError
+from meeframe.core.errors import CaseError, MaterialError
 from meeframe.core.fields import Array
 from meeframe.core.fundamental import FundamentalSolution, Kernel
 from meeframe.fundamental.modulated import ModulatedKernel, checked_stiffness, spread_directions
@@ -21,16 +21,19 @@ LAST_CHANGE = 1e-8
 class LineIntegral(FundamentalSolution):
     """H(e) as the mean of (C_iJKm z_i z_m)^-1 over the half circle normal to e, by the trapezoidal rule.
 
-    points: nodes of the rule, an even number >= 4; they are doubled, direction by direction, until the result is exact
-    to round-off. Source: Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; notes, section 6.
+    points: nodes of the rule, an even number; they are doubled, direction by direction, until the result is exact to
+    round-off. Raises CaseError if points is out of bounds.
+    Source: Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; notes, section 6.
     """
 
     points: int = 32
 
+    def __post_init__(self) -> None:
+        if self.points % 2 or not 4 <= self.points <= MOST_POINTS:
+            raise CaseError(f"LineIntegral: points = {self.points!r}: allowed are even numbers from 4 to {MOST_POINTS}")
+
     def bind(self, stiffness: Array) -> Kernel:
         """The kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not elliptic."""
-        if self.points < 4 or self.points % 2:
-            raise MaterialError(f"line integral with points = {self.points}; it must be an even number of at least 4")
         checked = checked_stiffness(stiffness)
         modulation = partial(line_modulation, checked, self.points)
         modulation(triads(spread_directions(20))[1])

@@ -1,13 +1,14 @@
 """The production kernel: a piecewise polynomial table of the fundamental solution over all directions."""
 
 from dataclasses import dataclass
-from typing import final
+from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.errors import MaterialError
+from meeframe.core.errors import CaseError, MaterialError
 from meeframe.core.fields import Array
 from meeframe.core.fundamental import FundamentalSolution, Kernel
+from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.fundamental.line_integral import LineIntegral, line_modulation
 from meeframe.fundamental.modulated import checked_stiffness
 from meeframe.kernels.modulation import triads
@@ -52,20 +53,24 @@ class Tabulated(FundamentalSolution):
     """The line integral tabulated over the faces of a cube, by polynomials of degree 7 in each of its cells.
 
     tolerance: largest error of U at any direction, relative to its largest entry; T is allowed ten times as much.
-    cells: cells along a face at first; bind checks every cell against the line integral and refines where needed.
+    cells: cells along a face at first, 1 to 64; bind checks every cell against the line integral and refines all
+    of them if one fails. Raises CaseError if an option is out of bounds.
     Source: notes, section 6.
     """
 
-    tolerance: float = 1e-8
+    tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-8
     cells: int = 12
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        if not 1 <= self.cells <= MOST_CELLS:
+            raise CaseError(f"Tabulated: cells = {self.cells!r}: allowed are 1 to {MOST_CELLS}")
 
     def bind(self, stiffness: Array) -> Kernel:
         """The kernel for a scaled stiffness (3, 5, 5, 3).
 
         Raises MaterialError if the stiffness is not symmetric or not elliptic, or too anisotropic for the tolerance.
         """
-        if not 1 <= self.cells <= MOST_CELLS:
-            raise MaterialError(f"tabulated kernel with cells = {self.cells}; allowed are 1 to {MOST_CELLS}")
         checked = checked_stiffness(stiffness)
         reference = LineIntegral(LINE_POINTS).bind(checked)
         coefficients = _face_coefficients(checked)

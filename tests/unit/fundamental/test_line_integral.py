@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from meeframe.core.errors import CaseError, MaterialError
+from meeframe.fundamental import LineIntegral
+from meeframe.kernels.modulation import triads
+from meeframe.testing.fundamental import relative_error, unit_vectors
+
+
+def test_is_the_mean_over_the_half_circle(stiffness, random):
+    """Gauss quadrature over the angle, with no use of periodicity, as the independent integration."""
+    offset = unit_vectors(random, 20)
+    _, triad = triads(offset)
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    angle = 0.5 * np.pi * (nodes + 1.0)
+    z = np.cos(angle)[:, None] * triad[:, None, 0] + np.sin(angle)[:, None] * triad[:, None, 1]
+    inverse = np.linalg.inv(np.einsum("nai,ijkm,nam->najk", z, stiffness, z))
+    expected = 0.5 * np.einsum("a,najk->njk", weights, inverse) / (4.0 * np.pi)
+    u, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)
+    assert relative_error(u, expected) < 1e-12
+
+
+@pytest.mark.parametrize("points", [4, 18, 256])
+def test_does_not_depend_on_the_first_number_of_points(points, stiffness, random):
+    offset, normal = random.normal(size=(50, 3)), unit_vectors(random, 50)
+    u, t = LineIntegral().bind(stiffness).evaluate(offset, normal)
+    u_other, t_other = LineIntegral(points).bind(stiffness).evaluate(offset, normal)
+    assert relative_error(u_other, u) < 1e-13
+    assert relative_error(t_other, t) < 1e-12
+
+
+def test_adds_points_for_extreme_anisotropy(isotropic, random):
+    stiffness = isotropic.copy()
+    stiffness[2, 3, 3, 2] *= 1e-4
+    offset = unit_vectors(random, 100)
+    u, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)
+    a, c = stiffness[0, 3, 3, 0], stiffness[2, 3, 3, 2]
+    # Laplace's equation in stretched coordinates.
+    stretched = np.sqrt(a * a * offset[:, 2] ** 2 + a * c * (offset[:, 0] ** 2 + offset[:, 1] ** 2))
+    np.testing.assert_allclose(u[:, 3, 3], -1.0 / (4.0 * np.pi * stretched), rtol=1e-11)
+
+
+@pytest.mark.parametrize("points", [0, 2, 7, -4, 1 << 20])
+def test_refuses_points(points):
+    with pytest.raises(CaseError, match="even numbers"):
+        LineIntegral(points)
+
+
+def test_refuses_bad_stiffness(isotropic):
+    with pytest.raises(MaterialError, match="shape"):
+        LineIntegral().bind(isotropic[:2])
+    wrong = isotropic.copy()
+    wrong[0, 3, 3, 0] = np.nan
+    with pytest.raises(MaterialError, match="not finite"):
+        LineIntegral().bind(wrong)
+    wrong = isotropic.copy()
+    wrong[0, 1, 3, 0] += 0.1
+    with pytest.raises(MaterialError, match="C_iJKm = C_mKJi"):
+        LineIntegral().bind(wrong)
+    wrong = isotropic.copy()
+    wrong[2, 4, 4, 2] *= -1.0
+    with pytest.raises(MaterialError, match="electromagnetic block"):
+        LineIntegral().bind(wrong)
+    wrong = isotropic.copy()
+    wrong[:, :3, :3, :] *= -1.0
+    with pytest.raises(MaterialError, match="mechanical block"):
+        LineIntegral().bind(wrong)

@@ -1,0 +1,94 @@
+"""The table against the line integral, in all directions."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from meeframe.core.errors import CaseError, MaterialError
+from meeframe.fundamental import LineIntegral, Tabulated, tabulated
+from meeframe.testing.fundamental import relative_error, unit_vectors
+
+DISPLACEMENT, TRACTION = 1e-8, 1e-7
+
+
+def assert_equals_line_integral(stiffness, offset, random):
+    normal = unit_vectors(random, len(offset))
+    exact = LineIntegral().bind(stiffness).evaluate(offset, normal)
+    u, t = Tabulated().bind(stiffness).evaluate(offset, normal)
+    assert relative_error(u, exact[0]) < DISPLACEMENT
+    assert relative_error(t, exact[1]) < TRACTION
+
+
+def test_random_directions_and_distances(stiffness, random):
+    """More points than one chunk of the kernel, in no order."""
+    offset = unit_vectors(random, 15000) * 10.0 ** random.uniform(-6.0, 3.0, (15000, 1))
+    assert_equals_line_integral(stiffness, offset, random)
+
+
+def test_boundaries_of_cells_and_faces(stiffness, random):
+    cells = Tabulated().bind(stiffness).cells
+    lines = 2.0 * np.arange(cells + 1) / cells - 1.0
+    u, v = (grid.ravel() for grid in np.meshgrid(lines, lines))
+    faces = [np.roll(np.stack([np.ones_like(u), u, v], axis=1), axis, axis=1) for axis in range(3)]
+    corners = np.vstack(faces)
+    nudges = 10.0 ** random.uniform(-16.0, -6.0, corners.shape) * random.choice([-1.0, 1.0], corners.shape)
+    assert_equals_line_integral(stiffness, np.vstack([corners, -corners, corners + nudges, np.eye(3)]), random)
+
+
+def test_the_check_at_bind_time_sees_the_largest_error(orthotropic, random):
+    """With twelve cells and no check this material misses the tolerance; bind must have refined."""
+    kernel = Tabulated(tolerance=0.5).bind(orthotropic)
+    assert kernel.cells == 12
+    offset, normal = unit_vectors(random, 5000), unit_vectors(random, 5000)
+    _, t_exact = LineIntegral().bind(orthotropic).evaluate(offset, normal)
+    assert relative_error(kernel.evaluate(offset, normal)[1], t_exact) > TRACTION
+    assert Tabulated().bind(orthotropic).cells > 12
+
+
+def test_error_of_traction_falls_with_the_seventh_power_of_cell_size(transversely_isotropic, random):
+    offset, normal = unit_vectors(random, 20000), unit_vectors(random, 20000)
+    _, exact = LineIntegral().bind(transversely_isotropic).evaluate(offset, normal)
+    kernels = [Tabulated(tolerance=0.5, cells=cells).bind(transversely_isotropic) for cells in (16, 32)]
+    coarse, fine = (np.sqrt(np.mean((kernel.evaluate(offset, normal)[1] - exact) ** 2)) for kernel in kernels)
+    assert np.log2(coarse / fine) > 7.0 - 0.2
+
+
+def test_tighter_tolerance(transversely_isotropic, random):
+    offset, normal = unit_vectors(random, 3000), unit_vectors(random, 3000)
+    exact = LineIntegral().bind(transversely_isotropic).evaluate(offset, normal)
+    u, t = Tabulated(tolerance=1e-10).bind(transversely_isotropic).evaluate(offset, normal)
+    assert relative_error(u, exact[0]) < 1e-10
+    assert relative_error(t, exact[1]) < 1e-9
+
+
+def test_threads_give_the_same(transversely_isotropic, random):
+    kernel = Tabulated().bind(transversely_isotropic)
+    parts = [(unit_vectors(random, 3000), unit_vectors(random, 3000)) for _ in range(8)]
+    serial = [kernel.evaluate(*part) for part in parts]
+    with ThreadPoolExecutor(4) as pool:
+        parallel = list(pool.map(lambda part: kernel.evaluate(*part), parts))
+    for one, other in zip(serial, parallel, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
+
+
+def test_arrays_of_any_layout(transversely_isotropic, random):
+    kernel = Tabulated().bind(transversely_isotropic)
+    offset, normal = random.normal(size=(100, 3)), unit_vectors(random, 100)
+    expected = kernel.evaluate(offset[::2].copy(), normal[::2].copy())
+    strided = kernel.evaluate(np.asfortranarray(offset)[::2], np.asfortranarray(normal)[::2])
+    np.testing.assert_array_equal(strided[0], expected[0])
+    np.testing.assert_array_equal(strided[1], expected[1])
+
+
+def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
+    monkeypatch.setattr(tabulated, "MOST_CELLS", 12)
+    with pytest.raises(MaterialError, match="too anisotropic"):
+        Tabulated().bind(orthotropic)
+
+
+@pytest.mark.parametrize("options", [{"cells": 0}, {"cells": 65}, {"tolerance": 0.0}, {"tolerance": float("nan")}])
+def test_refuses_options(options):
+    with pytest.raises(CaseError, match=next(iter(options))):
+        Tabulated(**options)
