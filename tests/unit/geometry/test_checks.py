@@ -47,7 +47,11 @@ def torn(mesh: SurfaceMesh, shift: float = 0.0) -> SurfaceMesh:
     block = mesh.blocks[0]
     points = mesh.points[block.connectivity].reshape(-1, 3)
     points = points + shift * np.random.default_rng(1).uniform(-1, 1, points.shape)
-    return SurfaceMesh(points, (replace(block, connectivity=np.arange(len(points)).reshape(block.connectivity.shape)),), mesh.group_names)
+    return SurfaceMesh(
+        points,
+        (replace(block, connectivity=np.arange(len(points)).reshape(block.connectivity.shape)),),
+        mesh.group_names,
+    )
 
 
 def refused(mesh: SurfaceMesh, text: str) -> None:
@@ -64,7 +68,10 @@ def test_a_good_mesh_passes(element: SurfaceElement) -> None:
 def test_open(element: SurfaceElement) -> None:
     mesh = cube(element)
     cells = 1 if element.reference == "quadrilateral" else 2
-    refused(drop_unused(with_cells(mesh, mesh.blocks[0].connectivity[cells:])), "not closed, only one element has an edge: 4 edges, at")
+    refused(
+        drop_unused(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
+        "not closed, only one element has an edge: 4 edges, at",
+    )
 
 
 @EVERY
@@ -108,7 +115,10 @@ def test_cavities_look_inwards() -> None:
 
 def test_not_a_manifold() -> None:
     beside = moved(cube(), lambda p: np.add(p, [2.0, 2.0, 0.0], out=p))
-    refused(merge_points(both(cube(), beside), 1e-9), "not a manifold, more than two elements share an edge: 2 edges, at .1, 1,")
+    refused(
+        merge_points(both(cube(), beside), 1e-9),
+        "not a manifold, more than two elements share an edge: 2 edges, at .1, 1,",
+    )
 
 
 def test_duplicate_points_and_how_to_merge_them() -> None:
@@ -129,7 +139,9 @@ def test_a_near_duplicate_is_found_in_a_graded_mesh() -> None:
 
 def test_unused_point() -> None:
     mesh = cube()
-    refused(replace(mesh, points=np.vstack([mesh.points, [7.0, 8.0, 9.0]])), r"no element uses: 1 points, at \(7, 8, 9\)")
+    refused(
+        replace(mesh, points=np.vstack([mesh.points, [7.0, 8.0, 9.0]])), r"no element uses: 1 points, at \(7, 8, 9\)"
+    )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

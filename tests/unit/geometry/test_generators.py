@@ -63,13 +63,17 @@ def test_areas_of_the_faces_and_volume_of_a_block(element: SurfaceElement) -> No
     assert volume(mesh) == pytest.approx(0.1 * 0.06 * 0.12, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "axis", "value"), [("side_x-", 0, -5), ("side_x+", 0, 5), ("side_y-", 1, -3), ("side_y+", 1, 3)])
+@pytest.mark.parametrize(
+    ("name", "axis", "value"), [("side_x-", 0, -5), ("side_x+", 0, 5), ("side_y-", 1, -3), ("side_y+", 1, 3)]
+)
 def test_sides_of_a_block_lie_where_their_names_say(name: str, axis: int, value: float) -> None:
     mesh = block_mesh((5, 3), 12.0, 1.0, 4, 3, 2, Quad8())
     np.testing.assert_array_equal(mesh.points[mesh.group_points(name)][:, axis], value)
 
 
-@pytest.mark.parametrize(("name", "axis", "value"), [(f"{a}{s}", k, v) for k, a in enumerate("xyz") for s, v in (("-", -1), ("+", 1))])
+@pytest.mark.parametrize(
+    ("name", "axis", "value"), [(f"{a}{s}", k, v) for k, a in enumerate("xyz") for s, v in (("-", -1), ("+", 1))]
+)
 def test_faces_of_a_box_lie_where_their_names_say(name: str, axis: int, value: float) -> None:
     sizes = np.array([1.0, 2.0, 3.0])
     mesh = box_mesh((1.0, 2.0, 3.0), (2, 3, 4), Quad9())

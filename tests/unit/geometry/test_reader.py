@@ -1,0 +1,283 @@
+"""Meshes through files and back, and every file that is refused."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from meeframe.core.element import SurfaceElement
+from meeframe.core.errors import MeshError
+from meeframe.core.mesh import SurfaceMesh
+from meeframe.elements import ELEMENTS, Quad4, Quad9
+from meeframe.geometry import area, block_mesh, box_mesh, read_mesh, volume
+
+EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
+BOX_AREAS = {"x-": 6.0, "x+": 6.0, "y-": 3.0, "y+": 3.0, "z-": 2.0, "z+": 2.0}
+
+
+def box(element: SurfaceElement | None = None) -> SurfaceMesh:
+    return box_mesh((1.0, 2.0, 3.0), (2, 3, 2), element or Quad4())
+
+
+def cells_of(mesh: SurfaceMesh) -> list[tuple[str, np.ndarray]]:
+    return [(block.element.meshio_type, block.connectivity) for block in mesh.blocks]
+
+
+def write_gmsh(mesh: SurfaceMesh, path: Path, file_format: str = "gmsh22", extra: bool = False) -> None:
+    """The mesh with its groups as physical groups; extra: with lines, points and volume cells, and a loose point."""
+    tags = [block.groups.astype(np.int32) + 1 for block in mesh.blocks]
+    cells, points = cells_of(mesh), mesh.points
+    if extra:
+        points = np.vstack([points, [9.0, 9.0, 9.0]])
+        cells = [
+            ("line", np.array([[0, 1]])),
+            ("vertex", np.array([[0]])),
+            *cells,
+            ("tetra", np.array([[0, 1, 2, len(points) - 1]])),
+        ]
+        tags = [np.array([77], np.int32), np.array([0], np.int32), *tags, np.array([50], np.int32)]
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    fields = {name: np.array([k + 1, 2]) for k, name in enumerate(mesh.group_names)}
+    meshio.write(
+        path, meshio.Mesh(points, cells, cell_data=data, field_data=fields), file_format=file_format, binary=False
+    )
+
+
+def read(path: Path, **options: object) -> SurfaceMesh:
+    return read_mesh(path, ELEMENTS.values(), **options)
+
+
+@EVERY
+def test_gmsh_and_back(element: SurfaceElement, tmp_path: Path) -> None:
+    original = box(element)
+    write_gmsh(original, tmp_path / "box.msh")
+    mesh = read(tmp_path / "box.msh")
+    np.testing.assert_array_equal(mesh.points, original.points)
+    (block,) = mesh.blocks
+    assert block.element == element
+    np.testing.assert_array_equal(block.connectivity, original.blocks[0].connectivity)
+    assert {name: pytest.approx(area(mesh, name)) for name in mesh.group_names} == BOX_AREAS
+    assert volume(mesh) == pytest.approx(6.0)
+
+
+def test_the_block_of_the_paper_through_a_file(tmp_path: Path) -> None:
+    original = block_mesh(50.0, 120.0, 5.0, 16, 6, 3, Quad4())
+    write_gmsh(original, tmp_path / "block.msh")
+    mesh = read(tmp_path / "block.msh", length_unit=1e-3)
+    assert (mesh.n_elements, len(mesh.points)) == (1088, 1090)
+    assert area(mesh, "contact") == pytest.approx(25e-6, rel=1e-12)
+    assert sorted(mesh.group_names) == sorted(original.group_names)
+
+
+@pytest.mark.parametrize("named", [6, 4])
+def test_cell_sets(named: int, tmp_path: Path) -> None:
+    original = box()
+    groups = original.blocks[0].groups
+    names = ["xm", "xp", "ym", "yp", "zm", "zp"][:named]
+    sets = {name: [np.flatnonzero(groups == k)] for k, name in enumerate(names)}
+    meshio.write(tmp_path / "box.inp", meshio.Mesh(original.points, cells_of(original), cell_sets=sets))
+    mesh = read(tmp_path / "box.inp")
+    assert set(mesh.group_names) == set(names) | ({"surface"} if named < 6 else set())
+    assert [area(mesh, name) for name in names] == pytest.approx([6.0, 6.0, 3.0, 3.0, 2.0, 2.0][:named])
+
+
+@EVERY
+def test_vtu_with_a_cell_array_as_groups(element: SurfaceElement, tmp_path: Path) -> None:
+    original = box(element)
+    path = tmp_path / "box.vtu"
+    meshio.write(
+        path, meshio.Mesh(original.points, cells_of(original), cell_data={"face": [original.blocks[0].groups]})
+    )
+    mesh = read(path)
+    assert mesh.group_names == ("surface",)
+    np.testing.assert_array_equal(mesh.points, original.points)
+    named = read(path, group_data="face")
+    assert named.group_names == tuple(f"face_{k}" for k in range(6))
+    assert area(named, "face_1") == pytest.approx(6.0)
+    with pytest.raises(
+        MeshError, match=r"box\.vtu: group_data = 'faces': no such cell array in the file; it has: face"
+    ):
+        read(path, group_data="faces")
+
+
+def test_mixed_elements(tmp_path: Path) -> None:
+    original = box()
+    quads = original.blocks[0].connectivity
+    cells = [("quad", quads[6:]), ("triangle", quads[:6][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))]
+    meshio.write(tmp_path / "mixed.vtk", meshio.Mesh(original.points, cells))
+    mesh = read(tmp_path / "mixed.vtk")
+    assert sorted(block.element.name for block in mesh.blocks) == ["quad4", "tri3"]
+    assert mesh.n_elements == 26 + 12
+    assert volume(mesh) == pytest.approx(6.0)
+
+
+def test_points_lines_and_volume_cells_are_passed_over(tmp_path: Path) -> None:
+    original = box()
+    write_gmsh(original, tmp_path / "extra.msh", extra=True)
+    mesh = read(tmp_path / "extra.msh")
+    np.testing.assert_array_equal(mesh.points, original.points)
+    assert {name: pytest.approx(area(mesh, name)) for name in mesh.group_names} == BOX_AREAS
+
+
+GMSH_41 = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+2 7 "contact"
+2 8 "held"
+3 9 "body"
+$EndPhysicalNames
+$Entities
+0 0 4 1
+1 0 0 0 1 1 0 1 7 0
+2 0 0 0 1 0 1 1 8 0
+3 0 0 0 1 1 1 1 8 0
+4 0 0 0 0 1 1 1 10 0
+1 0 0 0 1 1 1 1 9 4 1 2 3 4
+$EndEntities
+$Nodes
+1 4 1 4
+2 1 0 4
+1
+2
+3
+4
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+$EndNodes
+$Elements
+5 5 1 5
+2 1 2 1
+1 1 3 2
+2 2 2 1
+2 1 2 4
+2 3 2 1
+3 2 3 4
+2 4 2 1
+4 1 4 3
+3 1 4 1
+5 1 2 3 4
+$EndElements
+"""
+
+
+def test_physical_groups_of_gmsh_4(tmp_path: Path) -> None:
+    # written by hand: two named groups, one without a name, and the volume
+    (tmp_path / "tetra.msh").write_text(GMSH_41)
+    mesh = read(tmp_path / "tetra.msh")
+    assert mesh.group_names == ("contact", "held", "surface")
+    assert [area(mesh, name) for name in mesh.group_names] == pytest.approx([0.5, 0.5 + np.sqrt(0.75), 0.5])
+    assert volume(mesh) == pytest.approx(1 / 6)
+
+
+def test_elements_in_no_physical_group(tmp_path: Path) -> None:
+    original = box()
+    tags = np.where(original.blocks[0].groups == 5, 0, np.where(original.blocks[0].groups == 4, 9, 1)).astype(np.int32)
+    data = {"gmsh:physical": [tags], "gmsh:geometrical": [tags]}
+    fields = {"held": np.array([1, 2]), "a line": np.array([9, 1])}
+    written = meshio.Mesh(original.points, cells_of(original), cell_data=data, field_data=fields)
+    meshio.write(tmp_path / "box.msh", written, file_format="gmsh22", binary=False)
+    mesh = read(tmp_path / "box.msh")
+    assert mesh.group_names == ("held", "physical_9", "surface")
+    assert area(mesh, "surface") == pytest.approx(2.0)
+
+
+def test_split_nodes_are_refused_or_merged(tmp_path: Path) -> None:
+    original = box()
+    split = original.points[original.blocks[0].connectivity].reshape(-1, 3)
+    path = tmp_path / "split.vtk"
+    meshio.write(path, meshio.Mesh(1e3 * split, [("quad", np.arange(len(split)).reshape(-1, 4))]))
+    with pytest.raises(
+        MeshError, match=r"split\.vtk: mesh: points that coincide with others .*: \d+ pairs of points, at \("
+    ):
+        read(path, length_unit=1e-3)
+    merged = read(path, length_unit=1e-3, merge_tolerance=1e-6)
+    assert len(merged.points) == len(original.points)
+    assert volume(merged) == pytest.approx(6.0)
+
+
+def test_reorient(tmp_path: Path) -> None:
+    original = box(Quad9())
+    flipped = original.blocks[0].connectivity[:, [3, 2, 1, 0, 6, 5, 4, 7, 8]]
+    path = tmp_path / "flipped.vtu"
+    meshio.write(path, meshio.Mesh(original.points, [("quad9", flipped)]))
+    with pytest.raises(MeshError, match=r"flipped\.vtu: mesh: the mesh inside out"):
+        read(path)
+    assert volume(read(path, reorient=True)) == pytest.approx(6.0)
+
+
+def _mesh_file(points: object, cells: list[tuple[str, object]]) -> Callable[[Path], None]:
+    return lambda path: meshio.write(path, meshio.Mesh(np.asarray(points, float), cells))
+
+
+TETRA = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "text"),
+    [
+        ("absent.msh", lambda path: None, "no such file"),
+        ("folder.msh", lambda path: path.mkdir(), "no such file"),
+        ("empty.msh", lambda path: path.write_text(""), "meshio cannot read it"),
+        ("noise.vtu", lambda path: path.write_bytes(bytes(range(256))), "meshio cannot read it"),
+        (
+            "noise.msh",
+            lambda path: path.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\nx\n"),
+            "meshio cannot read it",
+        ),
+        ("mesh.unknown", lambda path: path.write_text("1 2 3"), "meshio cannot read it.*unknown"),
+        (
+            "solid.vtk",
+            _mesh_file(TETRA, [("tetra", [[0, 1, 2, 3]])]),
+            "no surface elements; cells in the file: tetra; wanted: quad,",
+        ),
+        ("lines.vtk", _mesh_file(TETRA, [("line", [[0, 1]])]), "no surface elements; cells in the file: line"),
+        (
+            "open.vtk",
+            _mesh_file(TETRA, [("triangle", CLOSED[0][1][:3])]),
+            "not closed, only one element has an edge: 3 edges",
+        ),
+        ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite: 1 points"),
+        ("range.vtk", _mesh_file(TETRA[:3], CLOSED), "no point 3, which tri3 uses"),
+        ("flat.xdmf", _mesh_file([p[:2] for p in TETRA], [("triangle", [[0, 1, 2]])]), "not three-dimensional"),
+        (
+            "high.vtu",
+            _mesh_file(np.zeros((10, 3)), [("VTK_LAGRANGE_TRIANGLE", [list(range(10))])]),
+            "cells of type '.*' are not among the element types: quad",
+        ),
+    ],
+)
+def test_files_that_are_refused(
+    name: str, make: Callable[[Path], None], text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    make(path)
+    capfd.readouterr()
+    with pytest.raises(MeshError, match=f"{name}: .*{text}"):
+        read(path)
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "")
+
+
+def test_a_good_tetrahedron_and_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "good.vtk"
+    _mesh_file(TETRA, CLOSED)(path)
+    assert volume(read(path)) == pytest.approx(1 / 6)
+    assert volume(read(path, length_unit=1e-3)) == pytest.approx(1e-9 / 6)
+    with pytest.raises(MeshError, match=r"good\.vtk: length_unit = 0: must be"):
+        read(path, length_unit=0)
+    with pytest.raises(MeshError, match="merge_tolerance = nan"):
+        read(path, merge_tolerance=float("nan"))
+
+
+def test_an_element_in_two_groups_is_refused(tmp_path: Path) -> None:
+    sets = {"one": [np.array([0, 1])], "two": [np.array([1, 2, 3])]}
+    meshio.write(tmp_path / "two.inp", meshio.Mesh(np.array(TETRA, float), CLOSED, cell_sets=sets))
+    with pytest.raises(MeshError, match=r"two\.inp: an element is in two face groups, 'one' and 'two'"):
+        read(tmp_path / "two.inp")
