@@ -1,6 +1,7 @@
 """Time of the fundamental solutions: python benchmarks/kernels.py [--points N] [--repeats N] [--json FILE].
 
 A pair is U and T at one point, 50 component values. Times are medians over the repeats, in directions without order.
+Time on a core is processor time of all threads, which other load on the machine disturbs less than wall time.
 """
 
 import argparse
@@ -33,25 +34,26 @@ def problem(points):
 
 
 def median_time(action, repeats):
-    """Median wall time of an action after one call to warm up [s]."""
+    """Median wall and processor time of an action after one call to warm up [s]."""
     action()
-    times = []
+    walls, processors = [], []
     for _ in range(repeats):
-        start = time.perf_counter()
+        wall, processor = time.perf_counter(), time.process_time()
         action()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
+        walls.append(time.perf_counter() - wall)
+        processors.append(time.process_time() - processor)
+    return {"wall": statistics.median(walls), "processor": statistics.median(processors)}
 
 
 def per_pair(kernel, offset, normal, threads, repeats):
-    """Median time per pair and thread count in microseconds of wall time."""
+    """Median wall and processor time per pair [us] in some threads."""
     parts = [slice(k * len(offset) // threads, (k + 1) * len(offset) // threads) for k in range(threads)]
     with ThreadPoolExecutor(threads) as pool:
 
         def action():
             list(pool.map(lambda part: kernel.evaluate(offset[part], normal[part]), parts))
 
-        return 1e6 * median_time(action, repeats) / len(offset)
+        return {clock: 1e6 * seconds / len(offset) for clock, seconds in median_time(action, repeats).items()}
 
 
 def cold_run():
@@ -82,7 +84,8 @@ def measure(points, repeats):
     from meeframe.materials import Material
 
     with tempfile.TemporaryDirectory() as cache:
-        record = {"cold_process_s": first_run(cache), "warm_process_s": first_run(cache)}
+        record = {"load_average": os.getloadavg()[0]}
+        record |= {"cold_process_s": first_run(cache), "warm_process_s": first_run(cache)}
     stiffness, offset, normal = problem(points)
     record["bind_warm_s"] = median_time(lambda: Tabulated().bind(stiffness), 3)
     kernel = Tabulated().bind(stiffness)
@@ -110,15 +113,17 @@ def show(record):
     for name in ("cold_process_s", "warm_process_s"):
         times = record[name]
         print(f"{name[:4]} process: " + ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in times.items()))
-    print(f"bind, warm: {record['bind_warm_s']:.2f} s")
+    print(f"bind, warm: {record['bind_warm_s']['wall']:.2f} s")
+    print(f"load of the machine before the run: {record['load_average']:.1f}")
     print("\ntabulated      points  threads  us/pair (wall)  us/pair/core  component values/s")
     for size, by_threads in record["tabulated_us"].items():
-        for threads, wall in by_threads.items():
-            core = wall * int(threads)
+        for threads, times in by_threads.items():
+            wall, core = times["wall"], times["processor"]
             verdict = "" if core <= TARGET else f"  above the target of {TARGET}"
             print(f"{size:>20}  {threads:>7}  {wall:>14.3f}  {core:>12.3f}  {COMPONENTS / wall * 1e6:>18.2e}{verdict}")
     print("\nothers, one thread:")
-    for name, wall in record["others_us"].items():
+    for name, times in record["others_us"].items():
+        wall = times["wall"]
         print(f"{name:>20}  {wall:>10.3f} us/pair  {COMPONENTS / wall * 1e6:.2e} component values/s")
 
 
