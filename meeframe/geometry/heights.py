@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, final
 
 import numpy as np
-from scipy.interpolate import RegularGridInterpolator
+from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 from scipy.spatial import cKDTree
 
 from meeframe.core.errors import CaseError
@@ -104,9 +104,12 @@ def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) 
     slack = SAME * np.array([np.ptp(xs), np.ptp(ys)])
     low, high = np.array([xs[0], ys[0]]), np.array([xs[-1], ys[-1]])
     within = np.all((at >= low - slack) & (at <= high + slack), axis=-1)
-    surface = RegularGridInterpolator((xs, ys), grid - grid.min(), method=interpolation)
+    inside = np.clip(at[within], low, high)
     heights = np.full(len(at), np.inf)
-    heights[within] = surface(np.clip(at[within], low, high))
+    if interpolation == "cubic":
+        heights[within] = RectBivariateSpline(xs, ys, grid - grid.min()).ev(*inside.T)
+    else:
+        heights[within] = RegularGridInterpolator((xs, ys), grid - grid.min())(inside)
     return heights
 
 

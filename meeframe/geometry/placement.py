@@ -16,6 +16,7 @@ from meeframe.geometry.zone import ContactZone, frames_of
 Flags = NDArray[np.bool_]
 
 MOST_STEPS: Final = 200
+SAMPLES: Final = 100  # of a ray that may meet a surface that is not convex
 ROUND_OFF: Final = 1e-13  # of a distance, in parts of the extent of the contact zone
 
 
@@ -91,24 +92,38 @@ def _meet(indenter: Indenter, start: Array, along: Array) -> tuple[Array, Flags]
 
     Newton's method on level(s) = z - height(x, y) from the level of the lowest point, where level <= 0. For a convex
     indenter level is concave along the ray, so that the steps never pass the first meeting, and where level stops
-    rising there is none.
+    rising there is none. For others it may rise again: then the ray is not settled. Rays that pass beside the surface
+    meet none, whatever its sides look like.
     """
     distance = -start[:, 2] / along[:, 2]
     scale = (np.abs(start).max(initial=0.0) + np.abs(distance).max(initial=0.0)) or 1.0
     upright = not np.any(along[:, :2])
-    open_rays = np.ones(len(start), bool)
+    running, beside, falling = np.ones(len(start), bool), np.zeros(len(start), bool), np.zeros(len(start), bool)
     for _ in range(MOST_STEPS):
-        rays = np.flatnonzero(open_rays)
+        rays = np.flatnonzero(running)
         if rays.size == 0:
             break
         at = start[rays] + distance[rays, None] * along[rays]
         height = indenter.height(at[:, 0], at[:, 1])
         rate = along[rays, 2] - (0.0 if upright else _slope(indenter, at, along[rays], 1e-6 * scale))
-        lost = ~np.isfinite(height) | (rate <= 0)
-        step = np.where(lost, np.inf, height - at[:, 2]) / np.where(lost, 1.0, rate)
+        beside[rays] = np.isinf(height)
+        falling[rays] = ~beside[rays] & (rate <= 0)
+        lost = (beside | falling)[rays]
+        step = np.where(lost, 0.0, height - at[:, 2]) / np.where(lost, 1.0, rate)
         distance[rays] += step
-        open_rays[rays] = ~lost & (np.abs(step) > ROUND_OFF * scale)
-    return distance, ~open_rays
+        running[rays] = ~lost & (np.abs(step) > ROUND_OFF * scale)
+    doubtful = falling.copy()
+    doubtful[falling] = _meets_ahead(indenter, start[falling], along[falling], distance[falling], scale)
+    return np.where(beside | falling, np.inf, distance), ~(running | doubtful)
+
+
+def _meets_ahead(indenter: Indenter, start: Array, along: Array, distance: Array, reach: float) -> Flags:
+    """Whether the rays get above the surface within reach beyond a distance, by samples."""
+    met = np.zeros(len(start), bool)
+    for further in np.linspace(0, reach, SAMPLES + 1)[1:]:
+        at = start + (distance + further)[:, None] * along
+        met |= at[:, 2] > indenter.height(at[:, 0], at[:, 1])
+    return met
 
 
 def _slope(indenter: Indenter, at: Array, along: Array, reach: float) -> Array:
