@@ -18,6 +18,20 @@ _MISSING = object()
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 
+# pydantic's kinds of errors whose own texts speak of Python and not of TOML
+_TEXTS = {
+    "dict_type": "should be a table",
+    "model_type": "should be a table",
+    "tuple_type": "should be a list",
+    "too_short": "should not be empty",
+    "string_type": "should be a text",
+    "string_too_short": "should not be empty",
+    "int_type": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "bool_type": "should be true or false",
+}
+
+
 @dataclass(frozen=True)
 class Problem:
     """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed."""
@@ -137,7 +151,7 @@ def _problems(item: Any, model: type[BaseModel]) -> Iterator[Problem]:
         yield Problem(location, str(inner), value)
     else:
         text = item["msg"].replace("Input should", "should", 1)
-        yield Problem(location, text[:1].lower() + text[1:], value)
+        yield Problem(location, _TEXTS.get(kind, text), value)
 
 
 def _allowed_keys(location: tuple[str | int, ...], model: type[BaseModel]) -> str:

@@ -1,0 +1,278 @@
+"""Case files: what they become, and one clear message for whatever is wrong in them."""
+
+import math
+
+import meshio
+import numpy as np
+import pytest
+
+from meeframe.case.load import case_from_tables, load_case
+from meeframe.core.contact import ContactLaw
+from meeframe.core.errors import CaseError
+from meeframe.elements import Quad9
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.fundamental import LineIntegral
+from meeframe.geometry import Heights, Sphere
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.plugin.validation import TableError
+
+
+def test_defaults(write_case, registry):
+    path = write_case(('[formulation]\nname = "winkler"\nstiffness = "1e14 Pa/m"\n', ""))
+    case = load_case(path, registry)
+    assert case.title == "tiny"
+    assert case.text == path.read_text()
+    assert case.indenter == Sphere(0.1)
+    assert case.steps[0].approach == pytest.approx(1e-5)
+    assert isinstance(case.contact_law, Signorini)
+    assert isinstance(case.electric_law, Insulating)
+    assert case.formulation == DenseBEM()
+    assert case.mesh.n_elements == 16 + 2 * 16 + 16 + 16
+    np.testing.assert_array_equal(case.material.stiffness, library_material("batio3-cofe2o4").stiffness)
+    assert {(c.group, c.field, c.kind) for c in case.conditions} == {("base", i, "value") for i in range(5)}
+
+
+def test_everything_that_can_be_said(write_case, registry):
+    more = """
+translation = ["1 um", 0]
+magnetic_potential = "3 mA"
+
+[contact]
+law = {name = "isotropic-coulomb", mu = 0.3}
+
+[conductivity.electric]
+name = "step"
+kappa = inf
+[conductivity.magnetic]
+name = "power-law"
+reference_conductivity = "2 H/m^2"
+reference_pressure = "1 MPa"
+
+[solver]
+name = "uzawa"
+step_normal = "1e13 Pa/m"
+tolerance = 1e-6
+max_iterations = 77
+criterion = "paper"
+
+[output]
+figures = false
+
+[[boundary]]
+group = "side_x+"
+traction = ["free", "2 kPa", 0]
+electric_flux = 1e-6
+"""
+    changes = [
+        ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"\nfundamental_solution = "line-integral"'),
+        ("layers = 1", 'layers = 1\nelement = "quad9"\nlayer_growth = 2'),
+        ('radius = "100 mm"', 'radius = "100 mm"\nx = "1 mm"\ntilt_1 = "2 deg"\nelectric_potential = "-5 V"'),
+    ]
+    case = load_case(write_case(*changes, more=more), registry)
+    assert case.contact_law == IsotropicCoulomb(0.3)
+    assert case.electric_law == StepConductivity(math.inf)
+    assert case.magnetic_law.reference_pressure == pytest.approx(1e6)
+    assert case.formulation == DenseBEM(LineIntegral())
+    assert (case.placement.x, case.placement.tilt_1) == pytest.approx((1e-3, math.radians(2)))
+    assert case.solver.step_normal == pytest.approx(1e13)
+    assert (case.limits.tolerance, case.limits.max_iterations, case.limits.criterion) == (1e-6, 77, "paper")
+    assert (case.output.figures, case.output.vtu) == (False, True)
+    assert case.mesh.blocks[0].element.name == Quad9().name
+    (step,) = case.steps
+    assert (step.translation, step.electric_potential) == ((pytest.approx(1e-6), 0.0), -5.0)
+    assert step.magnetic_potential == pytest.approx(3e-3)
+    side = {(c.field, c.kind): c.data for c in case.conditions if c.group == "side_x+"}
+    assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
+
+
+BOX_POINTS = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+BOX_QUADS = {
+    "base": [0, 2, 3, 1],
+    "contact": [4, 5, 7, 6],
+    "y-": [0, 1, 5, 4],
+    "y+": [2, 6, 7, 3],
+    "x-": [0, 4, 6, 2],
+    "x+": [1, 3, 7, 5],
+}
+
+
+def write_box(path, quads):
+    """A unit cube in millimetres as a gmsh file with named groups."""
+    tags = np.arange(1, len(quads) + 1)
+    mesh = meshio.Mesh(
+        np.array(BOX_POINTS, float),
+        [("quad", np.array(list(quads.values())))],
+        cell_data={"gmsh:physical": [tags], "gmsh:geometrical": [tags]},
+        field_data={name: np.array([tag, 2]) for name, tag in zip(quads, tags, strict=True)},
+    )
+    mesh.write(path, file_format="gmsh22", binary=False)
+
+
+MESH = """[mesh]
+half_width = "50 mm"
+height = "120 mm"
+contact_width = "5 mm"
+divisions = 4
+rings = 2
+layers = 1
+"""
+
+
+def test_mesh_and_heights_from_files_beside_the_case(write_case, registry, tmp_path, monkeypatch):
+    write_box(tmp_path / "box.msh", BOX_QUADS)
+    np.save(tmp_path / "rough.npy", [[x, y, (x + y) * 1e-3] for x in (0.0, 1e-3) for y in (0.0, 1e-3)])
+    path = write_case(
+        (MESH, '[mesh]\nfile = "box.msh"\nunit = "mm"\n'),
+        ('name = "sphere"\nradius = "100 mm"', 'name = "heights"\nfile = "rough.npy"'),
+    )
+    monkeypatch.chdir("/")
+    case = load_case(path, registry)
+    assert case.mesh.points.max() == pytest.approx(1e-3)
+    assert set(case.mesh.group_names) == set(BOX_QUADS)
+    assert case.indenter == Heights(tmp_path / "rough.npy")
+
+
+WRONG = {
+    "not TOML": ([('title = "tiny"', "title = tiny")], "case.toml: is not a TOML file"),
+    "unknown table": ([("[indenter]", "[indentor]")], "indenter: missing key"),
+    "unknown key": ([('title = "tiny"', "titel = 3")], "titel = 3: unknown key; allowed: title, material, mesh"),
+    "unknown key in a table": (
+        [("rings = 2", "rings = 2\nring = 3")],
+        "mesh.ring = 3: unknown key; allowed: type, half",
+    ),
+    "unknown key in a list": ([("displacement", "displacment")], "boundary[1].displacment = [0, 0, 0]: unknown key"),
+    "missing key": ([('radius = "100 mm"\n', "")], "indenter.radius: missing key"),
+    "missing table": ([('[material]\nname = "batio3-cofe2o4"\n', "")], "material: missing key"),
+    "wrong unit": ([('"100 mm"', '"100 V"')], "indenter.radius = '100 V': has the wrong unit; expected a number in m"),
+    "no quantity": ([('"10 um"', '"deep"')], "steps[1].approach = 'deep': cannot be read as a quantity"),
+    "NaN": ([('"10 um"', "nan")], "steps[1].approach = nan: is not a number (NaN)"),
+    "infinite": ([('"10 um"', "inf")], "steps[1].approach = inf: must be finite"),
+    "not positive": ([('radius = "100 mm"', "radius = -0.1")], "indenter.radius = -0.1: must be > 0"),
+    "true is no number": ([('radius = "100 mm"', "radius = true")], "indenter.radius = true: expected a number"),
+    "no whole number": ([("divisions = 4", "divisions = 4.5")], "mesh.divisions = 4.5: should be a whole number"),
+    "too few": ([("layers = 1", "layers = 0")], "mesh.layers = 0: should be greater than or equal to 1"),
+    "unknown material": (
+        [("batio3-cofe2o4", "unobtainium")],
+        "material: unknown material 'unobtainium'; the library has",
+    ),
+    "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
+    "unknown mesh type": (
+        [("half_width", 'type = "ball"\nhalf_width')],
+        "mesh.type = 'ball': should be 'block' or 'file'",
+    ),
+    "unknown element": (
+        [("layers = 1", 'layers = 1\nelement = "quad5"')],
+        "mesh.element.name: unknown element 'quad5'",
+    ),
+    "no such group": ([('group = "base"', 'group = "bottom"')], "no face group 'bottom' in the mesh; it has contact"),
+    "zone larger than the block": ([('"5 mm"', '"500 mm"')], "mesh: contact_width = "),
+    "free rigid motions": ([("[0, 0, 0]", '["free", "free", 0]')], "leave 3 of the 6 rigid motions free"),
+    "free potential": ([("electric_potential = 0\n", "")], "no boundary condition prescribes electric_potential"),
+    "two components": ([("[0, 0, 0]", "[0, 0]")], "boundary[1].displacement[3]: missing key"),
+    "wrong word": ([("[0, 0, 0]", '[0, 0, "fixed"]')], "boundary[1].displacement[3] = 'fixed': cannot be read"),
+    "nothing above the zone": (
+        [('name = "sphere"\nradius = "100 mm"', 'name = "flat-punch"\nradius = "1 mm"\nx = "10 mm"')],
+        "indenter: no part of it lies above the contact zone 'contact'",
+    ),
+    "text for a table": (
+        [('[material]\nname = "batio3-cofe2o4"\n', ""), ("title", "material = 'x'\ntitle")],
+        "material = 'x': should be a table",
+    ),
+    "table for a list": ([("[[steps]]", "[steps]")], "steps = {'approach': '10 um'}: should be a list"),
+    "no text": ([('title = "tiny"', "title = 3")], "title = 3: should be a text"),
+    "no steps": (
+        [('[[steps]]\napproach = "10 um"', ""), ("title", "steps = []\ntitle")],
+        "steps = []: should not be empty",
+    ),
+}
+
+WRONG_MORE = {
+    "negative kappa": (
+        '[conductivity.electric]\nname = "step"\nkappa = -1',
+        "conductivity.electric.kappa = -1: must be >= 0",
+    ),
+    "NaN kappa": ('[conductivity.magnetic]\nname = "step"\nkappa = nan', "conductivity.magnetic.kappa = nan: is not a"),
+    "wrong table": ('[conductivity.thermal]\nname = "step"', "conductivity.thermal = {'name': 'step'}: unknown key"),
+    "no such zone": ('[contact]\nzone = "top2"', "no face group 'top2' in the mesh"),
+    "condition on the zone": ('[contact]\nzone = "base"', "boundary condition on 'base': it is the contact zone"),
+    "negative friction": (
+        '[contact.law]\nname = "isotropic-coulomb"\nmu = -0.1',
+        "contact.law.mu = -0.1: must be >= 0",
+    ),
+    "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
+    "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
+    "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
+    "twice the same": (
+        '[[boundary]]\ngroup = "base"\nelectric_flux = 0',
+        "boundary conditions on 'base' prescribe electric_potential or electric_flux twice",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_entries(kind, write_case, registry):
+    changes, expected = WRONG[kind]
+    expect(write_case(*changes), registry, expected)
+
+
+@pytest.mark.parametrize("kind", WRONG_MORE)
+def test_wrong_additions(kind, write_case, registry):
+    more, expected = WRONG_MORE[kind]
+    expect(write_case(more="\n" + more), registry, expected)
+
+
+def expect(path, registry, text):
+    with pytest.raises(CaseError) as caught:
+        load_case(path, registry)
+    message = str(caught.value)
+    assert text in message
+    assert all(line.startswith(str(path)) for line in message.splitlines())
+
+
+def test_inadmissible_material(write_case, registry):
+    material = '[material]\nname = "orthotropic-mee"\nmagnetoelectric_scale = "1e-7 s/m"'
+    path = write_case(('[material]\nname = "batio3-cofe2o4"', material))
+    expect(path, registry, "material: material 'orthotropic-mee' is not admissible: the block [[eps, lambda]")
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda quads: quads.pop("x+"), "closed"),
+        (lambda quads: quads.update({"x+": quads["x+"][::-1]}), "orient"),
+        (lambda quads: [quad.reverse() for quad in quads.values()], "inside out"),
+    ],
+)
+def test_bad_mesh_files(write_case, registry, tmp_path, change, expected):
+    quads = {name: list(quad) for name, quad in BOX_QUADS.items()}
+    change(quads)
+    write_box(tmp_path / "box.msh", quads)
+    with pytest.raises(CaseError, match=r"case.toml: mesh: .*box.msh: ") as caught:
+        load_case(write_case((MESH, '[mesh]\nfile = "box.msh"\nunit = "mm"\n')), registry)
+    assert expected in str(caught.value)
+
+
+def test_missing_files(write_case, registry, tmp_path):
+    with pytest.raises(CaseError, match="cannot be read: No such file"):
+        load_case(tmp_path / "absent.toml", registry)
+    expect(write_case((MESH, '[mesh]\nfile = "absent.msh"\n')), registry, "absent.msh: no such file")
+    expect(write_case((MESH, '[mesh]\nfile = "a.msh"\nunit = "kg"\n')), registry, "mesh.unit = 'kg': should be a unit")
+
+
+def test_all_problems_are_told_at_once(write_case, registry):
+    path = write_case(('"100 mm"', '"100 V"'), ("rings = 2", "rings = 0"), ("batio3-cofe2o4", "unobtainium"))
+    with pytest.raises(CaseError) as caught:
+        load_case(path, registry)
+    assert len(str(caught.value).splitlines()) == 3
+
+
+def test_tables_from_python(registry):
+    with pytest.raises(TableError, match="indenter: missing key"):
+        case_from_tables({"title": "nothing else"}, registry)
+
+
+def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
+    expect(write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')), registry, "cannot be read as a quantity")
+    assert not (tmp_path / "oops").exists()
+    assert not issubclass(ContactLaw, dict)

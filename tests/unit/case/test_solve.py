@@ -1,0 +1,128 @@
+"""Load steps on a bed of independent springs, where contact has a closed form: t = min(gap, 0) x stiffness."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.core.contact import Status
+from meeframe.core.errors import CaseError
+from meeframe.core.result import RunStatus
+from meeframe.elements import Quad4
+from meeframe.geometry import Placement, Sphere, block_mesh
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.materials import library_material
+
+STIFFNESS = 1e14
+RADIUS = 0.1
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(more='\n[[steps]]\napproach = "20 um"\n'), registry)
+
+
+def springs(points, approach, x=0.0):
+    """Traction t.nu of the closed form."""
+    height = ((points[:, 0] - x) ** 2 + points[:, 1] ** 2) / (2 * RADIUS)
+    return STIFFNESS * np.minimum(height - approach, 0.0)
+
+
+def test_steps_are_solved_one_after_the_other(case):
+    result = meeframe.solve_case(case)
+    assert result.status is RunStatus.CONVERGED
+    assert len(result.steps) == 2
+    for step, approach in zip(result.steps, (1e-5, 2e-5), strict=True):
+        expected = springs(result.zone.points, approach)
+        np.testing.assert_allclose(step.traction[:, 2], expected, atol=1e-8 * np.abs(expected).max())
+        closed = expected < 0
+        np.testing.assert_allclose(step.gap[closed], 0.0, atol=1e-12)
+        totals = meeframe.resultants(result.zone, step)
+        assert totals.force == pytest.approx([0, 0, result.zone.weights @ expected], rel=1e-8)
+        assert totals.contact_area == pytest.approx(result.zone.weights[closed].sum())
+    assert {"springs", "contact", "boundary fields", "total"} <= result.timings.keys()
+    assert sum(result.timings.values()) - result.timings["total"] <= result.timings["total"]
+    assert result.peak_memory_mb > 10
+
+
+def test_placement_moves_the_indenter(case):
+    moved = dataclasses.replace(case, placement=Placement(x=1e-3))
+    result = meeframe.solve_case(moved)
+    expected = springs(result.zone.points, 1e-5, x=1e-3)
+    np.testing.assert_allclose(result.steps[0].traction[:, 2], expected, atol=1e-8 * np.abs(expected).max())
+
+
+def test_translation_drags_the_body_along(case):
+    step = dataclasses.replace(case.steps[0], translation=(2e-6, -1e-6))
+    result = meeframe.solve_case(dataclasses.replace(case, contact_law=IsotropicCoulomb(np.inf), steps=(step,)))
+    (solved,) = result.steps
+    closed = solved.traction[:, 2] < 0
+    np.testing.assert_allclose(solved.displacement[closed, :2], np.tile([2e-6, -1e-6], (closed.sum(), 1)), rtol=1e-7)
+    assert meeframe.resultants(result.zone, solved).force[0] > 0
+
+
+def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
+    steps = tuple(dataclasses.replace(step, electric_potential=7.0, magnetic_potential=-0.5) for step in case.steps)
+    result = meeframe.solve_case(dataclasses.replace(case, electric_law=StepConductivity(np.inf), steps=steps))
+    for step in result.steps:
+        closed = step.traction[:, 2] < 0
+        np.testing.assert_allclose(step.potentials[closed, 0], 7.0, rtol=1e-9)
+        assert not step.potentials[~closed, 0].any()
+        assert not step.potentials[:, 1].any()  # magnetically insulated
+        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (notes, section 1)
+        assert meeframe.resultants(result.zone, step).charge < 0
+
+
+def test_a_step_that_does_not_converge_says_so_and_the_next_one_goes_on(case):
+    limits = dataclasses.replace(case.limits, max_iterations=1)
+    result = meeframe.solve_case(dataclasses.replace(case, limits=limits))
+    assert result.status is RunStatus.NOT_CONVERGED
+    assert [step.status for step in result.steps] == [Status.ITERATION_LIMIT] * 2
+    assert all(step.iterations == 1 and step.message for step in result.steps)
+
+
+def test_a_case_from_objects(case):
+    """The ten lines of docs/case-files.md, on springs."""
+    material = library_material("batio3-cofe2o4")
+    mesh = block_mesh(0.05, 0.12, 0.005, 4, 2, 1, Quad4())
+    made = meeframe.Case(
+        material=material,
+        mesh=mesh,
+        conditions=tuple(meeframe.BoundaryCondition("base", field, "value") for field in range(5)),
+        indenter=Sphere(RADIUS),
+        steps=(meeframe.Loading(approach=1e-5), meeframe.Loading(approach=2e-5)),
+        formulation=case.formulation,
+    )
+    ours, theirs = meeframe.solve_case(made), meeframe.solve_case(case)
+    for one, other in zip(ours.steps, theirs.steps, strict=True):
+        np.testing.assert_allclose(one.traction, other.traction, rtol=1e-9, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"steps": ()}, "at least one load step"),
+        ({"zone": "lid"}, "no face group 'lid'"),
+        ({"conditions": ()}, "no boundary condition prescribes electric_potential"),
+        ({"conditions": (meeframe.BoundaryCondition("base", 0, "value", np.nan),)}, "must be finite"),
+        ({"conditions": (meeframe.BoundaryCondition("contact", 0, "value"),)}, "it is the contact zone"),
+    ],
+)
+def test_cases_from_python_are_checked_too(case, change, text):
+    with pytest.raises((CaseError, meeframe.MeeframeError), match=text):
+        dataclasses.replace(case, **change)
+
+
+def test_supports_by_components_of_several_groups(case):
+    """Six rigid motions fixed by one component on each of three faces would leave none; two faces leave some."""
+
+    def fixed(pairs):
+        mechanical = (meeframe.BoundaryCondition(group, field, "value") for group, field in pairs)
+        potentials = (meeframe.BoundaryCondition("base", field, "value") for field in (3, 4))
+        return dataclasses.replace(case, conditions=(*mechanical, *potentials))
+
+    fixed([("side_x-", 0), ("side_y-", 1), ("base", 2)])
+    with pytest.raises(CaseError, match="leave 1 of the 6 rigid motions free"):
+        fixed([("side_x-", 0), ("base", 2)])
