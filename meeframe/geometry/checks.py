@@ -75,12 +75,18 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
 def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
     """The mesh without points that no element uses. Raises MeshError if numbers are out of range."""
     _check_numbers(mesh)
-    used = np.zeros(len(mesh.points), bool)
-    for block in mesh.blocks:
-        used[block.connectivity] = True
+    used = _used(mesh)
     number = np.cumsum(used) - 1
     blocks = tuple(ElementBlock(b.element, number[b.connectivity], b.groups) for b in mesh.blocks)
     return SurfaceMesh(mesh.points[used], blocks, mesh.group_names)
+
+
+def _used(mesh: SurfaceMesh) -> Flags:
+    """Whether an element uses each point, (p,)."""
+    used = np.zeros(len(mesh.points), bool)
+    for block in mesh.blocks:
+        used[block.connectivity] = True
+    return used
 
 
 def _refuse(what: str, places: Array, things: str) -> None:
@@ -124,9 +130,7 @@ def _check_finite(mesh: SurfaceMesh) -> None:
 
 def _check_points(mesh: SurfaceMesh) -> None:
     _check_finite(mesh)
-    used = np.zeros(len(mesh.points), bool)
-    for block in mesh.blocks:
-        used[block.connectivity] = True
+    used = _used(mesh)
     if not used.all():
         _refuse("points that no element uses", mesh.points[~used], "points")
     _check_repeats(mesh)

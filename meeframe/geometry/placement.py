@@ -96,7 +96,7 @@ def _meet(indenter: Indenter, start: Array, along: Array) -> tuple[Array, Flags]
     meet none, whatever its sides look like.
     """
     distance = -start[:, 2] / along[:, 2]
-    scale = (np.abs(start).max(initial=0.0) + np.abs(distance).max(initial=0.0)) or 1.0
+    scale = np.abs(start).max(initial=0.0) or 1.0
     upright = not np.any(along[:, :2])
     running, beside, falling = np.ones(len(start), bool), np.zeros(len(start), bool), np.zeros(len(start), bool)
     for _ in range(MOST_STEPS):
@@ -131,7 +131,7 @@ def _slope(indenter: Indenter, at: Array, along: Array, reach: float) -> Array:
     ahead = indenter.height(*(at[:, :2] + reach * along[:, :2]).T)
     behind = indenter.height(*(at[:, :2] - reach * along[:, :2]).T)
     known = np.isfinite(ahead) & np.isfinite(behind)
-    return np.where(known, np.subtract(ahead, behind, where=known, out=np.zeros(len(at))), 0.0) / (2 * reach)
+    return np.subtract(ahead, behind, where=known, out=np.zeros(len(at))) / (2 * reach)
 
 
 def _about(axis: int, angle: float) -> Array:
