@@ -53,26 +53,24 @@ class ElementRule:
 
 
 def pair_rule(
-    element: SurfaceElement, nodes: Array, source: Array, tolerance: float, local_node: int = -1
+    element: SurfaceElement, nodes: Array, source: Array, tolerance: float, own_xi: Array | None = None
 ) -> ElementRule:
     """Rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from source (3,).
 
-    local_node: number of the source among the element's nodes (weakly singular integrals), -1 if it is none of them;
-    tolerance: relative to the integral of the absolute value. Raises MeshError if local_node is -1 and yet the source
-    lies on the element. See meeframe.kernels.quadrature for the method.
+    own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
+    that vanish at the source; tolerance: relative to the integral of the absolute value. Raises MeshError if own_xi is
+    not given and yet the source lies on the element. See meeframe.kernels.quadrature for the method.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
-    own_xi = element.nodes[local_node] if local_node >= 0 else np.full(2, np.nan)
+    own = np.full(2, np.nan) if own_xi is None else np.array(own_xi, dtype=np.float64)
     capacity = 4096
     while True:
         points, weights = np.empty((capacity, 2)), np.empty(capacity)
-        count = kernels.pair_rule(
-            source, nodes, shape_table(element), own_xi, tolerance, gauss_table(), points, weights
-        )
+        count = kernels.pair_rule(source, nodes, shape_table(element), own, tolerance, gauss_table(), points, weights)
         if count == kernels.SOURCE_ON_ELEMENT:
             raise MeshError(
-                f"the source {source} lies on an element of type {element.name} of which it is no node; "
+                f"the source {source} lies on an element of type {element.name} that does not hold it; "
                 "meshes must be conforming, without hanging nodes"
             )
         if count != kernels.BUFFER_TOO_SMALL:
