@@ -172,12 +172,13 @@ def _divided(value: Any, info: ValidationInfo, contract: type, record: type, oth
         value = {"name": value}
     if not isinstance(value, Mapping):
         return value
-    own = {field.name for field in dataclasses.fields(record)}
-    divided: dict[str, Any] = {key: value[key] for key in others if key in value}
-    rest = {key: item for key, item in value.items() if key not in own and key not in others}
-    divided["named"] = _registry(info).create(CONTRACTS[contract], rest)
-    divided["record"] = build(record, {key: value[key] for key in own & value.keys()})
-    return divided
+    own = tuple(field.name for field in dataclasses.fields(record))
+    rest = {key: item for key, item in value.items() if key not in (*own, *others)}
+    return {
+        "named": _registry(info).create(CONTRACTS[contract], rest, (*own, *others)),
+        "record": build(record, {key: value[key] for key in own if key in value}),
+        **{key: value[key] for key in others if key in value},
+    }
 
 
 class IndenterTable(Table):

@@ -1,6 +1,5 @@
 """The registry: everything that has a name in a case file, whoever provides it."""
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -18,7 +17,7 @@ from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
-from meeframe.plugin.validation import Problem, TableError, build
+from meeframe.plugin.validation import Problem, TableError, build, choices
 
 
 class Kind(StrEnum):
@@ -129,10 +128,11 @@ class Registry:
                 return entry.record
         raise PluginError(f"unknown {kind} {name!r}; {self._choices(kind, name)}")
 
-    def create(self, kind: Kind, table: Any) -> Any:
+    def create(self, kind: Kind, table: Any, other_keys: tuple[str, ...] = ()) -> Any:
         """The object that a case file describes by a table {name = ..., key = ...} or by its name alone.
 
-        Objects of the kind itself pass through. Raises TableError with located problems.
+        Objects of the kind itself pass through. other_keys: as of meeframe.plugin.validation.build. Raises TableError
+        with located problems.
         """
         contract = next(contract for contract, its_kind in CONTRACTS.items() if its_kind is kind)
         if isinstance(table, contract):
@@ -152,7 +152,7 @@ class Registry:
         except PluginError as error:
             raise TableError(Problem(("name",), str(error))) from None
         options = {key: value for key, value in table.items() if key != "name"}
-        return build(record.factory, options, self._convert)
+        return build(record.factory, options, self._convert, other_keys)
 
     def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
         """How tables give a value of a type that pydantic does not know: a contract, or a path."""
@@ -162,11 +162,7 @@ class Registry:
         return None if kind is None else lambda value: self.create(kind, value)
 
     def _choices(self, kind: Kind, name: str) -> str:
-        names = self.names(kind)
-        close = difflib.get_close_matches(name, names, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
-        text = f"{hint}available: {', '.join(names) or 'none'}"
-        return text + "".join(f"; {broken}" for broken in self.broken)
+        return choices(name, self.names(kind)) + "".join(f"; {broken}" for broken in self.broken)
 
 
 def _hooks(plugin: object) -> Any:

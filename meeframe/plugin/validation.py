@@ -1,8 +1,9 @@
 """From tables of a case file to objects, and from pydantic's errors to located messages."""
 
 import dataclasses
+import difflib
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -60,18 +61,21 @@ class TableError(CaseError, ValueError):  # ValueError: so that pydantic lets it
         self.problems = problems
 
 
-def build(factory: Callable[..., Any], table: Mapping[str, Any], converters: Converters = lambda _hint: None) -> Any:
-    """factory(**table) with every entry checked against the fields of the dataclass `factory`. Raises TableError."""
-    if not dataclasses.is_dataclass(factory):
-        problems = [Problem((key,), "unknown key; no keys are taken here", value) for key, value in table.items()]
-        if problems:
-            raise TableError(*problems)
-        return factory()
+def build(
+    factory: Callable[..., Any],
+    table: Mapping[str, Any],
+    converters: Converters = lambda _hint: None,
+    other_keys: tuple[str, ...] = (),
+) -> Any:
+    """factory(**table) with every entry checked against the fields of the dataclass `factory`.
+
+    other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. Raises TableError.
+    """
     model = _model(factory, converters)
     try:
         checked = model.model_validate(dict(table))
     except ValidationError as error:
-        raise TableError(*problems_of(error, model)) from None
+        raise TableError(*problems_of(error, model, other_keys)) from None
     try:
         return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
     except (MeeframeError, ValueError) as error:
@@ -79,7 +83,9 @@ def build(factory: Callable[..., Any], table: Mapping[str, Any], converters: Con
 
 
 @lru_cache(maxsize=256)
-def _model(factory: type, converters: Converters) -> type[BaseModel]:
+def _model(factory: Callable[..., Any], converters: Converters) -> type[BaseModel]:
+    if not (isinstance(factory, type) and dataclasses.is_dataclass(factory)):
+        return create_model("NoKeys", __config__=_CONFIG)
     hints = get_type_hints(factory, include_extras=True)
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(factory):
@@ -132,19 +138,21 @@ def _no_nan(value: Any) -> Any:
     return value
 
 
-def problems_of(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
-    """Located problems of a pydantic error, those of nested tables included."""
-    return [problem for item in error.errors() for problem in _problems(item, model)]
+def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tuple[str, ...] = ()) -> list[Problem]:
+    """Located problems of a pydantic error, those of nested tables included; unknown keys first, as they often are the
+    missing ones misspelt."""
+    items = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
+    return [problem for item in items for problem in _problems(item, model, other_keys)]
 
 
-def _problems(item: Any, model: type[BaseModel]) -> Iterator[Problem]:
+def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) -> Iterator[Problem]:
     location, kind, value = tuple(item["loc"]), item["type"], item["input"]
     inner = item.get("ctx", {}).get("error")
     if isinstance(inner, TableError):
         for problem in inner.problems:
             yield problem.inside(*location)
     elif kind == "extra_forbidden":
-        yield Problem(location, f"unknown key; {_allowed_keys(location, model)}", value)
+        yield Problem(location, _unknown_key(location, model, other_keys), value)
     elif kind == "missing":
         yield Problem(location, "missing key")
     elif kind == "value_error":
@@ -154,16 +162,22 @@ def _problems(item: Any, model: type[BaseModel]) -> Iterator[Problem]:
         yield Problem(location, _TEXTS.get(kind, text), value)
 
 
-def _allowed_keys(location: tuple[str | int, ...], model: type[BaseModel]) -> str:
-    """Names of the keys where an unknown one was found; follows nested pydantic models."""
+def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
+    """What is allowed where an unknown key was found; follows nested pydantic models."""
     current: Any = model
     for key in location[:-1]:
-        if isinstance(key, int):
-            continue
-        field = current.model_fields.get(key) if _is_model(current) else None
-        current = _model_within(field.annotation) if field is not None else None
-    keys = [field.alias or name for name, field in current.model_fields.items()] if _is_model(current) else []
-    return f"allowed: {', '.join(keys)}" if keys else "no keys are taken here"
+        if isinstance(key, str):
+            field = current.model_fields.get(key) if _is_model(current) else None
+            current = _model_within(field.annotation) if field is not None else None
+    keys = [*(current.model_fields if _is_model(current) else ()), *other_keys]
+    return f"unknown key; {choices(str(location[-1]), keys) if keys else 'no keys are taken here'}"
+
+
+def choices(name: str, names: Collection[str]) -> str:
+    """'did you mean ...? allowed: ...' for a name that is not among those allowed."""
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {', '.join(names) or 'none'}"
 
 
 def _is_model(candidate: Any) -> bool:

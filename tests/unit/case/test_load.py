@@ -136,10 +136,13 @@ def test_mesh_and_heights_from_files_beside_the_case(write_case, registry, tmp_p
 WRONG = {
     "not TOML": ([('title = "tiny"', "title = tiny")], "case.toml: is not a TOML file"),
     "unknown table": ([("[indenter]", "[indentor]")], "indenter: missing key"),
-    "unknown key": ([('title = "tiny"', "titel = 3")], "titel = 3: unknown key; allowed: title, material, mesh"),
+    "unknown key": (
+        [('title = "tiny"', "titel = 3")],
+        "titel = 3: unknown key; did you mean 'title'? allowed: title, material, mesh",
+    ),
     "unknown key in a table": (
         [("rings = 2", "rings = 2\nring = 3")],
-        "mesh.ring = 3: unknown key; allowed: type, half",
+        "mesh.ring = 3: unknown key; did you mean 'rings'? allowed: type, half",
     ),
     "unknown key in a list": ([("displacement", "displacment")], "boundary[1].displacment = [0, 0, 0]: unknown key"),
     "missing key": ([('radius = "100 mm"\n', "")], "indenter.radius: missing key"),

@@ -89,7 +89,10 @@ def test_nested_tables_are_created_through_the_registry():
         ({"name": "ball", "radius": True}, "radius = true: expected a number in m"),
         ({"name": "ball", "radius": 1, "copies": 1.5}, "copies = 1.5: should be a whole number"),
         ({"name": "ball", "radius": 1, "copies": True}, "copies = true: should be a whole number"),
-        ({"name": "ball", "radius": 1, "raduis": 2}, "raduis = 2: unknown key; allowed: radius, copies"),
+        (
+            {"name": "ball", "radius": 1, "raduis": 2},
+            "raduis = 2: unknown key; did you mean 'radius'? allowed: radius, copies",
+        ),
         ({"name": "compound", "first": {"name": "ball", "radius": -2}}, "first.radius = -2: must be > 0"),
         ({"name": "compound", "first": "bal"}, "first.name: unknown indenter 'bal'; did you mean 'ball'?"),
         ({"name": "compound", "first": {"name": "ball", "radius": 1}, "weights": [-1, 1]}, "weights must not be"),

@@ -1,0 +1,132 @@
+"""Commands of the command line: what they print, write and return."""
+
+import json
+from importlib import metadata
+
+import pytest
+from typer.testing import CliRunner
+
+import meeframe
+from meeframe.cli import app
+
+OUTPUT = [
+    "electric_potential.png", "fields.vtu", "magnetic_potential.png", "pressure.png", "result.h5", "sections.png",
+    "summary.json",
+]  # fmt: skip
+
+
+def meeframe_command(*arguments):
+    """Exit status, standard output, standard error."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_version():
+    status, out, _ = meeframe_command("--version")
+    assert (status, out) == (0, f"meeframe {meeframe.__version__}\n")
+    assert metadata.version("meeframe") == meeframe.__version__
+
+
+def test_check(case_file):
+    status, out, err = meeframe_command("check", case_file)
+    assert (status, err) == (0, "")
+    assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact, 2 steps\n"
+
+
+def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
+    folder = tmp_path / "out"
+    status, out, err = meeframe_command("run", case_file, "--out", folder)
+    assert status == 0
+    assert "assembly" in err
+    assert sorted(path.name for path in folder.iterdir()) == OUTPUT
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["status"] == "converged"
+    assert f"{summary['steps'][1]['force'][2]:.6g}" in out
+    assert summary["steps"][1]["force"][2] < 2 * summary["steps"][0]["force"][2] < 0
+    assert meeframe_command("show", folder)[:2] == (0, out)
+    status, _, err = meeframe_command("run", case_file, "--out", folder)
+    assert status == 2
+    assert "is not empty" in err
+
+
+def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
+    case_file.write_text(case_file.read_text().replace("tolerance = 1e-6", "tolerance = 1e-6\nmax_iterations = 1"))
+    status, out, _ = meeframe_command("run", case_file, "--out", tmp_path / "out")
+    assert status == 1
+    assert "not-converged: 2 of 2 steps" in out
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [step["status"] for step in summary["steps"]] == ["iteration-limit"] * 2
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == OUTPUT
+
+
+WRONG = {
+    "unknown key": (
+        "radius =",
+        "raduis =",
+        "indenter.raduis = '100 mm': unknown key; did you mean 'radius'? allowed: radius, profile, x, y",
+    ),
+    "missing key": ('approach = "20 um"', "", "steps[1].approach: missing key"),
+    "wrong unit": ('"100 mm"', '"100 K"', "indenter.radius = '100 K': has the wrong unit; expected a number in m"),
+    "NaN": ('"120 mm"', "nan", "mesh.height = nan: is not a number (NaN)"),
+    "negative kappa": (
+        "[formulation]",
+        '[conductivity.electric]\nname = "step"\nkappa = -2\n[formulation]',
+        "conductivity.electric.kappa = -2: must be >= 0",
+    ),
+    "inadmissible material": (
+        'name = "batio3-cofe2o4"',
+        'name = "isotropic"\nyoung_modulus = "-1 GPa"\npoisson_ratio = 0.3',
+        "material: material 'isotropic': young_modulus is -1000000000.0 Pa, must be positive",
+    ),
+    "zone outside": ('contact_width = "5 mm"', 'contact_width = "5 m"', "mesh: contact_width = "),
+    "unknown name": ('"uzawa"', '"uzava"', "solver.name: unknown solver 'uzava'; did you mean 'uzawa'?"),
+}
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+@pytest.mark.parametrize("kind", WRONG)
+def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kind):
+    old, new, expected = WRONG[kind]
+    text = case_file.read_text()
+    assert old in text
+    case_file.write_text(text.replace(old, new))
+    arguments = ["--out", tmp_path / "out"] if command == "run" else []
+    status, out, err = meeframe_command(command, case_file, *arguments)
+    assert (status, out) == (2, "")
+    messages = [line for line in err.splitlines() if line.startswith("error: ")]
+    assert len(messages) == 1
+    assert messages[0].startswith(f"error: {case_file}: {expected}")
+    assert "Traceback" not in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_unwritable_output(case_file, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    status, out, err = meeframe_command("run", case_file, "--out", tmp_path / "file")
+    assert (status, out) == (2, "")
+    assert f"error: output folder {tmp_path / 'file'} cannot be written" in err
+    assert "assembly" not in err
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_nothing_to_show(tmp_path):
+    status, out, err = meeframe_command("show", tmp_path)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"error: no result in {tmp_path}")
+
+
+def test_missing_arguments_are_status_2(case_file):
+    assert meeframe_command("run", case_file)[0] == 2
+    assert meeframe_command("run")[0] == 2
+
+
+def test_plugins_lists_everything_with_its_provider():
+    status, out, err = meeframe_command("plugins")
+    assert (status, err) == (0, "")
+    lines = [line.split() for line in out.splitlines()]
+    version = metadata.version("meeframe")
+    assert ["conductivity", "law", "power-law", "meeframe-laws"] in [line[:4] for line in lines]
+    for kind, name in [("solver", "uzawa"), ("formulation", "dense-bem"), ("element", "quad4"), ("indenter", "cone")]:
+        assert [kind, name, "meeframe", version] in [line[:4] for line in lines]

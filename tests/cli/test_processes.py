@@ -1,0 +1,61 @@
+"""The command line as its own process: start, signals, sudden death."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+import meeframe
+from meeframe.cli import app
+
+AT_SECOND_STEP = """
+import os, signal, sys
+from contextlib import contextmanager
+from meeframe import cli
+
+@contextmanager
+def deadly():
+    written = []
+    def show(stage, fraction):
+        written.append(stage == "writing")
+        if stage == "contact" and any(written):
+            os.kill(os.getpid(), signal.{signal})
+    yield show
+
+cli._progress = deadly
+cli.main()
+"""
+
+
+def python(*arguments):
+    return subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+
+
+def test_the_module_of_the_console_script_runs(case_file):
+    done = python("-c", "from meeframe.cli import main; main()", "check", case_file)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "ok: material batio3-cofe2o4" in done.stdout
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGKILL", -signal.SIGKILL)])
+def test_finished_steps_survive(case_file, tmp_path, name, status):
+    out = tmp_path / "out"
+    done = python("-c", AT_SECOND_STEP.format(signal=name), "run", case_file, "--out", out)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+    result = meeframe.read_result(out)
+    assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
+    assert meeframe.resultants(result.zone, result.steps[0]).force[2] < 0
+    if name == "SIGINT":
+        assert done.stderr == "interrupted; finished steps are in the output folder\n"
+        assert json.loads((out / "summary.json").read_text())["status"] == "unfinished"
+    assert "unfinished: 1 of 2 steps" in CliRunner().invoke(app, ["show", str(out)]).stdout
+
+
+def test_bare_import_is_light():
+    heavy = "numba", "matplotlib", "pint", "h5py", "meshio", "scipy"
+    done = python("-c", f"import sys, meeframe; print([m for m in {heavy} if m in sys.modules])")
+    assert done.stdout == "[]\n"
