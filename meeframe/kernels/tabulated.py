@@ -17,12 +17,13 @@ from meeframe.kernels.modulation import PACKED
 
 TERMS = 8
 WIDTH = 16
+# Points whose tractions are computed together, and points whose results stay in the second-level cache.
 BLOCK = 32
 CHUNK = 4096
 FLAT = PACKED.ravel()
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _face(x, y, z):
     """Face number, x_a, u and v of an offset."""
     ax, ay, az = abs(x), abs(y), abs(z)
@@ -33,13 +34,13 @@ def _face(x, y, z):
     return 2, z, x / z, y / z
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(coordinate, cells):
-    """Cell along one parameter in [-1, 1]."""
-    return min(int(0.5 * (coordinate + 1.0) * cells), cells - 1)
+    """Cell along one parameter in [-1, 1]; a valid one for NaN too."""
+    return max(0, min(int(0.5 * (coordinate + 1.0) * cells), cells - 1))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sort_by_cell(offset, cells):
     """Point numbers ordered by cell, (n,), and the bounds of the three faces in that order, (4,)."""
     n = offset.shape[0]
@@ -60,8 +61,8 @@ def _sort_by_cell(offset, cells):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _interpolate(cell, s, t, rows, value):
-    """G, G_s, G_t into value (48,) at local coordinates s, t of one cell (1024,); rows (256,) is scratch."""
+def _interpolate(table, cell, s, t, rows, value):
+    """G, G_s, G_t into value (48,) at local coordinates s, t of one cell of the table; rows (256,) is scratch."""
     t2, t3 = t * t, t * t * t
     t4, t5, t6 = t2 * t2, t2 * t3, t3 * t3
     t7 = t3 * t4
@@ -69,9 +70,9 @@ def _interpolate(cell, s, t, rows, value):
     for i in range(TERMS):
         for c in range(WIDTH):
             o = 128 * i + c
-            a1, a2, a3, a4 = cell[o + 16], cell[o + 32], cell[o + 48], cell[o + 64]
-            a5, a6, a7 = cell[o + 80], cell[o + 96], cell[o + 112]
-            rows[32 * i + c] = cell[o] + t * a1 + t2 * a2 + t3 * a3 + t4 * a4 + t5 * a5 + t6 * a6 + t7 * a7
+            a1, a2, a3, a4 = table[cell, o + 16], table[cell, o + 32], table[cell, o + 48], table[cell, o + 64]
+            a5, a6, a7 = table[cell, o + 80], table[cell, o + 96], table[cell, o + 112]
+            rows[32 * i + c] = table[cell, o] + t * a1 + t2 * a2 + t3 * a3 + t4 * a4 + t5 * a5 + t6 * a6 + t7 * a7
             rows[32 * i + 16 + c] = a1 + d2 * a2 + d3 * a3 + d4 * a4 + d5 * a5 + d6 * a6 + d7 * a7
     s2, s3 = s * s, s * s * s
     s4, s5, s6 = s2 * s2, s2 * s3, s3 * s3
@@ -114,29 +115,30 @@ def _tractions(coefficients, place, sources, rows, traction):
                 traction[BLOCK * (5 * j + k) + p] = total * place[5 * BLOCK + p]
 
 
-@njit(cache=True, nogil=True)
-def _gather(table, cells, face, x, normal, p, scratch, value, place, sources, u_out):
-    """Evaluate G at offset x on a face; fill column p of place and sources (see _tractions) and U (25,)."""
-    _, xa, u, v = _face(x[0], x[1], x[2])
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gather(table, cells, face, offset, normal, point, p, scratch, value, place, sources, u_out):
+    """Evaluate G at one point of a face; fill column p of place and sources (see _tractions), and U."""
+    _, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
     i, j = _cell(u, cells), _cell(v, cells)
-    cell = table[(face * cells + i) * cells + j]
-    _interpolate(cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
+    cell = (face * cells + i) * cells + j
+    _interpolate(table, cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
     scale = 0.25 / (math.pi * abs(xa))
-    place[p], place[BLOCK + p], place[2 * BLOCK + p] = normal
+    for i in range(3):
+        place[i * BLOCK + p] = normal[point, i]
     place[3 * BLOCK + p], place[4 * BLOCK + p], place[5 * BLOCK + p] = u, v, scale / xa
     for c in range(16, 48):
         value[c] *= cells
     for k in range(5):
         for m in range(5):
             entry = FLAT[5 * k + m]
-            u_out[5 * k + m] = scale * value[entry]
+            u_out[point, 5 * k + m] = scale * value[entry]
             column = BLOCK * (15 * k + m) + p
             sources[column] = value[entry]
             sources[column + 5 * BLOCK] = value[entry + 16]
             sources[column + 10 * BLOCK] = value[entry + 32]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate_chunk(table, cells, coefficients, offset, normal, work, u_out, t_out):
     """U and T (n, 25) of points few enough for their results to stay in cache; work: scratch arrays."""
     scratch, value, place, rows, sources, traction = work
@@ -146,18 +148,16 @@ def _evaluate_chunk(table, cells, coefficients, offset, normal, work, u_out, t_o
             used = min(BLOCK, bounds[face + 1] - first)
             for p in range(used):
                 point = order[first + p]
-                _gather(
-                    table, cells, face, offset[point], normal[point], p, scratch, value, place, sources, u_out[point]
-                )
+                _gather(table, cells, face, offset, normal, point, p, scratch, value, place, sources, u_out)
             # Columns beyond those used hold old points: finite, and not written out.
             _tractions(coefficients[face], place, sources, rows, traction)
             for p in range(used):
-                t_point = t_out[order[first + p]]
+                point = order[first + p]
                 for q in range(25):
-                    t_point[q] = traction[BLOCK * q + p]
+                    t_out[point, q] = traction[BLOCK * q + p]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in _tractions."""
     n = offset.shape[0]
@@ -174,7 +174,7 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
         _evaluate_chunk(table, cells, coefficients, offset[part], normal[part], work, u_out[part], t_out[part])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def gradient(table, cells, offset):
     """U,q (n, 5, 5, 3) for offset (n, 3)."""
     n = offset.shape[0]
@@ -184,8 +184,8 @@ def gradient(table, cells, offset):
     for point in range(n):
         face, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
         i, j = _cell(u, cells), _cell(v, cells)
-        cell = table[(face * cells + i) * cells + j]
-        _interpolate(cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
+        cell = (face * cells + i) * cells + j
+        _interpolate(table, cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
         scale = 0.25 / (math.pi * abs(xa) * xa)
         for j in range(5):
             for k in range(5):

@@ -82,6 +82,18 @@ def test_arrays_of_any_layout(transversely_isotropic, random):
     np.testing.assert_array_equal(strided[1], expected[1])
 
 
+@pytest.mark.parametrize("bad", [[0.0, 0.0, 0.0], [np.nan, 1.0, 0.0], [np.inf, np.inf, 1.0]])
+def test_points_without_direction_spoil_only_themselves(bad, transversely_isotropic, random):
+    kernel = Tabulated().bind(transversely_isotropic)
+    offset, normal = random.normal(size=(50, 3)), unit_vectors(random, 50)
+    good = kernel.evaluate(offset[1:], normal[1:])
+    offset[0] = bad
+    u, t = kernel.evaluate(offset, normal)
+    assert np.isnan(t[0]).all()
+    np.testing.assert_array_equal(u[1:], good[0])
+    np.testing.assert_array_equal(t[1:], good[1])
+
+
 def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
     monkeypatch.setattr(tabulated, "MOST_CELLS", 12)
     with pytest.raises(MaterialError, match="too anisotropic"):
