@@ -48,7 +48,6 @@ FreePressure = Annotated[Pressure | None, _FREE]
 
 def _by_name(contract: type) -> BeforeValidator:
     """Makes the object that a table names, by the registry that is the context of the validation."""
-
     return BeforeValidator(lambda table, info: _registry(info).create(CONTRACTS[contract], table))
 
 

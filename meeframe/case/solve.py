@@ -10,7 +10,9 @@ import numpy as np
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.core.contact import ContactProblem, ContactSolution, Status
+from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.mesh import Indices
 from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, split_displacement, split_load
 from meeframe.geometry import ContactZone, initial_gap
 from meeframe.plugin import registry as plugins
@@ -87,6 +89,22 @@ def _step_result(
         iterations=solution.iterations,
         residual=solution.residual,
         history=solution.history,
-        message=solution.message,
+        message=solution.message + _edge_warning(system, traction),
         boundary=system.recover(state.load),
     )
+
+
+def _edge_warning(system: ReducedSystem, traction: Array) -> str:
+    """A remark if the contact reaches the edge of its zone, where it would go on if it could; else ""."""
+    touching = traction[:, 2] < 0
+    count = int(touching[_border_sides(system.cells)].all(axis=1).sum())
+    return f"; the contact reaches the edge of its zone at {count} element sides" if count else ""
+
+
+def _border_sides(cells: tuple[tuple[str, Indices], ...]) -> Indices:
+    """Corners (m, 2) of the sides that belong to one cell only."""
+    corners = [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
+    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners]
+    unique, counts = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    border: Indices = unique[counts == 1]
+    return border

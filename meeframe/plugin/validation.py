@@ -18,13 +18,13 @@ Converters = Callable[[Any], Callable[[Any], Any] | None]
 _MISSING = object()
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
-
 # pydantic's kinds of errors whose own texts speak of Python and not of TOML
 _TEXTS = {
     "dict_type": "should be a table",
     "model_type": "should be a table",
     "tuple_type": "should be a list",
     "too_short": "should not be empty",
+    "too_long": "should have {max_length} entries",
     "string_type": "should be a text",
     "string_too_short": "should not be empty",
     "int_type": "should be a whole number",
@@ -142,7 +142,10 @@ def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tupl
     """Located problems of a pydantic error, those of nested tables included; unknown keys first, as they often are the
     missing ones misspelt."""
     items = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
-    return [problem for item in items for problem in _problems(item, model, other_keys)]
+    # pydantic also calls a list too short if its entries are wrong
+    wrong_lists = {item["loc"][: len(item["loc"]) - k] for item in items for k in range(1, len(item["loc"]))}
+    told = [item for item in items if item["type"] != "too_short" or item["loc"] not in wrong_lists]
+    return [problem for item in told for problem in _problems(item, model, other_keys)]
 
 
 def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) -> Iterator[Problem]:
@@ -154,12 +157,12 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
     elif kind == "extra_forbidden":
         yield Problem(location, _unknown_key(location, model, other_keys), value)
     elif kind == "missing":
-        yield Problem(location, "missing key")
+        yield Problem(location, "missing key" if isinstance(location[-1], str) else "missing entry")
     elif kind == "value_error":
         yield Problem(location, str(inner), value)
     else:
         text = item["msg"].replace("Input should", "should", 1)
-        yield Problem(location, _TEXTS.get(kind, text), value)
+        yield Problem(location, _TEXTS[kind].format(**item.get("ctx", {})) if kind in _TEXTS else text, value)
 
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:

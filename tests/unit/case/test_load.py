@@ -172,7 +172,12 @@ WRONG = {
     "zone larger than the block": ([('"5 mm"', '"500 mm"')], "mesh: contact_width = "),
     "free rigid motions": ([("[0, 0, 0]", '["free", "free", 0]')], "leave 3 of the 6 rigid motions free"),
     "free potential": ([("electric_potential = 0\n", "")], "no boundary condition prescribes electric_potential"),
-    "two components": ([("[0, 0, 0]", "[0, 0]")], "boundary[1].displacement[3]: missing key"),
+    "two components": ([("[0, 0, 0]", "[0, 0]")], "boundary[1].displacement[3]: missing entry"),
+    "four components": (
+        [("[0, 0, 0]", "[0, 0, 0, 0]")],
+        "boundary[1].displacement = [0, 0, 0, 0]: should have 3 entries",
+    ),
+    "no list": ([("[0, 0, 0]", "0")], "boundary[1].displacement = 0: should be a list"),
     "wrong word": ([("[0, 0, 0]", '[0, 0, "fixed"]')], "boundary[1].displacement[3] = 'fixed': cannot be read"),
     "nothing above the zone": (
         [('name = "sphere"\nradius = "100 mm"', 'name = "flat-punch"\nradius = "1 mm"\nx = "10 mm"')],
@@ -261,6 +266,12 @@ def test_missing_files(write_case, registry, tmp_path):
         load_case(tmp_path / "absent.toml", registry)
     expect(write_case((MESH, '[mesh]\nfile = "absent.msh"\n')), registry, "absent.msh: no such file")
     expect(write_case((MESH, '[mesh]\nfile = "a.msh"\nunit = "kg"\n')), registry, "mesh.unit = 'kg': should be a unit")
+
+
+def test_a_wrong_entry_is_told_once(write_case, registry):
+    with pytest.raises(CaseError) as caught:
+        load_case(write_case(('"10 um"', '"10 V"')), registry)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def test_all_problems_are_told_at_once(write_case, registry):

@@ -126,3 +126,11 @@ def test_supports_by_components_of_several_groups(case):
     fixed([("side_x-", 0), ("side_y-", 1), ("base", 2)])
     with pytest.raises(CaseError, match="leave 1 of the 6 rigid motions free"):
         fixed([("side_x-", 0), ("base", 2)])
+
+
+def test_contact_at_the_edge_of_the_zone_is_remarked(case):
+    inner, outer = meeframe.solve_case(
+        dataclasses.replace(case, steps=(meeframe.Loading(1e-6), meeframe.Loading(1e-3)))
+    ).steps
+    assert "edge of its zone" not in inner.message
+    assert "the contact reaches the edge of its zone at 16 element sides" in outer.message

@@ -1,0 +1,32 @@
+"""The examples of docs/case-files.md work as printed."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meeframe.case.load import load_case
+from meeframe.core.result import RunStatus
+
+PAGE = (Path(__file__).parents[3] / "docs" / "case-files.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_the_case_file_with_all_tables_is_accepted(tmp_path):
+    (text,) = blocks("toml")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    case = load_case(tmp_path / "case.toml")
+    assert [step.approach for step in case.steps] == pytest.approx([2e-5, 4e-5])
+    assert (case.steps[0].electric_potential, case.steps[1].electric_potential) == (0.0, 10.0)
+
+
+def test_the_case_from_objects_runs():
+    _, text = blocks("python")
+    names: dict = {}
+    exec(text, names)
+    assert names["result"].status is RunStatus.CONVERGED
+    assert np.argmax(names["pressure"]) == np.argmin(np.linalg.norm(names["result"].zone.points, axis=1))
