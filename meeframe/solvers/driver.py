@@ -1,20 +1,19 @@
 """The one loop around every solver: limits, history, the guard against non-finite numbers, and the status."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.solvers.residual import evaluate, law_residual
 from meeframe.solvers.scales import Scales, problem_scales
 
 Criterion = Literal["residual", "paper"]
-ContactProgress = Callable[[int, float], None]
-"""Called with the iteration and the judged quantity."""
 
 RUNAWAY: Final = 1e8
 """A residual so many times the first one is divergence."""
@@ -73,16 +72,17 @@ def solve(
     solver: Solver,
     limits: Limits | None = None,
     start: ContactState | None = None,
-    progress: ContactProgress | None = None,
+    progress: Progress = silent,
 ) -> ContactSolution:
     """Iterate until the limits are met or something goes wrong; the status says which, the message why.
 
     start: converged state of the previous load step; progress: called whenever the driver looks at an iterate, every
-    `solver.stride` steps and at the last one. Never raises for an iteration that goes astray.
+    `solver.stride` steps and at the last one, with the fraction, in decades, of the way to the tolerance. Never raises for an iteration that goes astray.
     """
     limits = limits or Limits()
     scales = problem_scales(problem)
-    with np.errstate(all="ignore"):
+    # one thread: products of contact size are too small to share, and waiting for each other costs far more
+    with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
         iterate = solver.init(problem, start)
         state = evaluate(problem, iterate)
         history = [(0, law_residual(problem, state, scales))] if limits.criterion == "residual" else []
@@ -102,14 +102,18 @@ def solve(
                 history.append((iteration, law_residual(problem, state, scales)))
             else:
                 history.append((iteration, _paper_change(previous, state)))
-            if progress is not None:
-                progress(*history[-1])
+            progress("contact", _fraction(history, limits, best[1]))
             if history[-1][1] < LEAST_FALL * best[1]:
                 best = history[-1]
             status, message = _verdict(history, limits, best, orbit.repeated)
         return ContactSolution(
             state, status, iteration, law_residual(problem, state, scales), np.array(history).reshape(-1, 2), message
         )
+
+
+def _fraction(history: list[tuple[int, float]], limits: Limits, best: float) -> float:
+    decades = np.log(history[0][1] / limits.tolerance)
+    return float(np.clip(np.log(history[0][1] / best) / decades, 0.0, 1.0)) if decades > 0.0 else 0.0
 
 
 def _point(iterate: Iterate, scales: Scales) -> Array:

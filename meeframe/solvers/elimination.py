@@ -114,11 +114,11 @@ class DenseElimination(Elimination):
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
         factor = self._factor(resistance, None if previous is None else previous.parts)
-        flux, moved = np.zeros((2, *self.problem.system.offset.shape))
+        flux, moved, difference = np.zeros((3, *self.problem.system.offset.shape))
         if factor is not None:
             blocks = factor.blocks
-            difference = _difference(self.problem).ravel()[blocks.pairs]
-            flux.flat[blocks.pairs] = factor.solve(difference)
+            difference[:, POTENTIALS] = _difference(self.problem)
+            flux.flat[blocks.pairs] = factor.solve(difference.flat[blocks.pairs])
             moved.flat[self.dofs] = blocks.from_flux @ flux.flat[blocks.pairs]
         moved += self.problem.system.offset
         return Conductors(resistance, flux[:, POTENTIALS], moved[:, MECHANICAL], factor)

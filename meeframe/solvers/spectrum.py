@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.solvers.elimination import Conductors, Elimination
+from meeframe.solvers.scales import Scales
 
 TOLERANCE: Final = 5e-3
 MAX_ITERATIONS: Final = 60
@@ -19,8 +20,8 @@ SHRINKAGE: Final = 0.9
 class Spectrum:
     """largest: eigenvalue [m/Pa] of the compliance, potentials eliminated, in the law's metric, on the exposed nodes.
 
-    exposure: (n, 3) in [0, 1], mechanical (in contact or about to be), electric and magnetic (transmissivities) at
-    which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
+    exposure: (n, 3) in [0, 1], mechanical (in contact or about to be), electric and magnetic (share of the flux
+    that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
     """
 
     largest: float
@@ -34,9 +35,10 @@ class Spectrum:
         return not (grown or shrunk)
 
 
-def contact_exposure(touching: NDArray[np.bool_], resistance: Array, own: Array) -> Array:
-    """Exposure (n, 3) of nodes touching (n,) with resistances and own responses (n, 2)."""
-    return np.column_stack([touching, own / (own + resistance)])
+def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Scales) -> Array:
+    """Exposure (n, 3) of nodes touching (n,) with resistances (n, 2)."""
+    compliance = np.diag(scales.compliance)[3:]
+    return np.column_stack([touching, compliance / (compliance + resistance)])
 
 
 def largest_eigenvalue(

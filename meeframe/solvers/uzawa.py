@@ -11,7 +11,7 @@ from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.quantities import Quantity
 from meeframe.solvers.conduction import own_response, resistances, switch
 from meeframe.solvers.elimination import Conductors, Elimination, eliminate
-from meeframe.solvers.scales import problem_scales
+from meeframe.solvers.scales import Scales, problem_scales
 from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
 
 STEP_FRACTION: Final = 1.8
@@ -20,23 +20,31 @@ FLIPS: Final = 3
 """So many times may a node open and close before it is taken to graze."""
 STREAK: Final = 10
 """So many times in succession may the change grow before the automatic step is shortened."""
+GAIN_UP, GAIN_DOWN = 1.1, 0.5
 SHORTENING: Final = 0.7
 
 _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
 
 @dataclass(frozen=True, eq=False)
+class _Switches:
+    flips: Array
+    gain: Array
+    side: Array
+
+
+@dataclass(frozen=True, eq=False)
 class _Memory:
-    """elimination, own, pressure: see there, fixed; conductors, spectrum: of the last step; flips: (n,) times that each
+    """elimination, own, scales: see there, fixed; conductors, spectrum: of the last step; flips: (n,) times that each
     node has opened or closed; damping: of the automatic step, 1 at first; change, streak: last relative change of the
     tractions and how many times in succession it has grown."""
 
     elimination: Elimination
     own: Array
-    pressure: float
+    scales: Scales
     conductors: Conductors | None
     spectrum: Spectrum | None
-    flips: Array
+    switches: _Switches
     damping: float = 1.0
     change: float = np.inf
     streak: int = 0
@@ -77,10 +85,10 @@ class Uzawa(Solver):
         memory = _Memory(
             elimination=eliminate(problem),
             own=own_response(problem),
-            pressure=problem_scales(problem).pressure,
+            scales=problem_scales(problem),
             conductors=None,
             spectrum=None,
-            flips=np.zeros(n),
+            switches=_Switches(np.zeros(n), np.ones(n), np.zeros(n)),
         )
         if start is None:
             return Iterate(np.zeros((n, 5)), np.zeros(n), memory)
@@ -98,15 +106,15 @@ class Uzawa(Solver):
         r_normal, r_tangential = self._steps(memory)
         trial = augmented_traction(problem.contact_law, traction, gap, r_normal, r_tangential)
         load = np.concatenate([problem.contact_law.project(trial), flux + conductors.flux], axis=1)
-        closed, flips = _switched(iterate, load, trial[:, 2], memory)
-        return Iterate(load, closed, _watched(replace(memory, flips=flips), load[:, MECHANICAL] - traction))
+        closed, switches = _switched(iterate, load, trial[:, 2], memory)
+        return Iterate(load, closed, _watched(replace(memory, switches=switches), load[:, MECHANICAL] - traction))
 
     def _measured(self, memory: _Memory, problem: ContactProblem, traction: Array, gap: Array) -> _Memory:
         """Memory with a spectrum that fits the contact, if an automatic step needs one."""
         if "auto" not in (self.step_normal, self.step_tangential) or memory.conductors is None:
             return memory
         touching = (traction[:, 2] < 0.0) | (gap[:, 2] < 0.0)
-        exposure = contact_exposure(touching, memory.conductors.resistance, memory.own)
+        exposure = contact_exposure(touching, memory.conductors.resistance, memory.scales)
         if memory.spectrum is not None and memory.spectrum.holds(exposure):
             return memory
         scaling = problem.contact_law.tangential_scaling()
@@ -129,16 +137,20 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _switched(iterate: Iterate, load: Array, trial: Array, memory: _Memory) -> tuple[Array, Array]:
-    """Closed fractions and flips of the new load: as its traction says; grazing nodes follow the filled-in graph."""
+    """Closed fractions of the new load: as its traction says; grazing nodes follow the filled-in graph."""
     touching = (load[:, 2] < 0.0).astype(float)
-    flips = memory.flips + (touching != (iterate.load[:, 2] < 0.0))
-    grazing = flips > FLIPS
-    return np.where(grazing, switch(iterate.closed, trial, memory.pressure), touching), flips
+    before = memory.switches
+    flips = before.flips + (touching != (iterate.load[:, 2] < 0.0))
+    side = np.sign(trial)
+    gain = np.clip(before.gain * np.where(side == before.side, GAIN_UP, GAIN_DOWN), 1e-3, 1e12)
+    gain = np.where(flips > FLIPS, gain, 1.0)
+    grazing = switch(iterate.closed, gain * trial, memory.scales.pressure)
+    return np.where(flips > FLIPS, grazing, touching), _Switches(flips, gain, side)
 
 
 def _watched(memory: _Memory, change: Array) -> _Memory:
     """Memory after a change (n, 3) of the tractions: a change that grows and grows means that the step is too long."""
-    size = float(np.abs(change).max(initial=0.0)) / memory.pressure
+    size = float(np.abs(change).max(initial=0.0)) / memory.scales.pressure
     streak = memory.streak + 1 if size > memory.change else 0
     if streak < STREAK:
         return replace(memory, change=size, streak=streak)

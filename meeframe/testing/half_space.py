@@ -1,0 +1,59 @@
+"""A half space as a reduced system in closed form: for tests of laws and solvers, without boundary elements.
+
+Densities are constant on the cells of a square grid, displacements are taken at the cells' centres. The point-source
+response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. Soc. A 228 (1929) 377).
+"""
+
+import numpy as np
+
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields
+
+_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+
+
+def half_space_system(xi: Array, side: float, cells: int, offset: Array | None = None) -> DenseSystem:
+    """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m].
+
+    xi: (5, 5) point-source response u_J = xi_JK t_K / r over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi), then
+    without tangential response; offset: (n, 5) as in ReducedSystem, zero if not given.
+    """
+    full = np.zeros((5, 5))
+    full[-len(xi) :, -len(xi) :] = xi
+    h = side / cells
+    centres = (np.arange(cells) + 0.5) * h - side / 2
+    x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
+    potential = inverse_distance_integral(x[:, None] - x, y[:, None] - y, h / 2)
+    matrix = np.einsum("mn,JK->mJnK", potential, full * _SIGNS[:, None])
+    n = cells**2
+    return DenseSystem(
+        points=np.column_stack([x, y, np.zeros(n)]),
+        frames=np.tile(np.eye(3), (n, 1, 1)),
+        weights=np.full(n, h**2),
+        cells=(),
+        offset=np.zeros((n, 5)) if offset is None else offset,
+        matrix=matrix,
+        recovery=_refuse,
+    )
+
+
+def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
+    """Integral of 1/distance over the square |x'|, |y'| < half, at points (x, y) of its plane [m]."""
+    total = np.zeros(np.broadcast(x, y).shape)
+    for sx in (1.0, -1.0):
+        for sy in (1.0, -1.0):
+            a, b = x + sx * half, y + sy * half
+            total += sx * sy * (a * _arcsinh(b, a) + b * _arcsinh(a, b))
+    return total
+
+
+def _arcsinh(b: Array, a: Array) -> Array:
+    """arcsinh(b/|a|), zero where its factor a is."""
+    safe = np.where(a == 0.0, 1.0, np.abs(a))
+    return np.where(a == 0.0, 0.0, np.arcsinh(b / safe))
+
+
+def _refuse(_load: Array) -> NodalFields:
+    raise MeeframeError("this half space is its contact zone only")
