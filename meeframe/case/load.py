@@ -15,7 +15,7 @@ from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.core.result import Loading
 from meeframe.geometry import Grading, block_mesh, read_mesh
-from meeframe.materials import material_from_table
+from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
@@ -61,29 +61,31 @@ def case_from_tables(
     mesh = found.attempt(lambda: _mesh(checked.mesh, registry, folder), "mesh")
     if material is None or mesh is None:
         raise TableError(*found.problems)
-    case = found.attempt(
-        lambda: Case(
-            material=material,
-            mesh=mesh,
-            conditions=tuple(c for table in checked.boundary for c in _conditions(table)),
-            indenter=checked.indenter.named,
-            steps=tuple(_loading(step, checked.indenter) for step in checked.steps),
-            placement=checked.indenter.record,
-            zone=checked.contact.zone,
-            contact_law=checked.contact.law,
-            electric_law=checked.conductivity.electric,
-            magnetic_law=checked.conductivity.magnetic,
-            formulation=checked.formulation,
-            solver=checked.solver.named,
-            limits=checked.solver.record,
-            output=Output(checked.output.figures, checked.output.vtu),
-            title=checked.title,
-            text=text,
-        )
-    )
+    case = found.attempt(lambda: _assemble(checked, material, mesh, text))
     if case is None:
         raise TableError(*found.problems)
     return case
+
+
+def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, text: str) -> Case:
+    return Case(
+        material=material,
+        mesh=mesh,
+        conditions=tuple(condition for boundary in table.boundary for condition in _conditions(boundary)),
+        indenter=table.indenter.named,
+        steps=tuple(_loading(step, table.indenter) for step in table.steps),
+        placement=table.indenter.record,
+        zone=table.contact.zone,
+        contact_law=table.contact.law,
+        electric_law=table.conductivity.electric,
+        magnetic_law=table.conductivity.magnetic,
+        formulation=table.formulation,
+        solver=table.solver.named,
+        limits=table.solver.record,
+        output=Output(table.output.figures, table.output.vtu),
+        title=table.title,
+        text=text,
+    )
 
 
 @dataclass

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
 from meeframe.core.errors import CaseError, MeeframeError
 
@@ -71,7 +71,10 @@ def build(
 
     other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. Raises TableError.
     """
-    model = _model(factory, converters)
+    try:
+        model = _model(factory, converters)
+    except (NameError, TypeError, PydanticUserError) as error:
+        raise TableError(Problem((), f"its class {factory!r} cannot be used: {error}")) from error
     try:
         checked = model.model_validate(dict(table))
     except ValidationError as error:
@@ -106,6 +109,8 @@ def _strict(hint: Any, converters: Converters) -> Any:
         return Annotated[hint, Strict()]
     if hint is float:
         return Annotated[float, Strict(), BeforeValidator(_no_nan)]
+    if get_origin(hint) is Annotated and hint.__origin__ in (int, bool, str):
+        return Annotated[hint, Strict()]
     if get_origin(hint) in (Union, types.UnionType):
         return Annotated[Any, BeforeValidator(_one_of([_strict(part, converters) for part in get_args(hint)]))]
     return hint

@@ -7,6 +7,8 @@ import textwrap
 
 import pytest
 
+import meeframe
+
 
 @pytest.fixture
 def install(tmp_path):
@@ -115,5 +117,5 @@ def test_duplicate_names_name_both_providers(install, command, case_file):
     install("spheres", GOOD.format(name="sphere"))
     done = command("check", case_file("cone"))
     assert done.returncode == 2
-    assert "indenter 'sphere' is provided twice: by meeframe 0.1.0 and by spheres 1.2" in done.stderr
+    assert f"indenter 'sphere' is provided twice: by meeframe {meeframe.__version__} and by spheres 1.2" in done.stderr
     assert "Traceback" not in done.stderr

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.errors import PluginError
@@ -21,6 +22,7 @@ from meeframe.plugin.validation import TableError
 class Ball(Indenter):
     radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
     copies: int = 1
+    layers: Annotated[int, Field(ge=1)] = 1
 
     def height(self, x, y):
         return (x**2 + y**2) / (2 * self.radius)
@@ -154,6 +156,20 @@ def test_a_broken_plugin_is_recorded_and_leaves_the_others_alone(make):
     (broken,) = registry.broken
     assert broken.provider.name == "bad"
     assert broken.reason
+
+
+def test_a_class_with_broken_annotations_fails_only_who_names_it():
+    @dataclass(frozen=True)
+    class Vague(Indenter):
+        shape: "Nobody_knows"  # noqa: F821
+
+        def height(self, x, y):
+            return x
+
+    registry = Registry.from_plugins([GOOD, (Provider("vague", "1"), plugin(record("vague", Vague)))])
+    assert registry.create(Kind.INDENTER, {"name": "ball", "radius": 1}) == Ball(1.0)
+    with pytest.raises(TableError, match=r"Vague.* cannot be used: name 'Nobody_knows' is not defined"):
+        registry.create(Kind.INDENTER, {"name": "vague", "shape": 1})
 
 
 def test_duplicates_raise_and_name_both_providers():
