@@ -135,7 +135,7 @@ def _mesh(table: BlockTable | FileTable, registry: Registry, folder: Path) -> Su
 
 
 def _conditions(table: BoundaryTable) -> list[BoundaryCondition]:
-    return [BoundaryCondition(table.group, *prescribed) for prescribed in table.prescribed()]
+    return [BoundaryCondition(group, *prescribed) for group in table.group for prescribed in table.prescribed()]
 
 
 def _loading(step: StepTable, indenter: IndenterTable) -> Loading:

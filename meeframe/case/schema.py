@@ -124,13 +124,16 @@ def _mesh(value: Any, info: ValidationInfo) -> Any:
         raise TableError(*problems_of(error, model)) from None
 
 
+_ONE_OR_MORE: Final = BeforeValidator(lambda value: (value,) if isinstance(value, str) else value)
+
+
 class BoundaryTable(Table):
-    """[[boundary]]: what is prescribed on one face group, in three independent parts; the rest has zero flux.
+    """[[boundary]]: what is prescribed on face groups, in three independent parts; the rest has zero flux.
 
     displacement and traction: three components each, global axes, 'free' where nothing is prescribed.
     """
 
-    group: Text
+    group: Annotated[tuple[Text, ...], Field(min_length=1), _ONE_OR_MORE]
     displacement: tuple[FreeLength, FreeLength, FreeLength] | None = None
     traction: tuple[FreePressure, FreePressure, FreePressure] | None = None
     electric_potential: ElectricPotential | None = None

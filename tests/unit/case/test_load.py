@@ -86,6 +86,12 @@ electric_flux = 1e-6
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
 
 
+def test_one_table_for_several_groups(write_case, registry):
+    case = load_case(write_case(more='\n[[boundary]]\ngroup = ["side_x-", "top"]\nelectric_potential = 2\n'), registry)
+    added = [(c.group, c.field, c.kind, c.data) for c in case.conditions if c.group != "base"]
+    assert added == [("side_x-", 3, "value", 2.0), ("top", 3, "value", 2.0)]
+
+
 BOX_POINTS = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 BOX_QUADS = {
     "base": [0, 2, 3, 1],

@@ -91,6 +91,8 @@ def test_nested_tables_are_created_through_the_registry():
         ({"name": "ball", "radius": True}, "radius = true: expected a number in m"),
         ({"name": "ball", "radius": 1, "copies": 1.5}, "copies = 1.5: should be a whole number"),
         ({"name": "ball", "radius": 1, "copies": True}, "copies = true: should be a whole number"),
+        ({"name": "ball", "radius": 1, "layers": 0}, "layers = 0: should be greater than or equal to 1"),
+        ({"name": "ball", "radius": 1, "layers": True}, "layers = true: should be a whole number"),
         (
             {"name": "ball", "radius": 1, "raduis": 2},
             "raduis = 2: unknown key; did you mean 'radius'? allowed: radius, copies",
