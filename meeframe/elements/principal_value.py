@@ -13,14 +13,20 @@ from meeframe.core.element import SurfaceElement, shape_derivatives
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.fundamental import Kernel
 from meeframe.elements.quadrature import pair_rule
+from meeframe.kernels.quadrature_order import MODERATE_ANISOTROPY
 
-_POINTS: Final = 16
+_POINTS: Final = 24
 _LONGEST_ARC: Final = np.pi / 6
 _APEXES: Final = 64
 
 
 def traction_principal_value(
-    kernel: Kernel, element: SurfaceElement, nodes: Array, local_node: int, tolerance: float = 1e-10
+    kernel: Kernel,
+    element: SurfaceElement,
+    nodes: Array,
+    local_node: int,
+    tolerance: float = 1e-10,
+    anisotropy: float = MODERATE_ANISOTROPY,
 ) -> Array:
     """Contribution of one element to the principal value of int T_JK N_a dS, source at one of its nodes, (n, 5, 5).
 
@@ -30,7 +36,7 @@ def traction_principal_value(
     over all elements that meet at the node these logarithms cancel, and only their sum is independent of the unit.
     """
     source = np.asarray(nodes, float)[local_node]
-    rule = pair_rule(element, nodes, source, tolerance, element.nodes[local_node])
+    rule = pair_rule(element, nodes, source, tolerance, element.nodes[local_node], anisotropy)
     traction = kernel.evaluate(rule.positions - source, rule.normals)[1]
     values: Array = np.einsum("m,ma,mjk->ajk", rule.measures, rule.shapes, traction)
 
@@ -77,8 +83,9 @@ def tangent_facet(element: SurfaceElement, nodes: Array, local_node: int) -> Arr
     first = begins[0] if begins else 0
     start, end = sides[first][0] - origin, sides[first - 1][1] - origin
     tangents = _tangents(element, nodes, local_node)
-    facet = np.array([start @ tangents, end @ tangents, np.cross(*tangents)])
-    return facet / np.linalg.norm(facet, axis=1, keepdims=True)
+    rows = np.array([start @ tangents, end @ tangents, np.cross(*tangents)])
+    facet: Array = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return facet
 
 
 def _tangents(element: SurfaceElement, nodes: Array, local_node: int) -> Array:

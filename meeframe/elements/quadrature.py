@@ -10,6 +10,7 @@ from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.kernels import quadrature as kernels
+from meeframe.kernels.quadrature_order import MODERATE_ANISOTROPY
 from meeframe.kernels.shape import ShapeTable, map_rule
 
 MOST_GAUSS_POINTS = 24
@@ -53,13 +54,19 @@ class ElementRule:
 
 
 def pair_rule(
-    element: SurfaceElement, nodes: Array, source: Array, tolerance: float, own_xi: Array | None = None
+    element: SurfaceElement,
+    nodes: Array,
+    source: Array,
+    tolerance: float,
+    own_xi: Array | None = None,
+    anisotropy: float = MODERATE_ANISOTROPY,
 ) -> ElementRule:
     """Rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from source (3,).
 
     own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
-    that vanish at the source; tolerance: relative to the integral of the absolute value. Raises MeshError if own_xi is
-    not given and yet the source lies on the element. See meeframe.kernels.quadrature for the method.
+    that vanish at the source; tolerance: relative to the integral of the absolute value; anisotropy: of the medium,
+    see meeframe.elements.anisotropy. Raises MeshError if own_xi is not given and yet the source lies on the element.
+    See meeframe.kernels.quadrature for the method.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
@@ -67,7 +74,9 @@ def pair_rule(
     capacity = 4096
     while True:
         points, weights = np.empty((capacity, 2)), np.empty(capacity)
-        count = kernels.pair_rule(source, nodes, shape_table(element), own, tolerance, gauss_table(), points, weights)
+        count = kernels.pair_rule(
+            source, nodes, shape_table(element), own, tolerance, gauss_table(), points, weights, anisotropy
+        )
         if count == kernels.SOURCE_ON_ELEMENT:
             raise MeshError(
                 f"the source {source} lies on an element of type {element.name} that does not hold it; "

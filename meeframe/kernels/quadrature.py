@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from meeframe.kernels.quadrature_order import (
+    MODERATE_ANISOTROPY,
     cell_spreads,
     lengths_and_bulge,
     most_points,
@@ -136,7 +137,7 @@ def _emit(corners, cell, order_u, order_v, gauss, points, weights, count):
 
 
 @njit(cache=True, nogil=True)
-def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, gauss, points, weights, count):
+def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, anisotropy, gauss, points, weights, count):
     """Append the adaptive rule of one patch, halving cells that are too close; an explicit stack of cells."""
     limit = most_points(tolerance, gauss)
     stack = np.empty((_STACK, 4))
@@ -151,8 +152,8 @@ def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, gaus
         length_u, length_v, bulge = lengths_and_bulge(offsets)
         spread_u, spread_v = cell_spreads(offsets, length_u, length_v, bulge)
         turning_u, turning_v = _turning_spreads(normals)
-        order_u = order_for(min(spread_u, turning_u), degree, tolerance)
-        order_v = order_for(min(spread_v, turning_v), degree, tolerance)
+        order_u = order_for(min(spread_u, turning_u), degree, tolerance, anisotropy)
+        order_v = order_for(min(spread_v, turning_v), degree, tolerance, anisotropy)
         if order_u <= limit and order_v <= limit:
             count = _emit(corners, cell, order_u, order_v, gauss, points, weights, count)
             if count < 0:
@@ -190,12 +191,13 @@ def shape_degree(table):
 
 
 @njit(cache=True, nogil=True)
-def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights):
+def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, anisotropy=MODERATE_ANISOTROPY):
     """Rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
 
     own_xi: (2,) reference coordinates of the source if the element holds it, else NaN. Kernels may grow as 1/r and
     1/r^2; on own elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the
-    integral of the absolute value is below tolerance for polynomial densities of the element's degree.
+    integral of the absolute value is below tolerance for densities of the element's degree in a medium of the given
+    anisotropy.
     Fills points (capacity, 2), weights (capacity,) and returns their number, or BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT
     if own_xi is NaN and yet the source lies on the element.
     """
@@ -205,7 +207,9 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights):
     n_corners = _reference_corners(table.triangle, corners)
     if np.isnan(own_xi[0]):
         degree = shape_degree(table)
-        return _patch_rule(table, polynomial, source, corners, False, degree, tolerance, gauss, points, weights, 0)
+        return _patch_rule(
+            table, polynomial, source, corners, False, degree, tolerance, anisotropy, gauss, points, weights, 0
+        )
     degree = _total_degree(table) + 1
     count = 0
     wedge = np.empty((4, 2))
@@ -216,7 +220,9 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights):
         wedge[3] = wedge[0]
         if _bilinear_area(wedge, 1.0, 0.0) < 1e-12:
             continue
-        count = _patch_rule(table, polynomial, source, wedge, True, degree, tolerance, gauss, points, weights, count)
+        count = _patch_rule(
+            table, polynomial, source, wedge, True, degree, tolerance, anisotropy, gauss, points, weights, count
+        )
         if count < 0:
             break
     return count
@@ -252,4 +258,4 @@ def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
         sizes[e, 0] = max(length_u, reach_v) + 2.0 * bulge
         sizes[e, 1] = max(length_v, reach_u) + 2.0 * bulge
         turning_u, turning_v = _turning_spreads(normals)
-        least_orders[e] = order_for(min(turning_u, turning_v), shape_degree(table), tolerance)
+        least_orders[e] = order_for(min(turning_u, turning_v), shape_degree(table), tolerance, MODERATE_ANISOTROPY)

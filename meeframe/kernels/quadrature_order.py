@@ -4,7 +4,7 @@ Along a straight line of length l that is seen from the source with end distance
 singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1) with s = (r1 + r2) / l, called the spread here; n Gauss
 points leave an error of order rho^-(2n - degree). The turning of the normal has a root of its own, in the area ratio.
 In an anisotropic medium the singularities lie closer: sqrt(s^2 - 1), their distance across the line, is divided by the
-ratio of the medium's longest to shortest distances, for which a value is set that serves the materials of the library.
+medium's anisotropy (see meeframe.elements.anisotropy); the value set serves the materials of the library.
 """
 
 from math import ceil, log, log10, sqrt
@@ -13,33 +13,33 @@ from numba import njit
 
 UNREACHABLE_ORDER = 1 << 20
 
-# Measured on traction kernels of the library's materials; exaggerated random ones miss the tolerance by up to 10.
+MODERATE_ANISOTROPY = 1.5
+
 _ERROR_CONSTANT = 1.0
-_ANISOTROPY = 1.5
 _TINY = 1e-300
 
 
 @njit(cache=True, nogil=True)
-def order_for(spread, degree, tolerance):
+def order_for(spread, degree, tolerance, anisotropy):
     """Gauss points for kernels r^-p times a polynomial, at a spread s = (sum of end distances) / length."""
     if spread <= 1.0 + 1e-12:
         return UNREACHABLE_ORDER
-    across = sqrt(spread * spread - 1.0) / _ANISOTROPY
+    across = sqrt(spread * spread - 1.0) / anisotropy
     growth = log(sqrt(1.0 + across * across) + across)
     order = ceil(0.5 * (log(_ERROR_CONSTANT / tolerance) / growth + degree))
     return max(min(order, UNREACHABLE_ORDER), degree + 1)
 
 
 @njit(cache=True, nogil=True)
-def required_order(distance, size_xi, size_eta, degree, tolerance):
+def required_order(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
     """Points per direction of a tensor Gauss rule over a whole element, for a relative error below tolerance.
 
     distance: source to centre; size_xi, size_eta: from element_extents, same unit; degree: from shape_degree. For
     curved elements the least orders of element_extents apply too. Large, UNREACHABLE_ORDER at worst, where the source
     is close: pair_rule serves there.
     """
-    along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance)
-    along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance)
+    along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
+    along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
     return max(along_xi, along_eta)
 
 

@@ -1,5 +1,7 @@
 """Closed forms of layer potentials of flat polygons."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from meeframe.core.fields import Array
@@ -13,7 +15,7 @@ def solid_angle(corners: Array, source: Array) -> float:
     """
     first, *rest = np.asarray(corners, float) - source
     total = 0.0
-    for second, third in zip(rest[:-1], rest[1:], strict=True):
+    for second, third in pairwise(rest):
         a, b, c = (np.linalg.norm(v) for v in (first, second, third))
         volume = first @ np.cross(second, third)
         total += 2.0 * np.arctan2(volume, a * b * c + first @ second * c + first @ third * b + second @ third * a)

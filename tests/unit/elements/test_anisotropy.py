@@ -1,0 +1,25 @@
+import numpy as np
+import pytest
+
+from meeframe.elements.anisotropy import anisotropy
+from meeframe.materials import library_material
+from meeframe.testing.strategies import scaled_stiffness
+
+
+@pytest.fixture
+def isotropic():
+    return scaled_stiffness(library_material("isotropic", young_modulus=1e9, poisson_ratio=0.3))
+
+
+def test_isotropic_medium(isotropic):
+    assert anisotropy(isotropic) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [4.0, 9.0, 0.25])
+def test_uncoupled_dielectric_is_stretched_by_the_root_of_the_ratio(isotropic, ratio):
+    """Laplace's equation with permittivity (1, 1, ratio) is isotropic in coordinates stretched by sqrt(ratio)."""
+    stretched = isotropic.copy()
+    stretched[:, 3, 3, :] = -np.diag([1.0, 1.0, ratio])
+    exact = max(ratio, 1 / ratio) ** 0.5
+    # sampled planes approach the worst one from below
+    assert 0.95 * exact < anisotropy(stretched) < exact + 1e-9
