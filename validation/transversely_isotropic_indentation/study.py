@@ -1,0 +1,157 @@
+"""Section 7.1 in numbers: the four conditions, the sweeps of Fig. 3, the sections of Fig. 4, and convergence."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import meeframe
+from meeframe.case.case import Case
+from meeframe.case.solve import solve_steps, zone_of
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.result import Resultants, StepResult, Zone, resultants
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh
+from meeframe.laws import StepConductivity
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
+
+HERE = Path(__file__).parent
+
+
+def load(condition: str) -> Case:
+    """The case file of one of the four conditions."""
+    return meeframe.load_case(HERE / f"{condition.lower()}.toml")
+
+
+def closed_form(case: Case, condition: str) -> Indentation:
+    """The half space under the case's sphere (notes, section 4)."""
+    xi = axisymmetric_compliance(case.material.stiffness)
+    return indent(xi, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """One solved condition on one reduced system."""
+
+    zone: Zone
+    step: StepResult
+
+    @property
+    def totals(self) -> Resultants:
+        """Force, charge, magnetic flux, maxima."""
+        return resultants(self.zone, self.step)
+
+    def section(self) -> tuple[Array, Array, Array]:
+        """Along x through the centre: x (m,) [m], pressure (m,) [Pa], potentials (m, 2)."""
+        x, y = self.zone.points[:, 0], self.zone.points[:, 1]
+        line = np.flatnonzero(np.abs(y) < 1e-9 * np.ptp(y))
+        line = line[np.argsort(x[line])]
+        return x[line], -self.step.traction[line, 2], self.step.potentials[line]
+
+
+def solve(case: Case, system: ReducedSystem) -> Solved:
+    """The single step of a case; raises RuntimeError if it does not converge."""
+    (step,) = solve_steps(case, system)
+    if step.status != "converged":
+        raise RuntimeError(f"{case.title}: {step.status}: {step.message}")
+    return Solved(zone_of(system), step)
+
+
+def differences(solved: Solved, exact: Indentation) -> dict[str, float]:
+    """Relative differences to the half space of the totals that are not zero there."""
+    force, totals = -solved.totals.force[2], solved.totals
+    pairs = {
+        "force": (force, exact.force),
+        "charge": (totals.charge, exact.charge),
+        "magnetic_flux": (totals.magnetic_flux, exact.magnetic_flux),
+    }
+    return {name: computed / true - 1 for name, (computed, true) in pairs.items() if true != 0}
+
+
+def section_differences(solved: Solved, exact: Indentation, insulated: Indentation) -> dict[str, float]:
+    """Largest differences on the section, relative to the largest value of the insulated half space.
+
+    The edge ring, one element either side of the contact radius, is left out.
+    """
+    x, pressure, potentials = solved.section()
+    element = np.diff(x).max()
+    kept = np.abs(np.abs(x) - exact.contact_radius) > element
+    r, origin = np.abs(x[kept]), np.zeros(1)
+    columns = {
+        "pressure": (pressure[kept], exact.pressure(r), exact.pressure(origin)),
+        "electric potential": (potentials[kept, 0], exact.electric_potential(r), insulated.electric_potential(origin)),
+        "magnetic potential": (potentials[kept, 1], exact.magnetic_potential(r), insulated.magnetic_potential(origin)),
+    }
+    return {
+        name: float(np.abs(computed - true).max() / np.abs(scale).max())
+        for name, (computed, true, scale) in columns.items()
+    }
+
+
+def conducting(case: Case, electric: float, magnetic: float) -> Case:
+    """A case with step conductivities [F/m^2], [H/m^2]."""
+    return replace(case, electric_law=StepConductivity(electric), magnetic_law=StepConductivity(magnetic))
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One field's conductivity swept: kappa (m,) over the characteristic one, and what was solved for each."""
+
+    condition: str
+    kappa: Array
+    solved: tuple[Solved, ...]
+    limit: Indentation
+
+
+def characteristic_conductivity(case: Case, field: int) -> float:
+    """1 / (|xi_cc| a), c the electric (1) or magnetic (2) field."""
+    xi = axisymmetric_compliance(case.material.stiffness)
+    return float(1 / (abs(xi[field, field]) * closed_form(case, "EMII").contact_radius))
+
+
+def sweep(case: Case, system: ReducedSystem, condition: str, kappa: Array) -> Sweep:
+    """Fig. 3: from insulating to conducting, electric (ECMII) or magnetic (EIMCI)."""
+    field = 1 if condition == "ECMII" else 2
+    unit = characteristic_conductivity(case, field)
+
+    def at(value: float) -> Case:
+        return conducting(case, value * unit, 0.0) if field == 1 else conducting(case, 0.0, value * unit)
+
+    return Sweep(condition, kappa, tuple(solve(at(k), system) for k in kappa), closed_form(case, condition))
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """One mesh of the convergence study; half_width [m], differences by condition and total."""
+
+    half_width: float
+    divisions: int
+    elements: int
+    differences: dict[str, dict[str, float]]
+
+
+def refined(case: Case, enlargement: float, divisions: int) -> Case:
+    """The case on a block `enlargement` times as large in all directions, with more elements in the same zone.
+
+    A ring is added for each doubling of the block, a layer for every second one.
+    """
+    finer, doublings = (divisions / 16) ** 0.5, np.log2(enlargement)
+    rings, layers = round((7 + doublings) * finer), round((2 + doublings / 2) * finer)
+    mesh = block_mesh(0.05 * enlargement, 0.12 * enlargement, 0.005, divisions, rings, layers, Quad4())
+    return replace(case, mesh=mesh)
+
+
+def refinements(case: Case, meshes: list[tuple[float, int]]) -> Iterator[Refinement]:
+    """Differences to the half space on blocks (enlargement, divisions)."""
+    for enlargement, divisions in meshes:
+        larger = refined(case, enlargement, divisions)
+        system = larger.formulation.reduce(larger.body)
+        found = {}
+        for condition, potentials in CONDITIONS.items():
+            electric, magnetic = (np.inf if potential is not None else 0.0 for potential in potentials)
+            solved = solve(conducting(larger, electric, magnetic), system)
+            found[condition] = differences(solved, closed_form(case, condition))
+        yield Refinement(0.05 * enlargement, divisions, larger.mesh.n_elements, found)
