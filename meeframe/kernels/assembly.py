@@ -50,6 +50,13 @@ class RuleTable(NamedTuple):
     shape_weights: np.ndarray
 
 
+class Accuracy(NamedTuple):
+    """Relative error of each element integral, and the anisotropy of the medium (see meeframe.elements.anisotropy)."""
+
+    tolerance: float
+    anisotropy: float
+
+
 @njit(cache=True, nogil=True)
 def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
     """Add the kernels u, t (n, 25) at quadrature points, times shape_weights (n, k), to the panels.
@@ -154,7 +161,7 @@ def enter_rows(
 
 
 @njit(cache=True, nogil=True)
-def far_points(source, own, tolerance, rules, out):
+def far_points(source, own, accuracy, rules, out):
     """Fill the buffers with the points of all elements that a tabulated rule serves, seen from source (3,).
 
     own: (e,) bool, elements to leave out. Returns the number of points, BUFFER_TOO_SMALL if there is no room, and the
@@ -171,7 +178,8 @@ def far_points(source, own, tolerance, rules, out):
         dy = rules.centres[element, 1] - source[1]
         dz = rules.centres[element, 2] - source[2]
         distance = sqrt(dx * dx + dy * dy + dz * dz)
-        order = required_order(distance, rules.sizes[element, 0], rules.sizes[element, 1], rules.degree, tolerance)
+        size_xi, size_eta = rules.sizes[element]
+        order = required_order(distance, size_xi, size_eta, rules.degree, accuracy.tolerance, accuracy.anisotropy)
         order = max(order, rules.least_orders[element])
         while order < n_orders and rules.starts[order] < 0:
             order += 1
@@ -196,7 +204,7 @@ def far_points(source, own, tolerance, rules, out):
 
 
 @njit(cache=True, nogil=True)
-def adaptive_points(source, points, connectivity, element, xi, table, tolerance, gauss, out, count):
+def adaptive_points(source, points, connectivity, element, xi, table, accuracy, gauss, out, count):
     """Append the adaptive rule of one element to the buffers after count points.
 
     points: (p, 3) of the mesh; connectivity: (e, k); xi: (2,) reference coordinates of the source where the element
@@ -205,7 +213,9 @@ def adaptive_points(source, points, connectivity, element, xi, table, tolerance,
     nodes = np.empty((connectivity.shape[1], 3))
     for a in range(connectivity.shape[1]):
         nodes[a] = points[connectivity[element, a]]
-    n = pair_rule(source, nodes, table, xi, tolerance, gauss, out.reference, out.reference_weights)
+    n = pair_rule(
+        source, nodes, table, xi, accuracy.tolerance, gauss, out.reference, out.reference_weights, accuracy.anisotropy
+    )
     if n < 0:
         return n
     if count + n > len(out.elements):
@@ -232,11 +242,11 @@ def adaptive_points(source, points, connectivity, element, xi, table, tolerance,
 
 
 @njit(cache=True, nogil=True)
-def near_points(source, points, connectivity, n_near, table, tolerance, gauss, out, count):
+def near_points(source, points, connectivity, n_near, table, accuracy, gauss, out, count):
     """Append the adaptive rules of the elements in out.near to the buffers; as adaptive_points."""
     outside = np.full(2, np.nan)
     for i in range(n_near):
-        count = adaptive_points(source, points, connectivity, out.near[i], outside, table, tolerance, gauss, out, count)
+        count = adaptive_points(source, points, connectivity, out.near[i], outside, table, accuracy, gauss, out, count)
         if count < 0:
             return count
     return count

@@ -23,7 +23,9 @@ def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
         force = [-s.totals.force[2] / insulated for s in found.solved]
         total = [getattr(s.totals, flux) / getattr(found.limit, flux) for s in found.solved]
         axis.semilogx(found.kappa, force, "o-", color=COLOURS[0], label="force P / P_EMII")
-        axis.semilogx(found.kappa, total, "s-", color=COLOURS[1], label=f"{flux.replace('_', ' ')}, of the conducting one")
+        axis.semilogx(
+            found.kappa, total, "s-", color=COLOURS[1], label=f"{flux.replace('_', ' ')}, of the conducting one"
+        )
         axis.axhline(found.limit.force / insulated, color=COLOURS[0], ls="--", lw=1)
         axis.axhline(1.0, color=COLOURS[1], ls="--", lw=1)
         axis.set(xlabel=f"{name} conductivity, times |ξ_cc| a", title=found.condition)

@@ -1,4 +1,6 @@
-"""Regenerate the validation of section 7.1: `uv run python validation/transversely_isotropic_indentation/regenerate.py`.
+"""Regenerate the validation of section 7.1.
+
+    uv run python validation/transversely_isotropic_indentation/regenerate.py
 
 Writes docs/validation/transversely_isotropic_indentation.md with its pictures and the numbers as JSON. `--quick` leaves
 out the convergence study (and the text about it); `--out` names another folder.
@@ -7,6 +9,7 @@ out the convergence study (and the text about it); `--out` names another folder.
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,8 +88,6 @@ def _row(case: Case, name: str, solved: Solved) -> dict[str, object]:
 
 def _grounding(case: Case, system: ReducedSystem) -> dict[str, dict[str, float]]:
     """Differences under EMCI for other places where the potentials could be zero."""
-    from dataclasses import replace
-
     base_only = tuple(c for c in case.conditions if c.group == "base")
     sides_only = tuple(c for c in case.conditions if c.group != "base" or c.field < 3)
     found = {}
@@ -109,8 +110,8 @@ def _page(
         "# Section 7.1: indentation of a transversely isotropic block",
         "",
         "A rigid sphere (R = 100 mm) is pressed 50 µm into a block of 100 x 100 x 120 mm, Table 1, bonded at its base.",
-        "Reference: the half space of the notes, section 4 (Chen's closed forms, corrected). All numbers and pictures of",
-        f"this page: `uv run python validation/{NAME}/regenerate.py`.",
+        "Reference: closed forms of the half space (docs/theory.md). All numbers and pictures of this page:",
+        f"`uv run python validation/{NAME}/regenerate.py`.",
         "",
         "## The paper's mesh: 1088 elements, 16 x 16 in the contact zone",
         "",
@@ -138,15 +139,17 @@ def _page(
         "",
         "## Where the potentials are zero",
         "",
-        "The paper does not say which faces of the block are grounded. It matters for the magnetic flux: the mean strain",
-        "of the block, small as it is, makes a magnetic potential across its height of some per cent of that under the",
-        "sphere. Differences to the half space under EMCI in per cent:",
+        "The paper does not say which faces of the block are grounded. It matters for the magnetic flux: the mean",
+        "strain of the block, small as it is, makes a magnetic potential across its height of some per cent of that",
+        "under the sphere. Differences to the half space under EMCI in per cent:",
         "",
         "| grounded | P | Q | M |",
         "| --- | --- | --- | --- |",
     ]
     for name, d in grounding.items():
-        lines.append(f"| {name} | " + " | ".join(_percent(d[key]) for key in ("force", "charge", "magnetic_flux")) + " |")
+        lines.append(
+            f"| {name} | " + " | ".join(_percent(d[key]) for key in ("force", "charge", "magnetic_flux")) + " |"
+        )
     lines += [
         "",
         "The case files ground base and sides. As the block grows the choice ceases to matter.",
@@ -168,9 +171,9 @@ def _page(
         "",
         f"![Pressure and potentials along x]({NAME}_fig4.png)",
         "",
-        "Symbols: nodes; lines: half space, insulating and conducting. All relative to the insulated half space's centre",
-        "values. Under ECMII the magnetic potential is not quite unaltered, nor the electric one under EIMCI: ξ23 is not",
-        "zero (notes, section 4).",
+        "Symbols: nodes; lines: half space, insulating (full) and conducting (dashed). All relative to the centre",
+        "values of the insulated half space. Under ECMII the magnetic potential is not quite unaltered, nor the",
+        "electric one under EIMCI: ξ23 is not zero (docs/theory.md).",
     ]
     return "\n".join(lines + (_convergence(meshes) if meshes else [])) + "\n"
 

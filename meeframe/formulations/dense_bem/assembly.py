@@ -12,11 +12,11 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import Progress
 from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
-from meeframe.elements.quadrature import gauss_table, shape_table
+from meeframe.elements.quadrature import element_extents, gauss_table, shape_table
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.kernels import assembly as kernels
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, element_extents, shape_degree, tensor_rule
+from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, shape_degree, tensor_rule
 
 TABULATED_ORDERS = (2, 3, 4, 5, 6, 8)
 # Quadrature points handed to the fundamental solution at a time: their kernels fit the second-level cache.
@@ -41,16 +41,21 @@ class Problem:
     layout: Layout
     sources: Sources
     kernel: Kernel
-    tolerance: float
+    accuracy: kernels.Accuracy
     rules: tuple[kernels.RuleTable, ...]
 
 
 def assemble(
-    mesh: SurfaceMesh, layout: Layout, sources: Sources, kernel: Kernel, tolerance: float, progress: Progress
+    mesh: SurfaceMesh,
+    layout: Layout,
+    sources: Sources,
+    kernel: Kernel,
+    accuracy: kernels.Accuracy,
+    progress: Progress,
 ) -> System:
-    """The boundary element system (eqs. 19, 20) with relative quadrature error tolerance."""
-    rules = tuple(_tabulate(block, mesh.points, tolerance) for block in mesh.blocks)
-    problem = Problem(mesh, layout, sources, kernel, tolerance, rules)
+    """The boundary element system (eqs. 19, 20)."""
+    rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
+    problem = Problem(mesh, layout, sources, kernel, accuracy, rules)
     n = layout.n_unknowns
     system = System(np.zeros((n, n)), np.zeros((n, N_FIELDS * len(layout.zone)), order="F"), np.zeros(n))
     n_sources = len(sources.position)
@@ -109,7 +114,7 @@ def _add_others(
     own = np.zeros(len(block.connectivity), bool)
     own[sources.own_element[held][sources.own_block[held] == number]] = True
     while True:
-        count, n_near = kernels.far_points(position, own, problem.tolerance, problem.rules[number], buffers)
+        count, n_near = kernels.far_points(position, own, problem.accuracy, problem.rules[number], buffers)
         if count >= 0:
             count = kernels.near_points(
                 position,
@@ -117,7 +122,7 @@ def _add_others(
                 block.connectivity,
                 n_near,
                 shape_table(block.element),
-                problem.tolerance,
+                problem.accuracy,
                 gauss_table(),
                 buffers,
                 count,
@@ -158,7 +163,7 @@ def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, 
             element,
             xi,
             table,
-            problem.tolerance,
+            problem.accuracy,
             gauss_table(),
             buffers,
             0,
@@ -215,12 +220,11 @@ def _tabulate(block: ElementBlock, points: Array, tolerance: float) -> kernels.R
         rows += order**2 * len(block.connectivity)
         parts.append(_tensor_rules(block, points, order))
     positions, normals, shape_weights = (np.concatenate(part) for part in zip(*parts, strict=True))
-    n_elements = len(block.connectivity)
-    centres, sizes, least_orders = np.empty((n_elements, 3)), np.empty((n_elements, 2)), np.empty(n_elements, np.int64)
-    table = shape_table(block.element)
-    element_extents(table, points[block.connectivity], tolerance, centres, sizes, least_orders)
-    degree = shape_degree(table)
-    return kernels.RuleTable(centres, sizes, least_orders, degree, starts, positions, normals, shape_weights)
+    extents = element_extents(block.element, points[block.connectivity], tolerance)
+    degree = shape_degree(shape_table(block.element))
+    return kernels.RuleTable(
+        extents.centres, extents.sizes, extents.least_orders, degree, starts, positions, normals, shape_weights
+    )
 
 
 def _tensor_rules(block: ElementBlock, points: Array, order: int) -> tuple[Array, Array, Array]:

@@ -12,6 +12,7 @@ from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, FieldSca
 from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.quantities import Quantity
+from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.layout import Units, lay_out
@@ -19,6 +20,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.fundamental import Tabulated
 from meeframe.geometry import check_mesh, zone_frames
+from meeframe.kernels.assembly import Accuracy
 
 
 @final
@@ -31,7 +33,7 @@ class DenseBEM(Formulation):
     """
 
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
-    quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-6
+    quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -70,11 +72,13 @@ class DenseBEM(Formulation):
         scaling = FieldScaling.of(body.stiffness)
         units = Units(characteristic_length(body), scaling)
         progress("fundamental solution", 0.0)
-        kernel = self.fundamental_solution.bind(scaling.scale_stiffness(body.stiffness))
+        stiffness = scaling.scale_stiffness(body.stiffness)
+        kernel = self.fundamental_solution.bind(stiffness)
+        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
         progress("fundamental solution", 1.0)
         layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
-        system = assemble(mesh, layout, collocate(mesh, layout), kernel, self.quadrature_tolerance, progress)
+        system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
         progress("factorisation", 0.0)
         constant, response = factorise(system)
         progress("factorisation", 1.0)
