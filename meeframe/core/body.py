@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from meeframe.core.fields import Array
+import numpy as np
+
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, FLUX_NAMES, MAGNETIC, VALUE_NAMES, Array
 from meeframe.core.mesh import SurfaceMesh
 
 
@@ -33,3 +36,48 @@ class Body:
     mesh: SurfaceMesh
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
+
+
+def check_conditions(body: Body) -> None:
+    """Raises MeshError or CaseError unless conditions name other face groups than the contact zone, and each once."""
+    seen: set[tuple[str, int]] = set()
+    for condition in body.conditions:
+        body.mesh.group(condition.group)
+        if condition.group == body.contact_group:
+            others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
+            raise CaseError(
+                f"boundary condition on {condition.group!r}: it is the contact zone, whose tractions and fluxes follow "
+                f"from contact; name one of {others}"
+            )
+        if not np.isfinite(condition.data).all():
+            raise CaseError(f"boundary condition on {condition.group!r}: its data must be finite numbers")
+        key = (condition.group, condition.field)
+        if key in seen:
+            name = f"{VALUE_NAMES[condition.field]} or {FLUX_NAMES[condition.field]}"
+            raise CaseError(f"boundary conditions on {condition.group!r} prescribe {name} twice")
+        seen.add(key)
+
+
+def check_supports(body: Body) -> None:
+    """Raises CaseError unless prescribed values fix every rigid motion and the constant of each potential.
+
+    Bodies of finite size need them; formulations of a half space do not.
+    """
+    prescribed = [condition for condition in body.conditions if condition.kind == "value"]
+    for number, key in ((ELECTRIC, "electric_potential"), (MAGNETIC, "magnetic_potential")):
+        if all(condition.field != number for condition in prescribed):
+            raise CaseError(f"no boundary condition prescribes {key}, so that its constant is undetermined")
+    rows = [_rigid_rows(body.mesh, c) for c in prescribed if c.field < ELECTRIC]
+    free = 6 - (np.linalg.matrix_rank(np.concatenate(rows), tol=1e-6) if rows else 0)
+    if free:
+        raise CaseError(
+            f"the boundary conditions leave {free} of the 6 rigid motions free; prescribe more of the displacement"
+        )
+
+
+def _rigid_rows(mesh: SurfaceMesh, condition: BoundaryCondition) -> Array:
+    """The prescribed component of the six rigid motions a + w x (x - centre) / size at the group's points, (p, 6)."""
+    size = np.ptp(mesh.points, axis=0).max()
+    points = (mesh.points[mesh.group_points(condition.group)] - mesh.points.mean(axis=0)) / size
+    axis = np.eye(3)[condition.field]
+    return np.concatenate([np.tile(axis, (len(points), 1)), np.cross(points, axis)], axis=1)

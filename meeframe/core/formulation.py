@@ -73,8 +73,12 @@ class Formulation(ABC):
     """A discretisation; the fields of a concrete class are its case-file keys."""
 
     @abstractmethod
+    def check(self, body: Body) -> None:
+        """Raises MeshError or CaseError if the body does not fit the formulation, before anything is computed."""
+
+    @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.
 
-        Raises MeshError or CaseError if the body does not fit the formulation.
+        Raises as check, and MaterialError if the formulation does not take the material.
         """

@@ -15,7 +15,7 @@ from meeframe.core.quantities import Quantity
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
-from meeframe.formulations.dense_bem.layout import Units, lay_out
+from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.fundamental import Tabulated
@@ -36,11 +36,19 @@ class DenseBEM(Formulation):
     quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
 
+    def check(self, body: Body) -> None:
+        """Check mesh and boundary conditions.
+
+        Raises MeshError unless the mesh is a closed surface with outward normals, CaseError if boundary conditions
+        contradict each other, touch the contact zone or leave a field undetermined.
+        """
+        check_mesh(body.mesh)
+        self._layout(body)
+
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, factorise once, condense to the contact zone.
 
-        Raises MeshError if the mesh is not a closed, outward surface, CaseError if the boundary conditions contradict
-        each other or leave a field undetermined, MaterialError if the fundamental solution does not apply.
+        Raises as check, and MaterialError if the fundamental solution does not apply.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
@@ -70,19 +78,22 @@ class DenseBEM(Formulation):
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
         check_mesh(body.mesh)
         scaling = FieldScaling.of(body.stiffness)
-        units = Units(characteristic_length(body), scaling)
         progress("fundamental solution", 0.0)
         stiffness = scaling.scale_stiffness(body.stiffness)
         kernel = self.fundamental_solution.bind(stiffness)
         accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
         progress("fundamental solution", 1.0)
-        layout = lay_out(body, find_patches(body.mesh, self.edge_angle), units)
+        layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
         progress("factorisation", 0.0)
         constant, response = factorise(system)
         progress("factorisation", 1.0)
         return BoundarySolution(constant, response, layout, units, body.mesh)
+
+    def _layout(self, body: Body) -> tuple[Layout, Units]:
+        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
 
 def _local_axes(frames: Array) -> Array:

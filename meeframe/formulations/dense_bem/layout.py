@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, N_FIELDS, VALUE_NAMES, Array, FieldScaling
+from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.patches import Patches
 
@@ -62,17 +62,20 @@ class Layout:
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     """Number the unknowns of a body.
 
-    Raises CaseError if two conditions contradict each other, touch the contact zone, or leave a field undetermined.
+    Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
+    or leave a field undetermined.
     """
     values = np.full((len(body.mesh.points), N_FIELDS), np.nan)
     fluxes = np.zeros((len(patches.point), N_FIELDS))
     flux_unknown = np.zeros(fluxes.shape, bool)
+    check_conditions(body)
+    check_supports(body)
     for condition in body.conditions:
         _apply(condition, body, patches, values, fluxes, flux_unknown)
     contact = np.zeros(len(patches.point), bool)
     if body.contact_group is not None:
         contact = patches.group == body.mesh.group(body.contact_group)
-    _check_determined(body, values, patches.point[contact])
+    _check_zone(body, values, patches.point[contact])
 
     unknown_value = np.isnan(values)
     value_column = _number(unknown_value, 0)
@@ -107,8 +110,6 @@ def _apply(
     flux_unknown: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
 ) -> None:
     """Enter one condition into values (p, 5), fluxes (m, 5) and flux_unknown (m, 5), in SI units."""
-    if condition.group == body.contact_group:
-        raise CaseError(f"a boundary condition names the contact zone {condition.group!r}; conditions belong outside")
     field = condition.field
     points = body.mesh.group_points(condition.group)
     data = np.broadcast_to(np.asarray(condition.data, float), points.shape)
@@ -128,20 +129,9 @@ def _apply(
     flux_unknown[members, field] = True
 
 
-def _check_determined(body: Body, values: Array, contact_points: Indices) -> None:
-    """Every potential needs a prescribed value somewhere, the displacement enough of them to stop rigid motions."""
-    known = ~np.isnan(values)
-    pinned = np.atleast_1d(known[contact_points].any(axis=0))
+def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
+    """The value of a field that a neighbouring face prescribes cannot be found by contact as well."""
+    pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if pinned.any():
         names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)
         raise CaseError(f"{names} is prescribed on a face that touches the contact zone {body.contact_group!r}")
-    for field in range(ELECTRIC, N_FIELDS):
-        if not known[:, field].any():
-            raise CaseError(f"{VALUE_NAMES[field]} is prescribed nowhere: its constant is undetermined")
-    centred = body.mesh.points - body.mesh.points.mean(axis=0)
-    centred /= np.abs(centred).max()
-    rotations = np.cross(np.eye(3)[None], centred[:, None])
-    motions = np.concatenate([np.broadcast_to(np.eye(3), (len(centred), 3, 3)), rotations], axis=1)
-    constrained = np.swapaxes(motions, 1, 2)[known[:, :3]]
-    if np.linalg.matrix_rank(constrained, tol=1e-6) < 6:
-        raise CaseError("the prescribed displacements leave a rigid motion of the body free")

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
+from meeframe.core.body import check_conditions, check_supports
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.formulation import Formulation, NodalFields, silent
 from meeframe.core.quantities import Quantity
@@ -53,6 +54,10 @@ class Winkler(Formulation):
     """Independent springs: each node answers its own load alone, so that contact has a closed form."""
 
     stiffness: Annotated[float, Quantity("Pa/m", gt=0)]
+
+    def check(self, body):
+        check_conditions(body)
+        check_supports(body)
 
     def reduce(self, body, progress=silent):
         progress("springs", 0.0)

@@ -73,9 +73,9 @@ def test_conditions_that_contradict_each_other_are_refused():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ((0, 1, 2, 3), "magnetic_potential is prescribed nowhere"),
-        ((0, 1, 2, 4), "electric_potential is prescribed nowhere"),
-        ((0, 1, 3, 4), "rigid motion"),
+        ((0, 1, 2, 3), "no boundary condition prescribes magnetic_potential"),
+        ((0, 1, 2, 4), "no boundary condition prescribes electric_potential"),
+        ((0, 1, 3, 4), "leave 3 of the 6 rigid motions free"),
     ],
 )
 def test_fields_left_undetermined_are_refused(fields, message):
@@ -94,7 +94,7 @@ def test_three_rollers_hold_a_box():
 
 def test_the_contact_zone_takes_no_conditions():
     mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
-    with pytest.raises(CaseError, match="names the contact zone 'z\\+'"):
+    with pytest.raises(CaseError, match="it is the contact zone"):
         layout_of(mesh, (*clamped("z-"), BoundaryCondition("z+", 3, "value")), contact="z+")
     with pytest.raises(CaseError, match="electric_potential is prescribed on a face that touches the contact zone"):
         layout_of(mesh, (*clamped("z-"), BoundaryCondition("x+", 3, "value")), contact="z+")
