@@ -1,0 +1,5 @@
+"""`python -m meeframe`: the command line."""
+
+from meeframe.cli import main
+
+main()
