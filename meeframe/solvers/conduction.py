@@ -9,13 +9,22 @@ says all of it, for any r > 0 and any pressure p_o > 0: closed is one where p_nu
 only where both vanish.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.contact import ConductivityLaw, ContactProblem
 from meeframe.core.fields import Array
 
+Mask = NDArray[np.bool_]
+
+FLIPS: Final = 3
+"""So many times may a node open and close before it is taken to graze."""
+GAIN_GROWTH: Final = 1.1
+GAIN_FALL: Final = 0.75
+GAIN_LIMITS: Final = (1e-3, 1e12)
 TOUCHING: Final = -float(np.finfo(float).tiny)
 """A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
 
@@ -38,6 +47,38 @@ def own_response(problem: ContactProblem) -> Array:
     """Response of each node's two potentials to their own flux density, (n, 2)."""
     blocks = problem.system.diagonal_blocks()
     return np.stack([blocks[:, 3, 3], blocks[:, 4, 4]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Switches:
+    """How an iteration opens and closes the conduction of each node; arrays (n,).
+
+    A node conducts when it has traction (eqs. 17, 18), until it has changed more than FLIPS times. From then on it is
+    taken to graze and steps along the filled-in graph instead. The trial traction p_nu + r g_nu that drives it says
+    both where the node is and where it is going, which damps the interplay with the slower tractions; the step grows
+    while the trial keeps its sign and shrinks when that reverses.
+
+    flips: changes so far; gain: of the grazing node's step; side: sign of the last trial traction.
+    """
+
+    flips: Array
+    gain: Array
+    side: Array
+
+    @classmethod
+    def unused(cls, n: int) -> "Switches":
+        """Of n nodes at the beginning."""
+        return cls(np.zeros(n), np.ones(n), np.zeros(n))
+
+    def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
+        """After one step of the tractions."""
+        side = np.sign(trial)
+        gain = np.clip(self.gain * np.where(side == self.side, GAIN_GROWTH, GAIN_FALL), *GAIN_LIMITS)
+        return Switches(self.flips + (touching != was_touching), np.where(self.flips > FLIPS, gain, 1.0), side)
+
+    def closed(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
+        """Closed fractions (n,) after those `before` the step; pressure: the characteristic one [Pa]."""
+        return np.where(self.flips > FLIPS, switch(before, self.gain * trial, pressure), touching)
 
 
 def switch(closed: Array, trial: Array, pressure: float) -> Array:

@@ -44,6 +44,24 @@ class Limits:
         check_quantities(self)
 
 
+@dataclass(frozen=True)
+class _Trend:
+    """How the judged quantity develops: (iteration, value) of the first look, the last, and the last notable fall."""
+
+    first: tuple[int, float]
+    last: tuple[int, float]
+    best: tuple[int, float]
+
+    def next(self, look: tuple[int, float]) -> "_Trend":
+        """After one more look."""
+        return _Trend(self.first, look, look if look[1] < LEAST_FALL * self.best[1] else self.best)
+
+    def fraction(self, tolerance: float) -> float:
+        """How much of the way from the first value to the tolerance is done, in decades."""
+        decades = np.log(self.first[1] / tolerance)
+        return float(np.clip(np.log(self.first[1] / self.best[1]) / decades, 0.0, 1.0)) if decades > 0.0 else 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class _Orbit:
     """Whether loads come back (Brent's cycle detection): each load is compared with one kept from a power of two.
@@ -77,7 +95,8 @@ def solve(
     """Iterate until the limits are met or something goes wrong; the status says which, the message why.
 
     start: converged state of the previous load step; progress: called whenever the driver looks at an iterate, every
-    `solver.stride` steps and at the last one, with the fraction, in decades, of the way to the tolerance. Never raises for an iteration that goes astray.
+    `solver.stride` steps and at the last one, with the fraction, in decades, of the way to the tolerance.
+    An iteration that goes astray raises nothing.
     """
     limits = limits or Limits()
     scales = problem_scales(problem)
@@ -85,35 +104,25 @@ def solve(
     with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
         iterate = solver.init(problem, start)
         state = evaluate(problem, iterate)
-        history = [(0, law_residual(problem, state, scales))] if limits.criterion == "residual" else []
-        best = history[0] if history else (0, np.inf)
-        status, message = _verdict(history, limits, best, False)
-        stride = solver.stride if limits.criterion == "residual" else 1
+        by_residual = limits.criterion == "residual"
+        looks = [(0, law_residual(problem, state, scales))] if by_residual else []
+        trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
         orbit = _Orbit(_point(iterate, scales), 1)
         iteration = 0
-        while status is None:
+        while (verdict := _verdict(trend, limits, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
             orbit = orbit.next(iteration, _point(iterate, scales), limits.tolerance)
-            if iteration % stride and iteration < limits.max_iterations and not orbit.repeated:
+            if by_residual and not orbit.repeated and iteration % solver.stride and iteration < limits.max_iterations:
                 continue
             previous, state = state, evaluate(problem, iterate)
-            if limits.criterion == "residual":
-                history.append((iteration, law_residual(problem, state, scales)))
-            else:
-                history.append((iteration, _paper_change(previous, state)))
-            progress("contact", _fraction(history, limits, best[1]))
-            if history[-1][1] < LEAST_FALL * best[1]:
-                best = history[-1]
-            status, message = _verdict(history, limits, best, orbit.repeated)
-        return ContactSolution(
-            state, status, iteration, law_residual(problem, state, scales), np.array(history).reshape(-1, 2), message
-        )
-
-
-def _fraction(history: list[tuple[int, float]], limits: Limits, best: float) -> float:
-    decades = np.log(history[0][1] / limits.tolerance)
-    return float(np.clip(np.log(history[0][1] / best) / decades, 0.0, 1.0)) if decades > 0.0 else 0.0
+            value = law_residual(problem, state, scales) if by_residual else _paper_change(previous, state)
+            looks.append((iteration, value))
+            trend = trend.next(looks[-1]) if trend else _Trend(looks[-1], looks[-1], looks[-1])
+            progress("contact", trend.fraction(limits.tolerance))
+        final = law_residual(problem, state, scales)
+    status, message = verdict
+    return ContactSolution(state, status, iteration, final, np.array(looks), message)
 
 
 def _point(iterate: Iterate, scales: Scales) -> Array:
@@ -128,24 +137,22 @@ def _paper_change(previous: ContactState, state: ContactState) -> float:
     return max(float(np.linalg.norm(change)) for change in changes)
 
 
-def _verdict(
-    history: list[tuple[int, float]], limits: Limits, best: tuple[int, float], repeated: bool
-) -> tuple[Status | None, str]:
-    """Status, None to go on, and the reason in words. best: iteration and value of the last notable fall."""
-    if not history:
-        return None, ""
-    iteration, value = history[-1]
+def _verdict(trend: _Trend | None, limits: Limits, repeated: bool) -> tuple[Status, str] | None:
+    """Status and the reason in words; None to go on."""
+    if trend is None:
+        return None
+    (_, first), (iteration, value), (since, best) = trend.first, trend.last, trend.best
     name = "residual" if limits.criterion == "residual" else "change"
     if value <= limits.tolerance:
         return Status.CONVERGED, f"{name} {value:.2e} is within the tolerance {limits.tolerance:.1e}"
     if not np.isfinite(value):
         return Status.DIVERGED, f"not a finite number at iteration {iteration}"
-    if value > RUNAWAY * max(history[0][1], limits.tolerance):
-        return Status.DIVERGED, f"{name} grew from {history[0][1]:.2e} to {value:.2e} at iteration {iteration}"
+    if value > RUNAWAY * max(first, limits.tolerance):
+        return Status.DIVERGED, f"{name} grew from {first:.2e} to {value:.2e} at iteration {iteration}"
     if repeated:
         return Status.CYCLING, f"the same loads return at iteration {iteration}, with {name} {value:.2e}"
     if iteration >= limits.max_iterations:
         return Status.ITERATION_LIMIT, f"{name} {value:.2e} after {iteration} iterations"
-    if iteration - best[0] >= limits.stall_window:
-        return Status.STALLED, f"{name} has stayed near {best[1]:.2e} since iteration {best[0]}"
-    return None, ""
+    if iteration - since >= limits.stall_window:
+        return Status.STALLED, f"{name} has stayed near {best:.2e} since iteration {since}"
+    return None

@@ -21,7 +21,8 @@ class Spectrum:
     """largest: eigenvalue [m/Pa] of the compliance, potentials eliminated, in the law's metric, on the exposed nodes.
 
     exposure: (n, 3) in [0, 1], mechanical (in contact or about to be), electric and magnetic (share of the flux
-    that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next computation starts.
+    that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next
+    computation starts.
     """
 
     largest: float

@@ -9,42 +9,32 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver,
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.quantities import Quantity
-from meeframe.solvers.conduction import own_response, resistances, switch
+from meeframe.solvers.conduction import Switches, own_response, resistances
 from meeframe.solvers.elimination import Conductors, Elimination, eliminate
 from meeframe.solvers.scales import Scales, problem_scales
 from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
 
-STEP_FRACTION: Final = 1.8
+STEP_FRACTION: Final = 1.6
 """The automatic step times the largest eigenvalue; the limit of stability is 2."""
-FLIPS: Final = 3
-"""So many times may a node open and close before it is taken to graze."""
 STREAK: Final = 10
 """So many times in succession may the change grow before the automatic step is shortened."""
-GAIN_UP, GAIN_DOWN = 1.1, 0.5
 SHORTENING: Final = 0.7
 
 _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
 
 @dataclass(frozen=True, eq=False)
-class _Switches:
-    flips: Array
-    gain: Array
-    side: Array
-
-
-@dataclass(frozen=True, eq=False)
 class _Memory:
-    """elimination, own, scales: see there, fixed; conductors, spectrum: of the last step; flips: (n,) times that each
-    node has opened or closed; damping: of the automatic step, 1 at first; change, streak: last relative change of the
-    tractions and how many times in succession it has grown."""
+    """elimination, own, scales: see there, fixed; conductors, spectrum, switches: of the last step; damping: of the
+    automatic step, 1 at first; change, streak: last relative change of the tractions and how many times in succession
+    it has grown."""
 
     elimination: Elimination
     own: Array
     scales: Scales
     conductors: Conductors | None
     spectrum: Spectrum | None
-    switches: _Switches
+    switches: Switches
     damping: float = 1.0
     change: float = np.inf
     streak: int = 0
@@ -57,7 +47,7 @@ class Uzawa(Solver):
 
     step_normal, step_tangential: r_nu and r_tau of eqs. (31), (32) [Pa/m], or 'auto'. The paper's r_nu = 5e3 is in
     GPa/m: 5e12 Pa/m. In eq. (32) r_tau goes with M^2; here it goes with M^2 / max(mu)^2, so that it is r_tau max(mu)^2.
-    'auto' is 1.8 over the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the
+    'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the
     metric of the contact law; it follows the contact as that grows and conducts, and is shortened if the tractions
     begin to run away.
 
@@ -88,7 +78,7 @@ class Uzawa(Solver):
             scales=problem_scales(problem),
             conductors=None,
             spectrum=None,
-            switches=_Switches(np.zeros(n), np.ones(n), np.zeros(n)),
+            switches=Switches.unused(n),
         )
         if start is None:
             return Iterate(np.zeros((n, 5)), np.zeros(n), memory)
@@ -106,7 +96,8 @@ class Uzawa(Solver):
         r_normal, r_tangential = self._steps(memory)
         trial = augmented_traction(problem.contact_law, traction, gap, r_normal, r_tangential)
         load = np.concatenate([problem.contact_law.project(trial), flux + conductors.flux], axis=1)
-        closed, switches = _switched(iterate, load, trial[:, 2], memory)
+        switches = memory.switches.next(traction[:, 2] < 0.0, load[:, 2] < 0.0, trial[:, 2])
+        closed = switches.closed(iterate.closed, load[:, 2] < 0.0, trial[:, 2], memory.scales.pressure)
         return Iterate(load, closed, _watched(replace(memory, switches=switches), load[:, MECHANICAL] - traction))
 
     def _measured(self, memory: _Memory, problem: ContactProblem, traction: Array, gap: Array) -> _Memory:
@@ -134,18 +125,6 @@ def _memory(iterate: Iterate) -> _Memory:
     if not isinstance(iterate.memory, _Memory):
         raise TypeError("the iterate was not made by Uzawa.init")
     return iterate.memory
-
-
-def _switched(iterate: Iterate, load: Array, trial: Array, memory: _Memory) -> tuple[Array, Array]:
-    """Closed fractions of the new load: as its traction says; grazing nodes follow the filled-in graph."""
-    touching = (load[:, 2] < 0.0).astype(float)
-    before = memory.switches
-    flips = before.flips + (touching != (iterate.load[:, 2] < 0.0))
-    side = np.sign(trial)
-    gain = np.clip(before.gain * np.where(side == before.side, GAIN_UP, GAIN_DOWN), 1e-3, 1e12)
-    gain = np.where(flips > FLIPS, gain, 1.0)
-    grazing = switch(iterate.closed, gain * trial, memory.scales.pressure)
-    return np.where(flips > FLIPS, grazing, touching), _Switches(flips, gain, side)
 
 
 def _watched(memory: _Memory, change: Array) -> _Memory:

@@ -17,8 +17,8 @@ _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 def half_space_system(xi: Array, side: float, cells: int, offset: Array | None = None) -> DenseSystem:
     """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m].
 
-    xi: (5, 5) point-source response u_J = xi_JK t_K / r over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi), then
-    without tangential response; offset: (n, 5) as in ReducedSystem, zero if not given.
+    xi: (5, 5) point-source response u_J = xi_JK t_K / r over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi),
+    then without tangential response; offset: (n, 5) as in ReducedSystem, zero if not given.
     """
     full = np.zeros((5, 5))
     full[-len(xi) :, -len(xi) :] = xi
