@@ -1,0 +1,172 @@
+"""The pictures of README.md and docs/gallery.md: `uv run python docs/make_images.py`.
+
+Everything comes from the cases of section 7.1 of the reference paper: one mesh, one material, so one reduced system.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+import meeframe
+from meeframe.case.solve import solve_steps, zone_of
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.result import StepResult
+from meeframe.geometry import Cone, Cylinder, Placement, RectangularPunch
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.report.picture import Picture
+from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
+
+HERE = Path(__file__).parent
+CASES = HERE.parent / "validation" / "transversely_isotropic_indentation"
+LINES = {"EMII": "#0072B2", "EMCI": "#D55E00"}  # of the Okabe-Ito palette
+MM, GPA, KV = 1e-3, 1e9, 1e3
+
+
+def read_case(condition: str) -> meeframe.Case:
+    """The case of one of the paper's four conditions."""
+    return meeframe.load_case(CASES / f"{condition.lower()}.toml")
+
+
+def solve(case: meeframe.Case, system: ReducedSystem) -> StepResult:
+    """The last step of a case; raises RuntimeError if it did not converge."""
+    step = list(solve_steps(case, system))[-1]
+    if step.status != "converged":
+        raise RuntimeError(f"{case.title}: {step.message}")
+    return step
+
+
+def closed_form(case: meeframe.Case, condition: str) -> Indentation:
+    """The half space under the sphere of a case (paper, eqs. 33-36, as corrected in docs/theory.md)."""
+    xi = axisymmetric_compliance(case.material.stiffness)
+    return indent(xi, Sphere(case.indenter.radius), case.steps[-1].approach, *CONDITIONS[condition])
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """What is drawn: label with unit, colour map, nodal values in that unit, closed form in SI, and its unit."""
+
+    label: str
+    colours: str
+    values: Any
+    exact: Any
+    unit: float
+
+
+PRESSURE = Quantity(
+    "contact pressure [GPa]", "cividis", lambda step: -step.traction[:, 2] / GPA, lambda form: form.pressure, GPA
+)
+POTENTIAL = Quantity(
+    "electric potential [kV]",
+    "viridis_r",
+    lambda step: step.potentials[:, 0] / KV,
+    lambda form: form.electric_potential,
+    KV,
+)
+
+
+def overview(system: ReducedSystem) -> Figure:
+    """Maps of the insulated indentation, and sections of it and of the conducting one against the half space."""
+    figure = new_figure(11.4, 3.9)
+    maps, sections = figure.subfigures(1, 2, width_ratios=(2.05, 1.0))
+    axes = maps.subplots(1, 2, sharey=True)
+    rows = sections.subplots(2, sharex=True)
+    for condition in LINES:
+        case = read_case(condition)
+        step, form = solve(case, system), closed_form(case, condition)
+        for quantity, row in zip((PRESSURE, POTENTIAL), rows, strict=True):
+            draw_section(row, system, step, form, quantity, condition)
+        if condition == "EMII":
+            for quantity, place in zip((PRESSURE, POTENTIAL), axes, strict=True):
+                draw_map(figure, place, system, step, quantity)
+                draw_circle(place, form.contact_radius)
+    axes[0].set_ylabel("y [mm]")
+    rows[0].legend(fontsize=7.5, frameon=False, loc="lower center", handlelength=1.4)
+    rows[1].set_xlabel("x [mm], y = 0")
+    sections.align_ylabels(rows)
+    return figure
+
+
+def indenters(system: ReducedSystem) -> Figure:
+    """Pressure under four insulated indenters on the same block."""
+    sphere = read_case("EMII")
+    step = sphere.steps[-1]
+    half = 1.6 * MM  # just outside a row of nodes
+    approach = (replace(step, approach=4e-5),)
+    cases = {
+        "sphere": sphere,
+        "cone": replace(sphere, indenter=Cone(0.02), steps=approach),
+        "cylinder of finite length": replace(
+            sphere, indenter=Cylinder(80 * MM, direction=0.0, half_length=half), steps=approach
+        ),
+        "square punch, tilted": replace(
+            sphere, indenter=RectangularPunch(half, half), placement=Placement(tilt_1=0.004), steps=approach
+        ),
+    }
+    figure = new_figure(11.4, 3.2)
+    axes = figure.subplots(1, 4, sharey=True)
+    for place, (name, case) in zip(axes, cases.items(), strict=True):
+        draw_map(figure, place, system, solve(case, system), PRESSURE)
+        place.set_title(name, fontsize=10)
+    axes[0].set_ylabel("y [mm]")
+    return figure
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of a size [inch]."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def draw_map(figure: Figure, axes: Any, system: ReducedSystem, step: StepResult, quantity: Quantity) -> None:
+    """Filled contours over the contact zone."""
+    picture = Picture.of(zone_of(system))
+    values = picture.values(quantity.values(step))
+    drawn = axes.tricontourf(picture.triangulation, values, levels=24, cmap=quantity.colours)
+    figure.colorbar(drawn, ax=axes, label=quantity.label, location="top", shrink=0.9, aspect=30, ticks=MaxNLocator(5))
+    axes.set(aspect="equal", xlabel="x [mm]")
+
+
+def draw_circle(axes: Any, radius: float) -> None:
+    """The contact circle of the closed form [m]."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 200)
+    axes.plot(radius / MM * np.cos(angle), radius / MM * np.sin(angle), "w--", linewidth=0.9)
+
+
+def draw_section(
+    axes: Any, system: ReducedSystem, step: StepResult, form: Indentation, quantity: Quantity, condition: str
+) -> None:
+    """Nodal values on y = 0 as dots, closed form as a line."""
+    x, line = middle_row(system.points)
+    fine = np.linspace(x.min(), x.max(), 600)
+    exact = quantity.exact(form)(np.abs(fine)) / quantity.unit
+    axes.plot(fine / MM, exact, color=LINES[condition], linewidth=1.3, label=f"{condition}, closed form")
+    values = quantity.values(step)[line]
+    axes.plot(x / MM, values, "o", color=LINES[condition], markersize=3.2, label=f"{condition}, meeframe")
+    axes.set_ylabel(quantity.label, fontsize=8)
+    axes.grid(alpha=0.3)
+
+
+def middle_row(points: Array) -> tuple[Array, Array]:
+    """x of the nodes on y = 0, rising, and their numbers."""
+    line = np.flatnonzero(np.abs(points[:, 1]) < 1e-9)
+    line = line[np.argsort(points[line, 0])]
+    return points[line, 0], line
+
+
+def main() -> None:
+    """Write all pictures."""
+    case = read_case("EMII")
+    system = case.formulation.reduce(case.body)
+    for name, figure in (("overview", overview(system)), ("indenters", indenters(system))):
+        figure.savefig(HERE / "images" / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
+
+
+if __name__ == "__main__":
+    main()
