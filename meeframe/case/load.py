@@ -9,12 +9,20 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from meeframe.case.case import Case, Output
-from meeframe.case.schema import BlockTable, BoundaryTable, CaseTable, FileTable, IndenterTable, StepTable
+from meeframe.case.schema import (
+    BoundaryTable,
+    CaseTable,
+    FileTable,
+    HalfSpaceTable,
+    IndenterTable,
+    MeshTable,
+    StepTable,
+)
 from meeframe.core.body import BoundaryCondition
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.core.result import Loading
-from meeframe.geometry import Grading, block_mesh, read_mesh
+from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
@@ -112,7 +120,7 @@ def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
         raise TableError(*problems_of(error, CaseTable)) from None
 
 
-def _mesh(table: BlockTable | FileTable, registry: Registry, folder: Path) -> SurfaceMesh:
+def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
     if isinstance(table, FileTable):
         return read_mesh(
             folder / table.file,
@@ -121,6 +129,15 @@ def _mesh(table: BlockTable | FileTable, registry: Registry, folder: Path) -> Su
             merge_tolerance=table.merge_tolerance,
             group_data=table.group_data,
             reorient=table.reorient,
+        )
+    if isinstance(table, HalfSpaceTable):
+        return half_space_mesh(
+            table.half_width,
+            table.contact_width,
+            table.divisions,
+            table.rings,
+            table.element,
+            Grading(table.first_ring),
         )
     return block_mesh(
         table.half_width,

@@ -71,19 +71,30 @@ SizePair = Annotated[tuple[Size, Size], _pair(Quantity("m", gt=0, lt=math.inf).c
 CountPair = Annotated[tuple[Count, Count], _pair(TypeAdapter(Count).validate_python)]
 
 
-class BlockTable(Table):
-    """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh and its Grading."""
+class GradedTable(Table):
+    """What a graded block and a half space have in common; keys as of meeframe.geometry.half_space_mesh and Grading."""
 
-    type: Literal["block"] = "block"
     half_width: SizePair
-    height: Size
     contact_width: SizePair
     divisions: CountPair
     rings: Count
-    layers: Count
     element: Annotated[SurfaceElement, _by_name(SurfaceElement)] = Field(default="quad4", validate_default=True)
     first_ring: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
+
+
+class BlockTable(GradedTable):
+    """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh and its Grading."""
+
+    type: Literal["block"] = "block"
+    height: Size
+    layers: Count
     layer_growth: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.5
+
+
+class HalfSpaceTable(GradedTable):
+    """[mesh] on the plane that bounds a half space: a semi-infinite body, which needs no supports."""
+
+    type: Literal["half-space"]
 
 
 class FileTable(Table):
@@ -110,14 +121,18 @@ class FileTable(Table):
         return self
 
 
+MeshTable = BlockTable | HalfSpaceTable | FileTable
+
+
 def _mesh(value: Any, info: ValidationInfo) -> Any:
     """The model is chosen here and not by a union: errors then speak of the one that was meant."""
     if not isinstance(value, Mapping):
         return value
+    models: dict[str, type[Table]] = {"block": BlockTable, "half-space": HalfSpaceTable, "file": FileTable}
     kind = value.get("type", "file" if "file" in value else "block")
-    if kind not in ("block", "file"):
-        raise TableError(Problem(("type",), "should be 'block' or 'file'", kind))
-    model: type[Table] = FileTable if kind == "file" else BlockTable
+    model = models.get(kind) if isinstance(kind, str) else None
+    if model is None:
+        raise TableError(Problem(("type",), f"should be one of {', '.join(models)}", kind))
     try:
         return model.model_validate(value, context=info.context)
     except ValidationError as error:
@@ -230,8 +245,8 @@ class CaseTable(Table):
 
     title: Annotated[str, Strict()] = ""
     material: dict[str, Any]
-    mesh: Annotated[BlockTable | FileTable, BeforeValidator(_mesh)]
-    boundary: tuple[BoundaryTable, ...] = Field(min_length=1)
+    mesh: Annotated[MeshTable, BeforeValidator(_mesh)]
+    boundary: tuple[BoundaryTable, ...] = ()
     contact: ContactTable = Field(default_factory=dict, validate_default=True)
     conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
     indenter: IndenterTable

@@ -61,8 +61,10 @@ def check_conditions(body: Body) -> None:
 def check_supports(body: Body) -> None:
     """Raises CaseError unless prescribed values fix every rigid motion and the constant of each potential.
 
-    Bodies of finite size need them; formulations of a half space do not.
+    The fields of a semi-infinite body vanish at infinity: it needs no supports.
     """
+    if body.mesh.semi_infinite:
+        return
     prescribed = [condition for condition in body.conditions if condition.kind == "value"]
     for number, key in ((ELECTRIC, "electric_potential"), (MAGNETIC, "magnetic_potential")):
         if all(condition.field != number for condition in prescribed):

@@ -28,11 +28,15 @@ class ElementBlock:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """Boundary of a body. points: (p, 3) [m]; blocks: its elements; group_names: names of the face groups."""
+    """Boundary of a body. points: (p, 3) [m]; blocks: its elements; group_names: names of the face groups.
+
+    semi_infinite: the mesh is a part of the plane that bounds a half space, whose fields vanish at infinity.
+    """
 
     points: Array
     blocks: tuple[ElementBlock, ...]
     group_names: tuple[str, ...]
+    semi_infinite: bool = False
 
     @cached_property
     def n_elements(self) -> int:

@@ -1,7 +1,7 @@
 """Meshes and their generators, readers and checks; the contact zone; indenters and the gap to them."""
 
 from meeframe.geometry.checks import check_mesh, merge_points, orient_outward
-from meeframe.geometry.generators import Grading, block_mesh, box_mesh, sphere_mesh
+from meeframe.geometry.generators import Grading, block_mesh, box_mesh, half_space_mesh, sphere_mesh
 from meeframe.geometry.heights import Heights, SampledHeights
 from meeframe.geometry.indenters import Cone, Cylinder, FlatPunch, RectangularPunch, Sphere
 from meeframe.geometry.measures import area, volume
@@ -26,6 +26,7 @@ __all__ = [
     "check_contact_zone",
     "check_mesh",
     "frames_of",
+    "half_space_mesh",
     "initial_gap",
     "merge_points",
     "orient_outward",

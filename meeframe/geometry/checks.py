@@ -1,5 +1,7 @@
 """Is a mesh the closed, outward oriented boundary of a body? What is wrong where, in words."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -16,6 +18,7 @@ Flags = NDArray[np.bool_]
 
 SHOWN = 3  # offenders whose place a message gives
 COINCIDENT = 1e-3  # points closer than this part of the shortest edge are duplicates
+PLANE = 1e-9  # normals on the boundary of a half space differ by less
 COLLAPSED = 1e-6  # an element's Jacobian may nowhere fall below this part of its mean
 
 
@@ -23,13 +26,17 @@ def check_mesh(mesh: SurfaceMesh) -> None:
     """Raises MeshError, saying what, how many and where, unless the mesh is a valid boundary.
 
     In this order: numbers in range, finite points, no unused point, no repeated node, no duplicate points, no
-    degenerate or folded element, closed and manifold, consistently oriented, conforming at mid-sides, outward.
+    degenerate or folded element, closed and manifold, consistently oriented, conforming at mid-sides, outward. The
+    boundary of a semi-infinite body has to be plane instead of closed.
     """
     _check_numbers(mesh)
     _check_points(mesh)
     _check_elements(mesh)
     edges = find_edges(mesh)
     _check_edges(mesh, edges)
+    if mesh.semi_infinite:
+        _check_plane(mesh)
+        return
     parts, inverted = _inverted_parts(mesh, edges)
     if inverted.any():
         middles = _middles(mesh)[inverted[parts]]
@@ -49,7 +56,7 @@ def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
         first += len(flip)
         flipped = block.connectivity[:, reflection(block.element)]
         blocks.append(ElementBlock(block.element, np.where(flip[:, None], flipped, block.connectivity), block.groups))
-    return SurfaceMesh(mesh.points, tuple(blocks), mesh.group_names)
+    return replace(mesh, blocks=tuple(blocks))
 
 
 def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
@@ -67,7 +74,7 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
     first = np.unique(label, return_index=True)[1]
     target = first[label].astype(np.int64)
     blocks = tuple(ElementBlock(b.element, target[b.connectivity], b.groups) for b in mesh.blocks)
-    merged = drop_unused(SurfaceMesh(mesh.points, blocks, mesh.group_names))
+    merged = drop_unused(replace(mesh, blocks=blocks))
     _check_repeats(merged)
     return merged
 
@@ -78,7 +85,7 @@ def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
     used = _used(mesh)
     number = np.cumsum(used) - 1
     blocks = tuple(ElementBlock(b.element, number[b.connectivity], b.groups) for b in mesh.blocks)
-    return SurfaceMesh(mesh.points[used], blocks, mesh.group_names)
+    return replace(mesh, points=mesh.points[used], blocks=blocks)
 
 
 def _used(mesh: SurfaceMesh) -> Flags:
@@ -178,16 +185,29 @@ def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
     middle = mesh.points[edges.ends[first]].mean(axis=1)
     faults = (
         (count > 2, "not a manifold, more than two elements share an edge"),
-        (count == 1, "not closed, only one element has an edge"),
+        ((count == 1) & (not mesh.semi_infinite), "not closed, only one element has an edge"),
         ((count == 2) & (sense != 0), "inconsistent orientation, two elements run along an edge in the same direction"),
     )
     for bad, what in faults:
         if bad.any():
             _refuse(what, middle[bad], "edges")
-    order = np.argsort(edges.number, kind="stable").reshape(-1, 2)
+    order = np.argsort(edges.number, kind="stable")
+    order = order[count[edges.number[order]] == 2].reshape(-1, 2)
     differ = (edges.between[order[:, 0]] != edges.between[order[:, 1]]).any(axis=1)
     if differ.any():
-        _refuse("not conforming, the mid-side nodes of two elements differ along an edge", middle[differ], "edges")
+        places = middle[edges.number[order[differ, 0]]]
+        _refuse("not conforming, the mid-side nodes of two elements differ along an edge", places, "edges")
+
+
+def _check_plane(mesh: SurfaceMesh) -> None:
+    normals = []
+    for block in mesh.blocks:
+        vectors = normal_vectors(mesh.points, block.element, block.connectivity, block.element.nodes)
+        normals.append((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).mean(axis=1))
+    deviation = np.linalg.norm(np.concatenate(normals) - normals[0][0], axis=1)
+    tilted = deviation > PLANE
+    if tilted.any():
+        _refuse("the boundary of a half space is not plane", _middles(mesh)[tilted], "elements")
 
 
 def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Flags]:

@@ -9,8 +9,9 @@ from scipy.optimize import brentq
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.geometry.checks import drop_unused
 from meeframe.geometry.lattice import border, grid_points, prism, require, side_of_border, with_element
 
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
@@ -81,6 +82,25 @@ def block_mesh(
     strips = np.concatenate([np.ones((rings, len(sides)), np.int64), np.tile(sides, (layers, 1))])
     surface = prism(top, np.concatenate([ring_loops, layer_loops]), base, (0, strips, 6), BLOCK_GROUPS)
     return with_element(surface, element)
+
+
+def half_space_mesh(
+    half_width: Pair,
+    contact_width: Pair,
+    divisions: WholePair,
+    rings: int,
+    element: SurfaceElement,
+    grading: Grading | None = None,
+) -> SurfaceMesh:
+    """The top face of `block_mesh` alone, a part of the plane x3 = 0 that bounds the half space x3 < 0.
+
+    Face groups 'contact' and 'top'. Raises MeshError.
+    """
+    block = block_mesh(half_width, 1.0, contact_width, divisions, rings, 1, element, grading)
+    (elements,) = block.blocks
+    on_top = elements.groups < 2
+    top = ElementBlock(element, elements.connectivity[on_top], elements.groups[on_top])
+    return drop_unused(SurfaceMesh(block.points, (top,), BLOCK_GROUPS[:2], semi_infinite=True))
 
 
 def box_mesh(

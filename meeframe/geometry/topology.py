@@ -1,6 +1,7 @@
 """Which elements share which edges."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,3 +67,16 @@ def reflection(element: SurfaceElement) -> Indices:
     distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
     order: Indices = distance.argmin(axis=1).astype(np.int64)
     return order
+
+
+def outer_polygon(mesh: SurfaceMesh) -> Indices:
+    """Sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to node."""
+    edges = find_edges(mesh)
+    open_edges = np.flatnonzero(np.bincount(edges.number)[edges.number] == 1)
+    sides = []
+    for edge in open_edges:
+        start, end = edges.ends[edge]
+        inner = edges.between[edge][edges.between[edge] >= 0]
+        path = [start, *(inner if start < end else inner[::-1]), end]
+        sides += list(pairwise(path))
+    return np.array(sides, np.int64).reshape(-1, 2)

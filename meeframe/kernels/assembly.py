@@ -108,9 +108,10 @@ def accumulate_own(u, t, shape_weights, weights, source_shape, value_nodes, flux
 
 @njit(cache=True, nogil=True)
 def subtract_constant(total, mesh_points, shape, value_panel):
-    """Free term and principal value from the five constant fields: the row annuls them.
+    """Subtract the value at the source times total, (25,); shape: (k,) interpolates it at mesh_points (k,).
 
-    total: (25,) integral of t over all elements that do not hold the source; shape: (k,) at mesh_points (k,).
+    With total the integral of t over all elements that do not hold the source, this is the free term and the principal
+    value from the five constant fields: the row of a closed surface annuls them.
     """
     for a in range(len(mesh_points)):
         if shape[a] != 0.0:

@@ -14,6 +14,7 @@ from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements.quadrature import element_extents, gauss_table, shape_table
 from meeframe.formulations.dense_bem.collocation import Sources
+from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.kernels import assembly as kernels
 from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, shape_degree, tensor_rule
@@ -35,13 +36,18 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What every task reads: the mesh in units of the system, and how its elements are integrated."""
+    """What every task reads.
+
+    mesh: in units of the system; accuracy, rules: how its elements are integrated; exterior: (s, 25) terms of the plane
+    outside the mesh of a semi-infinite body.
+    """
 
     mesh: SurfaceMesh
     layout: Layout
     sources: Sources
     kernel: Kernel
     accuracy: kernels.Accuracy
+    exterior: Array | None
     rules: tuple[kernels.RuleTable, ...]
 
 
@@ -55,7 +61,8 @@ def assemble(
 ) -> System:
     """The boundary element system (eqs. 19, 20)."""
     rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
-    problem = Problem(mesh, layout, sources, kernel, accuracy, rules)
+    exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
+    problem = Problem(mesh, layout, sources, kernel, accuracy, exterior, rules)
     n = layout.n_unknowns
     system = System(np.zeros((n, n)), np.zeros((n, N_FIELDS * len(layout.zone)), order="F"), np.zeros(n))
     n_sources = len(sources.position)
@@ -85,6 +92,8 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             panel[:] = 0.0
         for number in range(len(problem.mesh.blocks)):
             buffers[number] = _add_others(problem, source, number, buffers[number], panels)
+        if problem.exterior is not None:
+            panels.total[:] -= problem.exterior[source]
         kernels.subtract_constant(panels.total, sources.mesh_points[source], sources.shape[source], panels.value)
         for own in range(sources.own_start[source], sources.own_start[source + 1]):
             number = sources.own_block[own]

@@ -13,6 +13,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.patches import Patches
+from meeframe.geometry.topology import outer_polygon
 
 NONE = -1
 
@@ -60,7 +61,7 @@ class Layout:
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
-    """Number the unknowns of a body.
+    """Number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
 
     Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
     or leave a field undetermined.
@@ -76,6 +77,10 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     if body.contact_group is not None:
         contact = patches.group == body.mesh.group(body.contact_group)
     _check_zone(body, values, patches.point[contact])
+    if body.mesh.semi_infinite:
+        edge = np.unique(outer_polygon(body.mesh))
+        values[edge] = np.where(np.isnan(values[edge]), 0.0, values[edge])
+        flux_unknown[np.isin(patches.point, edge)] = False
 
     unknown_value = np.isnan(values)
     value_column = _number(unknown_value, 0)

@@ -148,7 +148,7 @@ WRONG = {
     ),
     "unknown key in a table": (
         [("rings = 2", "rings = 2\nring = 3")],
-        "mesh.ring = 3: unknown key; did you mean 'rings'? allowed: type, half",
+        "mesh.ring = 3: unknown key; did you mean 'rings'? allowed: half_width, contact_width",
     ),
     "unknown key in a list": ([("displacement", "displacment")], "boundary[1].displacment = [0, 0, 0]: unknown key"),
     "missing key": ([('radius = "100 mm"\n', "")], "indenter.radius: missing key"),
@@ -168,7 +168,7 @@ WRONG = {
     "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
     "unknown mesh type": (
         [("half_width", 'type = "ball"\nhalf_width')],
-        "mesh.type = 'ball': should be 'block' or 'file'",
+        "mesh.type = 'ball': should be one of block, half-space, file",
     ),
     "unknown element": (
         [("layers = 1", 'layers = 1\nelement = "quad5"')],

@@ -1,0 +1,38 @@
+"""The plane outside the mesh of a semi-infinite body, where tractions and fluxes vanish and values are neglected."""
+
+import numpy as np
+
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fundamental import Kernel
+from meeframe.core.mesh import SurfaceMesh
+from meeframe.geometry.topology import outer_polygon
+
+GAUSS_POINTS = 24
+
+
+def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array:
+    """Free term less the integral of T over the plane outside the mesh, (s, 25), entry 5 J + K, for positions (s, 3).
+
+    The value at the source is subtracted on the mesh; over the whole plane the principal value of T vanishes, because T
+    is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer edge at rho = R(theta) the integral
+    outside is - int t ln R dtheta, here a line integral along that edge.
+    """
+    sides = mesh.points[outer_polygon(mesh)]
+    abscissae, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    fractions = (1.0 + abscissae) / 2.0
+    start, along = sides[:, 0], sides[:, 1] - sides[:, 0]
+    points = (start[:, None] + fractions[:, None] * along[:, None]).reshape(-1, 3)
+    steps = (weights[:, None] / 2.0 * along[:, None]).reshape(-1, 3)
+    block = mesh.blocks[0]
+    a, b, c = mesh.points[block.connectivity[0, :3]]
+    normal = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
+    normals = np.broadcast_to(normal, points.shape)
+    size = np.ptp(mesh.points, axis=0).max()
+    terms = np.empty((len(positions), N_FIELDS**2))
+    for source, position in enumerate(positions):
+        offset = points - position
+        turn = np.cross(offset, steps) @ normal
+        _, t = kernel.evaluate(offset, np.ascontiguousarray(normals))
+        shares = turn * np.log(np.linalg.norm(offset, axis=1) / size)
+        terms[source] = np.eye(N_FIELDS).ravel() / 2.0 + shares @ t.reshape(-1, N_FIELDS**2)
+    return terms
