@@ -6,10 +6,12 @@ response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. S
 
 import numpy as np
 
+from meeframe.core.contact import ContactLaw, ContactProblem
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.laws import Signorini, StepConductivity
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
@@ -36,6 +38,31 @@ def half_space_system(xi: Array, side: float, cells: int, offset: Array | None =
         offset=np.zeros((n, 5)) if offset is None else offset,
         matrix=matrix,
         recovery=_refuse,
+    )
+
+
+def indentation_problem(
+    system: ReducedSystem,
+    height: Array,
+    approach: float,
+    contact_law: ContactLaw | None = None,
+    conductivity: tuple[float, float] = (0.0, 0.0),
+    potentials: tuple[float, float] = (0.0, 0.0),
+    translation: tuple[float, float] = (0.0, 0.0),
+) -> ContactProblem:
+    """An indenter of given height (n,) [m] above its lowest point, pressed in by the approach [m].
+
+    conductivity: kappa of the electric and magnetic step law; potentials: of the indenter [V], [A]; translation [m].
+    """
+    n = len(height)
+    return ContactProblem(
+        system,
+        contact_law or Signorini(),
+        StepConductivity(conductivity[0]),
+        StepConductivity(conductivity[1]),
+        height - approach,
+        np.tile(np.array(translation, float), (n, 1)),
+        np.tile(np.array(potentials, float), (n, 1)),
     )
 
 
