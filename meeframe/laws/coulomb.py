@@ -39,8 +39,8 @@ class OrthotropicCoulomb(ContactLaw):
     """Unilateral contact with orthotropic friction (eqs. 11-16).
 
     mu1, mu2: principal friction coefficients, >= 0; inf sticks in that direction wherever there is pressure;
-    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad]. Raises CaseError if one of
-    them is out of bounds.
+    angle: from the local axis e1 to the first principal direction, positive towards e2 [rad]. Raises CaseError if one
+    of them is out of bounds.
 
     The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
     M^2 / max(mu)^2 its fixed points slip along M^2 g, the associated rule of eq. (12) (notes, section 7).
