@@ -7,6 +7,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
@@ -42,6 +43,10 @@ class Limits:
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        for name in ("max_iterations", "stall_window"):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < 1:
+                raise CaseError(f"Limits: {name} = {value!r}: allowed: whole numbers from 1")
 
 
 @dataclass(frozen=True)

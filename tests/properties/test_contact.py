@@ -1,0 +1,126 @@
+"""Properties of solutions of contact problems, over random bodies, indenters and laws."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meeframe.core.contact import ContactProblem, ContactSolution, Status, contact_gap
+from meeframe.core.fields import Array
+from meeframe.laws import OrthotropicCoulomb, Signorini
+from meeframe.solvers import Uzawa, solve
+from meeframe.testing.contact import exact_pressure, rescaled
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+SETTINGS = settings(max_examples=12, deadline=None)
+SIDE, CELLS = 2.0, 7
+GRID = half_space_system(np.eye(5), SIDE, CELLS).points[:, :2]
+
+
+@st.composite
+def bodies(draw: st.DrawFn) -> Array:
+    """Point-source responses (5, 5) of order one with the right signs: xi of a body that is admissible."""
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    mechanical = np.diag(random.uniform(0.8, 1.3, 3))
+    root = random.normal(size=(2, 2))
+    xi = np.zeros((5, 5))
+    xi[:3, :3] = mechanical
+    xi[3:, 3:] = -(root @ root.T + 0.3 * np.eye(2))
+    xi[2, 3:] = xi[3:, 2] = draw(st.floats(0.0, 0.8)) * random.normal(size=2)
+    return xi
+
+
+@st.composite
+def heights(draw: st.DrawFn) -> Array:
+    """Tilted paraboloids with a little roughness, with no indenter at some points, (n,)."""
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    curvature = random.uniform(0.3, 1.5, 2)
+    height = 0.5 * GRID**2 @ curvature + GRID @ random.uniform(-0.1, 0.1, 2) + 0.02 * random.uniform(size=len(GRID))
+    return np.where(random.uniform(size=len(GRID)) < 0.05, np.inf, height - height.min())
+
+
+KAPPA = st.one_of(st.just(0.0), st.floats(0.01, 10.0), st.just(np.inf))
+MU = st.floats(0.05, 1.0)
+
+
+def solved(problem: ContactProblem) -> ContactSolution:
+    solution = solve(problem, Uzawa())
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution
+
+
+@SETTINGS
+@given(bodies(), heights(), st.floats(0.05, 0.6))
+def test_frictionless_pressure_is_that_of_least_squares(xi: Array, height: Array, approach: float) -> None:
+    problem = indentation_problem(half_space_system(xi, SIDE, CELLS), height, approach)
+    exact = exact_pressure(problem)
+    assert np.abs(solved(problem).state.load[:, 2] + exact).max() < 1e-8 * max(exact.max(), 1e-12)
+
+
+@SETTINGS
+@given(bodies(), heights(), MU, MU, KAPPA, KAPPA)
+def test_solutions_satisfy_the_conditions_themselves(
+    xi: Array, height: Array, mu1: float, mu2: float, electric: float, magnetic: float
+) -> None:
+    """Eqs. (10), (12), (17), (18) written out, not as projections."""
+    law = OrthotropicCoulomb(mu1, mu2)
+    potentials, translation = (0.1, -0.1), (0.05, 0.02)
+    system = half_space_system(xi, SIDE, CELLS)
+    problem = indentation_problem(system, height, 0.3, law, (electric, magnetic), potentials, translation)
+    state = solved(problem).state
+    load, gap = state.load, contact_gap(problem, state.displacement)
+    pressure, small = -load[:, 2], 1e-8
+    assert pressure.min() >= 0.0
+    assert gap[:, 2].min() > -small
+    assert np.abs(np.minimum(gap[:, 2], 1e3) * pressure).max() < small
+    ratio = np.hypot(load[:, 0] / mu1, load[:, 1] / mu2)
+    assert (ratio <= pressure * (1.0 + small) + small).all()
+    sliding = (np.hypot(gap[:, 0], gap[:, 1]) > 1e-5) & (pressure > 1e-4)
+    slip = gap[sliding, :2] * [mu1**2, mu2**2]
+    traction = load[sliding, :2]
+    assert (ratio[sliding] > pressure[sliding] * (1.0 - 1e-4)).all()
+    assert (np.einsum("na,na->n", traction, slip) > 0.0).all()
+    assert np.abs(traction[:, 0] * slip[:, 1] - traction[:, 1] * slip[:, 0]).max(initial=0.0) < small
+    drop = -state.displacement[:, 3:] - problem.potentials  # phi - phi_o
+    for field, kappa in enumerate((electric, magnetic)):
+        flux, firm, open_ = load[:, 3 + field], pressure > 1e-7, state.closed == 0.0
+        assert np.abs(flux[open_]).max(initial=0.0) < small
+        violation = drop[firm, field] if np.isinf(kappa) else flux[firm] - kappa * drop[firm, field]
+        assert np.abs(violation).max(initial=0.0) < 1e-7
+        assert (flux * drop[:, field] > -small).all()
+
+
+@SETTINGS
+@given(bodies(), heights(), MU, KAPPA, st.lists(st.integers(-9, 9), min_size=6, max_size=6))
+def test_units_do_not_matter(xi: Array, height: Array, mu: float, kappa: float, powers: list[int]) -> None:
+    law = OrthotropicCoulomb(mu, 0.4, 0.3)
+    system = half_space_system(xi, SIDE, CELLS)
+    problem = indentation_problem(system, height, 0.3, law, (0.0, kappa), (0.0, 0.05), (0.02, 0.01))
+    factors = 2.0 ** (3.0 * np.array(powers))  # up to 1e-8 ... 1e8, without new round-off
+    displacement, load = factors[[0, 0, 0, 1, 2]], factors[[3, 3, 3, 4, 5]]
+    plain, other = solved(problem), solved(rescaled(problem, displacement, load))
+    assert other.iterations == plain.iterations
+    assert np.abs(other.state.load / load - plain.state.load).max() < 1e-9
+    assert abs(other.residual - plain.residual) < 1e-12
+
+
+@SETTINGS
+@given(bodies(), heights(), MU, MU)
+def test_exchange_of_the_axes(xi: Array, height: Array, mu1: float, mu2: float) -> None:
+    """Swapping x and y with mu1 and mu2 swaps the tangential tractions."""
+    xi[0, 0] = xi[1, 1]
+    system = half_space_system(xi, SIDE, CELLS)
+    swap = np.arange(CELLS**2).reshape(CELLS, CELLS).T.ravel()
+    one = indentation_problem(system, height, 0.3, OrthotropicCoulomb(mu1, mu2), translation=(0.04, 0.01))
+    two = indentation_problem(system, height[swap], 0.3, OrthotropicCoulomb(mu2, mu1), translation=(0.01, 0.04))
+    expected = solved(one).state.load[swap][:, [1, 0, 2, 3, 4]]
+    assert np.abs(solved(two).state.load - expected).max() < 1e-7
+
+
+@SETTINGS
+@given(bodies(), heights(), st.floats(-0.2, 0.2))
+def test_moving_body_and_indenter_together_changes_nothing(xi: Array, height: Array, motion: float) -> None:
+    still = half_space_system(xi, SIDE, CELLS)
+    moved = half_space_system(xi, SIDE, CELLS, np.tile([0.0, 0.0, motion, 0.0, 0.0], (CELLS**2, 1)))
+    expected = solved(indentation_problem(still, height, 0.3, Signorini())).state.load
+    found = solved(indentation_problem(moved, height + motion, 0.3, Signorini())).state.load
+    assert np.abs(found - expected).max() < 1e-9

@@ -1,0 +1,96 @@
+"""The step law that switches edge nodes for ever (notes section 7), and how it is resolved."""
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, Status, contact_gap, resultant
+from meeframe.laws import StepConductivity
+from meeframe.materials import library_material
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import Limits, Uzawa, conduction, residual, solve
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
+# piezomagnetic coupling as strong as that of Table 3: perfect magnetic conduction takes 57 per cent of the force
+XI[0, 2] = XI[2, 0] = np.sqrt(1.326 * XI[0, 0] * -XI[2, 2])
+CHARACTERISTIC = 1.0 / (-XI[2, 2] * np.sqrt(0.1 * 5e-5))
+
+
+def problem(factor: float, cells: int = 16) -> ContactProblem:
+    system = half_space_system(XI, 5e-3, cells)
+    height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2
+    return indentation_problem(system, height, 5e-5, conductivity=(0.0, factor * CHARACTERISTIC))
+
+
+def test_without_resolution_it_flips_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(conduction, "FLIPS", np.inf)
+    solution = solve(problem(1.0), Uzawa(), Limits(max_iterations=6000))
+    assert solution.status in (Status.CYCLING, Status.STALLED)
+    assert solution.residual > 1e-4
+
+
+def test_with_resolution_it_grazes() -> None:
+    case = problem(1.0)
+    solution = solve(case, Uzawa())
+    state = solution.state
+    assert solution.status is Status.CONVERGED
+    assert residual(case, state) <= 1e-10
+    grazing = (state.closed > 0.0) & (state.closed < 1.0)
+    assert grazing.any()
+    pressure = np.abs(state.load[:, 2]).max()
+    assert np.abs(state.load[grazing, 2]).max() < 1e-9 * pressure
+    assert np.abs(contact_gap(case, state.displacement)[grazing, 2]).max() < 1e-9 * 5e-5
+    assert ((state.closed == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~grazing].all()
+
+
+@pytest.mark.parametrize("cells", [12, 16])
+def test_force_falls_monotonically_to_less_than_half(cells: int) -> None:
+    """Neither limit nor any kappa between fails to converge."""
+    forces = []
+    for factor in (0.0, 1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, np.inf):
+        case = problem(factor, cells)
+        solution = solve(case, Uzawa())
+        assert solution.status is Status.CONVERGED, (factor, solution.message)
+        forces.append(-resultant(case.system, solution.state.load)[0][2])
+    assert (np.diff(forces) < 0.0).all()
+    # the closed form: P xi_eff is the same for both, xi_eff = xi11 - xi13^2/xi33
+    assert forces[-1] / forces[0] == pytest.approx(1.0 / 2.326, rel=1e-3)
+
+
+def test_fractions_do_not_depend_on_the_way_there() -> None:
+    case = problem(0.3)
+    direct = solve(case, Uzawa())
+    above = solve(case, Uzawa(), start=solve(problem(np.inf), Uzawa()).state)
+    small_step = solve(case, Uzawa(step_normal=1e13))
+    assert direct.status is above.status is small_step.status is Status.CONVERGED
+    for other in (above, small_step):
+        assert other.state.closed == pytest.approx(direct.state.closed, abs=1e-6)
+        assert other.state.load == pytest.approx(direct.state.load, rel=1e-6, abs=10.0)
+
+
+def test_resistances() -> None:
+    case = problem(2.0, cells=4)
+    n = 16
+    own = conduction.own_response(case)
+    traction = np.full(n, -1.0)
+    kappa = case.magnetic_law.conductivity(traction)[0]
+    closed = np.linspace(0.0, 1.0, n)
+    resistance = conduction.resistances(case, traction, closed, own)
+    assert np.isinf(resistance[:, 0]).all()
+    assert np.isinf(resistance[0, 1])
+    assert resistance[-1, 1] == 1.0 / kappa
+    assert (np.diff(resistance[1:, 1]) < 0.0).all()
+    assert resistance[1:, 1] == pytest.approx((1.0 / kappa + own[1:, 1]) / closed[1:] - own[1:, 1])
+    perfect = conduction.resistances(problem(np.inf, cells=4), traction, closed, own)
+    assert perfect[-1, 1] == 0.0
+    assert perfect[1:, 1] == pytest.approx((1.0 / closed[1:] - 1.0) * own[1:, 1])
+
+
+def test_graph_as_a_fixed_point() -> None:
+    """Fraction one under pressure, zero across a gap, anything where the node grazes; whatever it was before."""
+    for before, trial, after in ((1.0, -2.0, 1.0), (0.3, -2.0, 1.0), (0.3, 2.0, 0.0), (0.0, 2.0, 0.0), (0.4, 0.0, 0.4)):
+        assert conduction.switch(np.array([before]), np.array([trial]), 1.0)[0] == after
+
+
+def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
+    assert StepConductivity(np.inf).conductivity(np.array([conduction.TOUCHING, 0.0])).tolist() == [np.inf, 0.0]

@@ -1,0 +1,186 @@
+"""The driver's verdicts on iterations made up to deserve them, the paper's criterion, and bad input."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.core.errors import CaseError
+from meeframe.laws import IsotropicCoulomb
+from meeframe.solvers import Limits, Uzawa, residual, solve
+from meeframe.testing.contact import check_solver, exact_pressure
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+
+def problem(approach: float = 5e-5, **options: object) -> ContactProblem:
+    xi = np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3])
+    xi[2, 3] = xi[3, 2] = 2e-3
+    system = half_space_system(xi, 5e-3, 8)
+    height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2
+    return indentation_problem(system, height, approach, **options)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class MadeUp(Solver):
+    """Loads p(k) of iteration k, uniform normal traction [Pa]."""
+
+    kind: str
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        n = len(problem.gap)
+        return Iterate(np.zeros((n, 5)), np.zeros(n), 0)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        k = iterate.memory + 1
+        pressure = {
+            "cycle": [1e9, 2e9, 3e9][k % 3],
+            "grow": 1e8 * 3.0**k,
+            "nan": 1e9 if k < 7 else np.nan,
+            "rest": 1e9,
+            "creep": 1e9 * (2.0 - 1.0 / k),
+            "wander": 1e9 * (1.0 + np.sin(k**2)),
+        }[self.kind]
+        load = np.zeros_like(iterate.load)
+        load[:, 2] = -pressure
+        return Iterate(load, np.ones(len(load)), k)
+
+
+@pytest.mark.parametrize(
+    ("kind", "status", "said"),
+    [
+        ("cycle", Status.CYCLING, "return"),
+        ("grow", Status.DIVERGED, "grew"),
+        ("nan", Status.DIVERGED, "not a finite number at iteration 7"),
+        ("rest", Status.STALLED, "stayed"),
+        ("creep", Status.STALLED, "stayed"),
+        ("wander", Status.STALLED, "stayed"),
+    ],
+)
+def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) -> None:
+    solution = solve(problem(), MadeUp(kind), Limits(stall_window=100, max_iterations=500))
+    assert solution.status is status
+    assert said in solution.message
+    assert solution.iterations < 500
+    assert solution.history[-1, 0] == solution.iterations
+
+
+def test_iteration_limit_hands_over_the_last_state() -> None:
+    solution = solve(problem(), Uzawa(), Limits(max_iterations=13))
+    assert solution.status is Status.ITERATION_LIMIT
+    assert solution.iterations == 13
+    assert solution.residual == pytest.approx(residual(problem(), solution.state))
+
+
+def test_fixed_step_beyond_stability_is_not_called_converged() -> None:
+    """r above 2/lambda_max: the pressure of the stiffest pattern grows until it leaves contact, and so on."""
+    solution = solve(problem(), Uzawa(step_normal=5e14), Limits(max_iterations=3000))
+    assert solution.status in (Status.DIVERGED, Status.CYCLING, Status.STALLED)
+    assert solution.residual > 1e-3
+
+
+def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
+    """5e3 GPa/m; lambda_max of this zone is near 3e-14 m/Pa."""
+    automatic = solve(problem(), Uzawa())
+    fixed = solve(problem(), Uzawa(step_normal=5e12, step_tangential=3e12))
+    assert automatic.status is fixed.status is Status.CONVERGED
+    assert fixed.iterations > 3 * automatic.iterations
+    assert fixed.state.load == pytest.approx(automatic.state.load, rel=1e-7, abs=1.0)
+
+
+def test_criterion_of_the_paper() -> None:
+    """Changes in m, GV, GA and GPa over one step; the residual is reported all the same."""
+    limits = Limits(criterion="paper", tolerance=1e-6)
+    solution = solve(problem(), Uzawa(step_normal=5e12), limits)
+    assert solution.status is Status.CONVERGED
+    before = solve(problem(), Uzawa(step_normal=5e12), replace(limits, max_iterations=solution.iterations - 1))
+    assert before.status is Status.ITERATION_LIMIT
+    change = np.linalg.norm((solution.state.load - before.state.load)[:, 2]) / 1e9
+    assert solution.history[-1, 1] == pytest.approx(change, rel=1e-6)
+    assert change <= 1e-6 < before.history[-1, 1]
+    assert solution.residual == pytest.approx(residual(problem(), solution.state))
+    exact = exact_pressure(problem())
+    assert -solution.state.load[:, 2] == pytest.approx(exact, abs=2e-4 * exact.max())
+
+
+def test_progress_rises_to_one() -> None:
+    seen: list[tuple[str, float]] = []
+    solve(problem(), Uzawa(), progress=lambda stage, fraction: seen.append((stage, fraction)))
+    assert {stage for stage, _ in seen} == {"contact"}
+    assert all(a <= b for (_, a), (_, b) in pairwise(seen))
+    assert seen[-1][1] == 1.0
+
+
+def test_no_contact_is_a_solution_at_once() -> None:
+    solution = solve(problem(approach=-1e-6, conductivity=(np.inf, np.inf), potentials=(1e3, 1.0)), Uzawa())
+    assert solution.status is Status.CONVERGED
+    assert solution.iterations == 0
+    assert not solution.state.load.any()
+
+
+def test_continuation_from_a_smaller_load() -> None:
+    law = IsotropicCoulomb(0.3)
+    first = solve(problem(4e-5, contact_law=law), Uzawa())
+    second = solve(problem(5e-5, contact_law=law), Uzawa(), start=first.state)
+    direct = solve(problem(5e-5, contact_law=law), Uzawa())
+    assert second.status is Status.CONVERGED
+    assert second.history[0, 1] < 0.5 * direct.history[0, 1]
+    assert second.state.load == pytest.approx(direct.state.load, rel=1e-7, abs=1.0)
+
+
+def test_the_judge_sees_every_kind_of_violation() -> None:
+    case = problem(conductivity=(1e-5, 0.0))
+    good = solve(case, Uzawa()).state
+    assert residual(case, good) < 1e-9
+    pressure = np.abs(good.load[:, 2]).max()
+
+    def moved(array: np.ndarray, node: int, field: int, by: float) -> np.ndarray:
+        other = array.copy()
+        other[node, field] += by
+        return other
+
+    centre = int(np.argmin(good.load[:, 2]))
+    corner = 0
+    outside = good.closed.copy()
+    outside[corner] = 1.0
+    inside = good.closed.copy()
+    inside[centre] = 0.5
+    wrong = [
+        replace(good, displacement=moved(good.displacement, centre, 2, 1e-8)),
+        replace(good, displacement=moved(good.displacement, corner, 4, 1.0)),
+        replace(good, load=moved(good.load, centre, 2, 1e-3 * pressure)),
+        replace(good, load=moved(good.load, corner, 2, -1e-3 * pressure)),
+        replace(good, load=moved(good.load, centre, 0, 1e-3 * pressure)),
+        replace(good, load=moved(good.load, corner, 3, 1e-3 * np.abs(good.load[:, 3]).max())),
+        replace(good, load=moved(good.load, centre, 4, 1e-6)),
+        replace(good, closed=outside),
+        replace(good, closed=inside),
+    ]
+    assert [residual(case, state) > 1e-7 for state in wrong] == [True] * len(wrong)
+    assert residual(case, replace(good, load=moved(good.load, corner, 0, np.nan))) == np.inf
+
+
+def test_uzawa_conforms() -> None:
+    check_solver(Uzawa())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("gap", np.zeros(3)), ("gap", np.full(64, np.nan)), ("potentials", np.full((64, 2), np.inf))]
+)
+def test_bad_arrays_are_named(name: str, value: np.ndarray) -> None:
+    with pytest.raises(CaseError, match=name):
+        replace(problem(), **{name: value})
+
+
+def test_bad_options_are_named() -> None:
+    with pytest.raises(CaseError, match="step_normal"):
+        Uzawa(step_normal=-1.0)
+    with pytest.raises(CaseError, match="step_tangential"):
+        Uzawa(step_tangential="fast")  # type: ignore[arg-type]
+    with pytest.raises(CaseError, match="tolerance"):
+        Limits(tolerance=0.0)
+    with pytest.raises(CaseError, match="criterion"):
+        Limits(criterion="hope")  # type: ignore[arg-type]
+    with pytest.raises(CaseError, match="max_iterations"):
+        Limits(max_iterations=-1)

@@ -1,0 +1,150 @@
+"""The potentials eliminated at contact size against the monolithic system (30), and by factors against by Krylov."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, contact_gap
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.solvers import Uzawa, residual, solve
+from meeframe.solvers.conduction import own_response, resistances
+from meeframe.solvers.elimination import KrylovElimination, eliminate
+
+N = 12
+
+
+def refuse(_load: Array) -> NodalFields:
+    raise MeeframeError("nothing to recover")
+
+
+def random_problem(seed: int, kappa: tuple[float, float] = (3.0, 0.2)) -> ContactProblem:
+    """A random compliance of the right kind, not symmetric: collocation does not give symmetric ones."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(5 * N, 5 * N))
+    matrix = root @ root.T / (5 * N) + np.eye(5 * N)
+    electric = np.tile([False, False, False, True, True], N)
+    matrix[np.ix_(electric, ~electric)] *= -1.0  # reciprocity with flipped potentials: skew coupling
+    matrix += 0.02 * random.normal(size=matrix.shape)
+    system = DenseSystem(
+        points=random.normal(size=(N, 3)),
+        frames=np.tile(np.eye(3), (N, 1, 1)),
+        weights=np.ones(N),
+        cells=(),
+        offset=0.1 * random.normal(size=(N, 5)),
+        matrix=matrix.reshape(N, 5, N, 5),
+        recovery=refuse,
+    )
+    gap = -random.uniform(0.5, 1.5, N)
+    gap[3] = np.inf
+    laws = IsotropicCoulomb(0.3), StepConductivity(kappa[0]), StepConductivity(kappa[1])
+    return ContactProblem(system, *laws, gap, 0.3 * random.normal(size=(N, 2)), random.normal(size=(N, 2)))
+
+
+@pytest.mark.parametrize("kappa", [(3.0, 0.2), (np.inf, 0.2), (0.0, np.inf), (np.inf, np.inf), (0.0, 0.0)])
+def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> None:
+    """All of displacements, potentials and fluxes as unknowns of one system, flux law included, against elimination."""
+    problem = random_problem(1, kappa)
+    random = np.random.default_rng(2)
+    traction = random.normal(size=(N, 3))
+    traction[:, 2] = -np.abs(traction[:, 2])
+    traction[[3, 5]] = 0.0
+    closed = (traction[:, 2] < 0.0).astype(float)
+    system = problem.system
+    matrix = system.dense().reshape(5 * N, 5 * N)
+    potential = np.flatnonzero(np.tile([False, False, False, True, True], N))
+    # unknowns (displacement 5N, flux 2N); rows: compliance, then K (-phi + phi_o) + q = 0, or -phi + phi_o = 0 for inf
+    left = np.zeros((7 * N, 7 * N))
+    right = np.zeros(7 * N)
+    left[: 5 * N, : 5 * N] = np.eye(5 * N)
+    left[: 5 * N, 5 * N :] = -matrix[:, potential]
+    load = np.zeros((N, 5))
+    load[:, :3] = traction
+    right[: 5 * N] = system.offset.ravel() + matrix @ load.ravel()
+    for row, (node, field) in enumerate((node, field) for node in range(N) for field in range(2)):
+        conductivity = kappa[field] * closed[node] if closed[node] else 0.0
+        perfect = np.isinf(conductivity)
+        left[5 * N + row, 5 * node + 3 + field] = 1.0 if perfect else conductivity
+        left[5 * N + row, 5 * N + row] = 0.0 if perfect else 1.0
+        right[5 * N + row] = -(1.0 if perfect else conductivity) * problem.potentials[node, field]
+    monolithic = np.linalg.solve(left, right)
+
+    elimination = eliminate(problem)
+    conductors = elimination.prepare(resistances(problem, traction[:, 2], closed, own_response(problem)), None)
+    flux, moved = elimination.respond(traction, conductors, np.zeros((N, 2)))
+    above = np.isfinite(problem.gap)
+    assert (flux + conductors.flux).ravel() == pytest.approx(monolithic[5 * N :], rel=1e-12, abs=1e-12)
+    expected = monolithic[: 5 * N].reshape(N, 5)
+    assert (moved + conductors.displacement)[above] == pytest.approx(expected[above, :3], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("kappa", [(3.0, 0.2), (np.inf, 0.0), (np.inf, np.inf)])
+def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
+    problem = random_problem(3, kappa)
+    random = np.random.default_rng(4)
+    dense, krylov = eliminate(problem), KrylovElimination(problem)
+    factors = iterative = None
+    for closed in (random.uniform(size=N), np.ones(N), np.zeros(N), (random.uniform(size=N) > 0.5).astype(float)):
+        traction = random.normal(size=(N, 3))
+        traction[3] = 0.0
+        resistance = resistances(problem, -np.ones(N), closed, own_response(problem))
+        factors, iterative = dense.prepare(resistance, factors), krylov.prepare(resistance, iterative)
+        above = np.isfinite(problem.gap)
+        for a, b in (
+            *zip(
+                dense.respond(traction, factors, np.zeros((N, 2))),
+                krylov.respond(traction, iterative, np.zeros((N, 2))),
+                strict=True,
+            ),
+            (factors.flux, iterative.flux),
+            (factors.displacement, iterative.displacement),
+        ):
+            assert a[above] == pytest.approx(b[above], rel=1e-9, abs=1e-10)
+
+
+def test_factors_are_used_again_while_nothing_changes() -> None:
+    problem = random_problem(5)
+    elimination = eliminate(problem)
+    resistance = resistances(problem, -np.ones(N), np.ones(N), own_response(problem))
+    first = elimination.prepare(resistance, None)
+    assert elimination.prepare(resistance.copy(), first) is first
+    other = elimination.prepare(2.0 * resistance, first)
+    assert other is not first
+    assert other.parts.blocks is first.parts.blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Matrixless(ReducedSystem):
+    """A compliance that is applied but not held."""
+
+    held: DenseSystem
+
+    def apply(self, load: Array) -> Array:
+        return self.held.apply(load)
+
+    def diagonal_blocks(self) -> Array:
+        return self.held.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.held.recover(load)
+
+
+def test_the_whole_solution_does_not_need_a_matrix() -> None:
+    problem = random_problem(6, (np.inf, 0.2))
+    system = problem.system
+    assert isinstance(system, DenseSystem)
+    bare = Matrixless(system.points, system.frames, system.weights, system.cells, system.offset, system)
+    without = replace(problem, system=bare)
+    dense, krylov = solve(problem, Uzawa()), solve(without, Uzawa())
+    assert dense.status == krylov.status == "converged"
+    assert krylov.state.load == pytest.approx(dense.state.load, rel=1e-7, abs=1e-8)
+    assert residual(problem, krylov.state) < 1e-9
+    gap = contact_gap(problem, krylov.state.displacement)
+    assert gap[np.isfinite(problem.gap), 2].min() > -1e-9
