@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, FLUX_NAMES, MAGNETIC, VALUE_NAMES, Array
+from meeframe.core.fields import ELECTRIC, FLUX_NAMES, MAGNETIC, N_FIELDS, VALUE_NAMES, Array
 from meeframe.core.mesh import SurfaceMesh
 
 
@@ -39,23 +39,36 @@ class Body:
 
 
 def check_conditions(body: Body) -> None:
-    """Raises MeshError or CaseError unless conditions name other face groups than the contact zone, and each once."""
+    """Every condition is complete, names a face group other than the contact zone, and says what no other one does.
+
+    Raises MeshError for an unknown face group, else CaseError.
+    """
     seen: set[tuple[str, int]] = set()
     for condition in body.conditions:
-        body.mesh.group(condition.group)
+        _check_condition(condition, len(body.mesh.group_points(condition.group)))
         if condition.group == body.contact_group:
             others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
             raise CaseError(
                 f"boundary condition on {condition.group!r}: it is the contact zone, whose tractions and fluxes follow "
                 f"from contact; name one of {others}"
             )
-        if not np.isfinite(condition.data).all():
-            raise CaseError(f"boundary condition on {condition.group!r}: its data must be finite numbers")
         key = (condition.group, condition.field)
         if key in seen:
             name = f"{VALUE_NAMES[condition.field]} or {FLUX_NAMES[condition.field]}"
             raise CaseError(f"boundary conditions on {condition.group!r} prescribe {name} twice")
         seen.add(key)
+
+
+def _check_condition(condition: BoundaryCondition, n_points: int) -> None:
+    name = f"boundary condition on {condition.group!r}"
+    if condition.kind not in ("value", "flux"):
+        raise CaseError(f"{name}: kind = {condition.kind!r}; allowed: 'value', 'flux'")
+    if condition.field not in range(N_FIELDS):
+        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {N_FIELDS - 1}")
+    if np.shape(condition.data) not in ((), (n_points,)):
+        raise CaseError(f"{name}: data of shape {np.shape(condition.data)}; allowed: one number or ({n_points},)")
+    if not np.isfinite(condition.data).all():
+        raise CaseError(f"{name}: its data must be finite numbers")
 
 
 def check_supports(body: Body) -> None:

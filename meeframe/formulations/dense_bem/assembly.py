@@ -139,7 +139,12 @@ def _add_others(
         if count >= 0:
             break
         buffers = _enlarged(count, block, buffers, position)
-    flux_nodes = problem.layout.patches.connectivity[number]
+    _accumulate(problem, number, count, buffers, panels)
+    return buffers
+
+
+def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> None:
+    """Add count quadrature points on elements of a block to the panels."""
     for first in range(0, count, POINTS_PER_CALL):
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
@@ -148,13 +153,12 @@ def _add_others(
             t.reshape(-1, 25),
             buffers.shape_weights[points],
             buffers.elements[points],
-            block.connectivity,
-            flux_nodes,
+            problem.mesh.blocks[number].connectivity,
+            problem.layout.patches.connectivity[number],
             panels.value,
             panels.flux,
             panels.total,
         )
-    return buffers
 
 
 def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, panels: _Panels) -> kernels.Buffers:

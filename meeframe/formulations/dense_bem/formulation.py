@@ -1,6 +1,8 @@
 """The dense boundary element formulation: body in, reduced system out."""
 
+import os
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Annotated, final
 
 import numpy as np
@@ -10,8 +12,8 @@ from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, FieldScaling
 from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
-from meeframe.core.fundamental import FundamentalSolution
-from meeframe.core.quantities import Quantity
+from meeframe.core.fundamental import FundamentalSolution, Kernel
+from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
@@ -36,19 +38,25 @@ class DenseBEM(Formulation):
     quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
 
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
     def check(self, body: Body) -> None:
-        """Check mesh and boundary conditions.
+        """Check mesh, boundary conditions, material and memory.
 
         Raises MeshError unless the mesh is a closed surface with outward normals, CaseError if boundary conditions
-        contradict each other, touch the contact zone or leave a field undetermined.
+        contradict each other, touch the contact zone or leave a field undetermined, or if the matrix would not fit into
+        this machine's memory; MaterialError if the fundamental solution does not apply.
         """
         check_mesh(body.mesh)
-        self._layout(body)
+        layout, _ = self._layout(body)
+        _check_memory(layout)
+        _bound(self.fundamental_solution, _scaled(body).tobytes())
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, factorise once, condense to the contact zone.
 
-        Raises as check, and MaterialError if the fundamental solution does not apply.
+        Raises as check, and CaseError if the system is singular.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
@@ -76,13 +84,12 @@ class DenseBEM(Formulation):
         return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
 
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
-        check_mesh(body.mesh)
-        scaling = FieldScaling.of(body.stiffness)
         progress("fundamental solution", 0.0)
-        stiffness = scaling.scale_stiffness(body.stiffness)
-        kernel = self.fundamental_solution.bind(stiffness)
+        self.check(body)
+        stiffness = _scaled(body)
+        kernel = _bound(self.fundamental_solution, stiffness.tobytes())
         accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
-        progress("fundamental solution", 1.0)
+        progress("assembly", 0.0)
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
@@ -94,6 +101,27 @@ class DenseBEM(Formulation):
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
+
+
+def _scaled(body: Body) -> Array:
+    return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
+
+
+@lru_cache(maxsize=4)
+def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
+    """The kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by content."""
+    return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
+
+
+def _check_memory(layout: Layout) -> None:
+    """Raises CaseError if the matrices of the system are larger than the machine's memory."""
+    needed = 8 * layout.n_unknowns * (layout.n_unknowns + N_FIELDS * len(layout.zone))
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > available:
+        raise CaseError(
+            f"{layout.n_unknowns} unknowns and a contact zone of {len(layout.zone)} nodes need matrices of "
+            f"{needed / 1e9:.0f} GB; this machine has {available / 1e9:.0f} GB: use a coarser mesh"
+        )
 
 
 def _local_axes(frames: Array) -> Array:

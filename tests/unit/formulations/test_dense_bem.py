@@ -1,18 +1,24 @@
 """Dense boundary elements against exact fields."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.errors import CaseError, MaterialError, MeshError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import LineIntegral, Tabulated
+from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
 from meeframe.geometry import block_mesh, box_mesh
 from meeframe.materials import library_material, rotation_about
 from meeframe.testing.manufactured import LinearField, prescribe, relative_errors
+from meeframe.testing.strategies import materials
 
 TRICLINIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
 TIGHT = DenseBEM(LineIntegral(), quadrature_tolerance=1e-13)
@@ -34,6 +40,26 @@ def test_linear_fields_are_exact_in_any_unit_of_length():
     field = LinearField(field.stiffness, field.gradient, 1e-6 * field.constant)
     computed = TIGHT.boundary_fields(prescribe(mesh, field, TRICLINIC.stiffness, MIXED))
     assert max(relative_errors(mesh, field, computed)) < 1e-8
+
+
+@settings(max_examples=4, deadline=None)
+@given(materials(spread=0.5, coupling=0.5), st.integers(0, 1000))
+def test_linear_fields_are_exact_for_random_triclinic_materials(material, seed):
+    mesh = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
+    field = LinearField.random(material.stiffness, seed)
+    computed = TIGHT.boundary_fields(prescribe(mesh, field, material.stiffness, MIXED))
+    assert max(relative_errors(mesh, field, computed)) < 1e-8
+
+
+def test_linear_fields_by_the_production_kernel():
+    """Table and quadrature at their defaults leave an error far below that of any discretisation."""
+    mesh = box_mesh((1.0, 1.5, 0.8), (2, 3, 2), Quad4())
+    field = LinearField.random(TRICLINIC.stiffness, seed=5)
+    values, fluxes = relative_errors(
+        mesh, field, DenseBEM().boundary_fields(prescribe(mesh, field, TRICLINIC.stiffness, MIXED))
+    )
+    assert values < 1e-5
+    assert fluxes < 1e-4
 
 
 BASE = tuple(BoundaryCondition("base", field, "value") for field in range(5))
@@ -107,6 +133,46 @@ def test_reaction_of_the_base_balances_the_load_as_the_mesh_is_refined():
     coarse, fine = imbalance(4, 3), imbalance(8, 6)
     assert coarse < 0.1
     assert fine < 0.6 * coarse
+
+
+def test_a_part_without_supports_is_singular():
+    box = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
+    block = box.blocks[0]
+    both = ElementBlock(
+        block.element,
+        np.concatenate([block.connectivity, block.connectivity + len(box.points)]),
+        np.concatenate([block.groups, block.groups + len(box.group_names)]),
+    )
+    names = (*box.group_names, *(f"other {name}" for name in box.group_names))
+    mesh = SurfaceMesh(np.concatenate([box.points, box.points + np.array([5.0, 0.0, 0.0])]), (both,), names)
+    clamps = tuple(BoundaryCondition("z-", field, "value") for field in range(5))
+    with pytest.raises(CaseError, match="system is singular"):
+        DenseBEM().boundary_fields(Body(TRICLINIC.stiffness, mesh, clamps, None))
+
+
+def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
+    body = small_block()
+    with pytest.raises(MaterialError, match="isotropic"):
+        DenseBEM(Isotropic()).check(body)
+    monkeypatch.setattr("os.sysconf", lambda _: 1000)
+    with pytest.raises(CaseError, match="this machine has 0 GB: use a coarser mesh"):
+        DenseBEM().check(body)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (BoundaryCondition("top", 2, "force", 1.0), "kind = 'force'; allowed: 'value', 'flux'"),
+        (BoundaryCondition("top", 9, "flux", 1.0), "field = 9; allowed: 0 to 4"),
+        (BoundaryCondition("top", 2, "flux", np.ones(3)), r"data of shape \(3,\); allowed: one number or \("),
+        (BoundaryCondition("top", 2, "flux", np.nan), "must be finite"),
+        (BoundaryCondition("base", 2, "flux", 1.0), "prescribe displacement_3 or traction_3 twice"),
+    ],
+)
+def test_incomplete_conditions_are_refused(condition, message):
+    body = small_block()
+    with pytest.raises(CaseError, match=message):
+        DenseBEM().check(replace(body, conditions=(*body.conditions, condition)))
 
 
 def test_open_meshes_and_missing_zones_are_refused():
