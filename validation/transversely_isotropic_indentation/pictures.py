@@ -7,11 +7,13 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
-from study import Refinement, Sweep, closed_form
+from matplotlib.ticker import NullFormatter
+from study import Refinement, Sweep, closed_form, exact_totals
 
 from meeframe.case.case import Case
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+CURVES = [("EMII", "force"), ("ECMII", "charge"), ("EIMCI", "magnetic_flux"), ("EMCI", "force")]
 
 
 def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
@@ -59,25 +61,29 @@ def section_picture(case: Case, sections: list[Sweep]) -> Figure:
     return figure
 
 
-def convergence_picture(meshes: list[Refinement]) -> Figure:
-    """Differences to the half space against the size of the block and of the elements."""
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
-    largest = max(mesh.half_width for mesh in meshes)
-    radius = np.sqrt(5e-5 * 0.1)
+def convergence_picture(case: Case, meshes: list[Refinement]) -> Figure:
+    """Block against half space on the same elements, and half space against closed form as they shrink."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    radius = closed_form(case, "EMII").contact_radius
+    halves = [mesh for mesh in meshes if np.isinf(mesh.enlargement)]
+    blocks = [mesh for mesh in meshes if not np.isinf(mesh.enlargement)]
+    same = next(mesh for mesh in halves if mesh.divisions == blocks[0].divisions)
     studies = (
-        (axes[0], [m for m in meshes if m.divisions == 16], lambda m: m.half_width / radius, "L / a, 16 x 16 elements"),
-        (axes[1], [m for m in meshes if m.half_width == largest], lambda m: radius * m.divisions / 0.005, "a / h"),
+        (axes[0], [m.half_width / radius for m in blocks], [(m.totals, same.totals) for m in blocks]),
+        (axes[1], [radius * m.divisions / 0.005 for m in halves], [(m.totals, None) for m in halves]),
     )
-    curves = [("EMII", "force"), ("ECMII", "charge"), ("EIMCI", "magnetic_flux"), ("EMCI", "force")]
-    for axis, chosen, abscissa, label in studies:
-        chosen = sorted(chosen, key=abscissa)
-        x = np.array([abscissa(m) for m in chosen])
-        for (condition, key), colour in zip(curves, COLOURS, strict=False):
-            y = [100 * abs(m.differences[condition][key]) for m in chosen]
+    for axis, x, pairs in studies:
+        for (condition, key), colour in zip(CURVES, COLOURS, strict=False):
+            exact = exact_totals(closed_form(case, condition))
+            true = [exact if reference is None else reference[condition] for _, reference in pairs]
+            y = [100 * abs(found[condition][key] / t[key] - 1) for (found, _), t in zip(pairs, true, strict=True)]
             axis.loglog(x, y, "o-", color=colour, label=f"{condition}, {key.replace('_', ' ')}")
-        axis.loglog(x, 2.0 * x[0] / x, ":", color="0.5", label="first order")
-        axis.set_xlabel(label)
+        start = max(line.get_ydata()[0] for line in axis.lines)
+        axis.loglog(x, [1.5 * start * x[0] / v for v in x], ":", color="0.5", label="first order")
         axis.grid(alpha=0.3, which="both")
-    axes[0].set_ylabel("difference to the half space [%]")
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
+    axes[0].set(xlabel="L / a", ylabel="difference [%]", title="block to half space, 16 x 16 elements")
+    axes[1].set(xlabel="a / h", title="half space to closed form")
     axes[0].legend(fontsize=8)
     return figure

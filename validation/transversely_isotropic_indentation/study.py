@@ -13,7 +13,7 @@ from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import Resultants, StepResult, Zone, resultants
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh
+from meeframe.geometry import block_mesh, half_space_mesh
 from meeframe.laws import StepConductivity
 from meeframe.materials.half_space import axisymmetric_compliance
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
@@ -60,15 +60,25 @@ def solve(case: Case, system: ReducedSystem) -> Solved:
     return Solved(zone_of(system), step)
 
 
+def totals(solved: Solved) -> dict[str, float]:
+    """Force of the indenter [N], charge [C] and magnetic flux [Wb]."""
+    found = solved.totals
+    return {"force": float(-found.force[2]), "charge": found.charge, "magnetic_flux": found.magnetic_flux}
+
+
+def exact_totals(exact: Indentation) -> dict[str, float]:
+    """The same of a closed form."""
+    return {"force": exact.force, "charge": exact.charge, "magnetic_flux": exact.magnetic_flux}
+
+
+def relative(computed: dict[str, float], true: dict[str, float]) -> dict[str, float]:
+    """Relative differences of the totals that are not zero in truth."""
+    return {name: computed[name] / value - 1 for name, value in true.items() if value != 0}
+
+
 def differences(solved: Solved, exact: Indentation) -> dict[str, float]:
     """Relative differences to the half space of the totals that are not zero there."""
-    force, totals = -solved.totals.force[2], solved.totals
-    pairs = {
-        "force": (force, exact.force),
-        "charge": (totals.charge, exact.charge),
-        "magnetic_flux": (totals.magnetic_flux, exact.magnetic_flux),
-    }
-    return {name: computed / true - 1 for name, (computed, true) in pairs.items() if true != 0}
+    return relative(totals(solved), exact_totals(exact))
 
 
 def section_differences(solved: Solved, exact: Indentation, insulated: Indentation) -> dict[str, float]:
@@ -125,33 +135,38 @@ def sweep(case: Case, system: ReducedSystem, condition: str, kappa: Array) -> Sw
 
 @dataclass(frozen=True)
 class Refinement:
-    """One mesh of the convergence study; half_width [m], differences by condition and total."""
+    """One mesh of the convergence study; half_width [m], enlargement inf for a half space, totals by condition."""
 
+    enlargement: float
     half_width: float
     divisions: int
     elements: int
-    differences: dict[str, dict[str, float]]
+    totals: dict[str, dict[str, float]]
 
 
 def refined(case: Case, enlargement: float, divisions: int) -> Case:
-    """The case on a block `enlargement` times as large in all directions, with more elements in the same zone.
+    """The case on a block `enlargement` times as large in all directions, or on a half space (inf).
 
-    A ring is added for each doubling of the block, a layer for every second one.
+    Rings and layers are so many that the zone, `divisions` elements wide, is what limits the accuracy.
     """
-    finer, doublings = (divisions / 16) ** 0.5, np.log2(enlargement)
-    rings, layers = round((7 + doublings) * finer), round((2 + doublings / 2) * finer)
+    finer = (divisions / 16) ** 0.5
+    if np.isinf(enlargement):
+        mesh = half_space_mesh(3.2, 0.005, divisions, round(20 * finer), Quad4())
+        return replace(case, mesh=mesh, conditions=())
+    rings = round((14 + np.log2(enlargement)) * finer)
+    layers = round((8 + np.log2(enlargement)) * finer)
     mesh = block_mesh(0.05 * enlargement, 0.12 * enlargement, 0.005, divisions, rings, layers, Quad4())
     return replace(case, mesh=mesh)
 
 
 def refinements(case: Case, meshes: list[tuple[float, int]]) -> Iterator[Refinement]:
-    """Differences to the half space on blocks (enlargement, divisions)."""
+    """The four conditions on meshes (enlargement, divisions)."""
     for enlargement, divisions in meshes:
         larger = refined(case, enlargement, divisions)
         system = larger.formulation.reduce(larger.body)
         found = {}
         for condition, potentials in CONDITIONS.items():
             electric, magnetic = (np.inf if potential is not None else 0.0 for potential in potentials)
-            solved = solve(conducting(larger, electric, magnetic), system)
-            found[condition] = differences(solved, closed_form(case, condition))
-        yield Refinement(0.05 * enlargement, divisions, larger.mesh.n_elements, found)
+            found[condition] = totals(solve(conducting(larger, electric, magnetic), system))
+        half_width = float(np.ptp(larger.mesh.points[:, 0]) / 2)
+        yield Refinement(enlargement, half_width, divisions, larger.mesh.n_elements, found)
