@@ -45,7 +45,10 @@ def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Sca
 def largest_eigenvalue(
     elimination: Elimination, conductors: Conductors, exposure: Array, scaling: Array, start: Array | None
 ) -> Spectrum:
-    """Power iteration on the exposed nodes; scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None."""
+    """Power iteration on the exposed nodes; scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None.
+
+    At least one node must be exposed.
+    """
     weight = exposure[:, :1] > 0.0
     values, axes = np.linalg.eigh(scaling)
     root = np.eye(3)
@@ -56,8 +59,6 @@ def largest_eigenvalue(
     guess = np.zeros((len(exposure), 2))
     largest, norm = 0.0, float(np.linalg.norm(vector))
     for _ in range(MAX_ITERATIONS):
-        if norm == 0.0:
-            break
         vector = vector / norm
         guess, moved = elimination.respond(vector @ root, conductors, guess)
         vector = weight * (moved @ root)

@@ -105,6 +105,8 @@ class Uzawa(Solver):
         if "auto" not in (self.step_normal, self.step_tangential) or memory.conductors is None:
             return memory
         touching = (traction[:, 2] < 0.0) | (gap[:, 2] < 0.0)
+        if not touching.any():
+            return memory
         exposure = contact_exposure(touching, memory.conductors.resistance, memory.scales)
         if memory.spectrum is not None and memory.spectrum.holds(exposure):
             return memory
@@ -114,8 +116,8 @@ class Uzawa(Solver):
         return replace(memory, spectrum=spectrum)
 
     def _steps(self, memory: _Memory) -> tuple[float, float]:
-        largest = memory.spectrum.largest if memory.spectrum is not None else 0.0
-        auto = STEP_FRACTION * memory.damping / largest if largest > 0.0 else 1.0
+        largest = memory.spectrum.largest if memory.spectrum is not None else memory.scales.normal_compliance
+        auto = STEP_FRACTION * memory.damping / largest
         normal = auto if self.step_normal == "auto" else float(self.step_normal)
         tangential = auto if self.step_tangential == "auto" else float(self.step_tangential)
         return normal, tangential

@@ -94,3 +94,24 @@ def test_graph_as_a_fixed_point() -> None:
 
 def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
     assert StepConductivity(np.inf).conductivity(np.array([conduction.TOUCHING, 0.0])).tolist() == [np.inf, 0.0]
+
+
+@pytest.mark.parametrize("potential", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("coupling", [0.8, 1.6])
+def test_a_contact_that_the_indenter_pushes_open(potential: float, coupling: float) -> None:
+    """The potential bends the surface away where it conducts: at first the whole contact opens and closes."""
+    xi = np.diag([1.0, 1.0, 1.0, -0.5, -0.5])
+    xi[2, 4] = xi[4, 2] = coupling
+    system = half_space_system(xi, 2.0, 7)
+    height = 0.5 * (system.points[:, 0] ** 2 + system.points[:, 1] ** 2)
+    case = indentation_problem(system, height, 0.3, conductivity=(0.0, np.inf), potentials=(0.0, potential))
+    solver = Uzawa()
+    iterate = solver.init(case, None)
+    loaded = []
+    for _ in range(12):
+        iterate = solver.step(case, iterate)
+        loaded.append(bool((iterate.load[:, 2] < 0.0).any()))
+    assert not all(loaded)
+    solution = solve(case, solver)
+    assert solution.status is Status.CONVERGED, solution.message
+    assert solution.state.load[:, 2].min() < 0.0
