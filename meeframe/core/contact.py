@@ -3,13 +3,16 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+
+_DIFFERENCE: Final = 6e-6
+"""Width of central differences as a fraction of the argument: the cube root of round-off."""
 
 
 class Status(StrEnum):
@@ -48,6 +51,22 @@ class ContactLaw(ABC):
         It belongs to the metric of `project` (M^2 / max(mu)^2 for orthotropic friction; notes, section 7). Zero where
         the law admits no tangential traction.
         """
+
+    def tangent(self, trial: Array) -> Array:
+        """An element of the generalised derivative of `project`, (n, 3, 3), rows of the traction, for trials (n, 3).
+
+        By central differences; a law that knows its derivative may say so. Zero where the trial is not finite.
+        """
+        finite = np.isfinite(trial).all(axis=1)
+        here = np.where(finite[:, None], trial, 0.0)
+        size = np.abs(here).max(axis=1)
+        width = _DIFFERENCE * np.where(size > 0.0, size, 1.0)
+        tangent = np.empty((len(trial), 3, 3))
+        for column, axis in enumerate(np.eye(3)):
+            change = width[:, None] * axis
+            tangent[:, :, column] = (self.project(here + change) - self.project(here - change)) / (2.0 * width[:, None])
+        tangent[~finite] = 0.0
+        return tangent
 
 
 @dataclass(frozen=True)

@@ -1,135 +1,203 @@
-"""Uzawa's method accelerated: projected Barzilai-Borwein steps and restarted Nesterov extrapolation."""
+"""Uzawa's method accelerated: projected Barzilai-Borwein steps and restarted Nesterov extrapolation.
+
+Both are gradient steps on the gap with the potentials eliminated, projected by the contact law, as in Uzawa's method, at
+one product with the compliance a step. They have nothing to choose: lengths follow from the tractions and gaps that they
+meet, and from the largest eigenvalue of the compliance where there is contact.
+
+Friction is no gradient of anything, so that neither need descend. Both watch the violation of the contact law; where it
+rises beyond what it was over a window of steps, plain steps of Uzawa's method follow, shorter each time.
+"""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, augmented_traction
+from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Iterate, Solver, augmented_traction
 from meeframe.core.fields import Array
+from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.gradient import Conduction, Ground, start_load, traction_of
 from meeframe.solvers.spectrum import Spectrum
 
-NESTEROV_STEP: Final = 1.0
-"""The step of the extrapolated iteration times the largest eigenvalue."""
-CAUTIOUS_STEP: Final = 1.6
+PLAIN_STEP: Final = 1.6
 """A plain step times the largest eigenvalue; the limit of stability is 2."""
 WINDOW: Final = 12
-"""Over so many steps back may the violation of the contact law rise."""
+RISE: Final = 2.0
+"""The violation may rise to so many times its largest value over the window."""
 CAUTION: Final = 12
-"""So many plain steps follow when it rose further."""
-STRETCH: Final = 30.0
-"""Longest step in units of the last that was stable for every load."""
+"""So many plain steps follow when it rose further, twice as many each further time."""
+IDLE: Final = 150
+"""The same happens when it has not fallen for so many steps."""
+SHORTENING: Final = 0.8
+SHORTEST: Final = 0.1
+STEP_LIMITS: Final = (0.2, 1e3)
+"""Of Barzilai-Borwein steps, in units of the plain one: they are the inverse of some mean eigenvalue."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Guard:
+    """Watches the violation of the contact law.
+
+    seen: violations at the last steps; best, idle: the smallest one so far and how many steps ago it was met; plain:
+    plain steps still to be made; caution: how many the next time; shortening: of the plain steps, 1 at first.
+    """
+
+    seen: tuple[float, ...] = ()
+    best: float = np.inf
+    idle: int = 0
+    plain: int = 0
+    caution: int = CAUTION
+    shortening: float = 1.0
+
+    def next(self, violation: float) -> "_Guard":
+        """After a violation was measured."""
+        rises = bool(self.seen) and violation > RISE * max(self.seen)
+        if rises or self.idle >= IDLE:
+            shortening = max(SHORTENING * self.shortening, SHORTEST)
+            return _Guard((violation,), min(violation, self.best), 0, self.caution, 2 * self.caution, shortening)
+        better = violation < self.best
+        return replace(
+            self,
+            seen=(*self.seen, violation)[-WINDOW:],
+            best=min(violation, self.best),
+            idle=0 if better or self.plain else self.idle + 1,
+            plain=max(self.plain - 1, 0),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """ground: of the problem; conduction, conductors, spectrum: of the last step; slope: (n, 3) -S gap and traction
-    (n, 3) of the last step; violations: of the contact law at the last steps; plain: plain steps still to be made;
-    turn: number of the step; reference: (n, 3) extrapolated traction and weight of the next extrapolation (Nesterov)."""
+    """What both iterations remember.
+
+    ground, conduction: see there; conductors, spectrum: of the last step; guard: see there; base: (n, 3) tractions from
+    which the last step was made, and gap: (n, 3) the gap there; momentum: of the extrapolation; turn: number of the step.
+    """
 
     ground: Ground
     conduction: Conduction
-    conductors: object = None
+    base: Array
+    conductors: Conductors | None = None
     spectrum: Spectrum | None = None
+    guard: _Guard = _Guard()
     gap: Array | None = None
-    traction: Array | None = None
-    violations: tuple[float, ...] = ()
-    plain: int = 0
-    turn: int = 0
     momentum: float = 1.0
-    ahead: Array | None = None
+    turn: int = 0
 
 
 @final
 @dataclass(frozen=True)
 class BarzilaiBorwein(Solver):
-    """x"""
+    """Uzawa's method with projected Barzilai-Borwein steps.
+
+    Source: Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141; Dai and Fletcher, Numer. Math. 100 (2005) 21, for
+    projected and alternating steps. Inner products are those of the contact law's metric.
+    """
 
     stride: ClassVar[int] = 10
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all."""
         return _init(problem, start)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        memory: _Memory = iterate.memory
-        ground, law = memory.ground, problem.contact_law
-        traction = traction_of(iterate.load)
-        conductors = ground.conductors(traction, iterate.closed, memory.conductors)
-        slope = ground.slope(traction, conductors, iterate.load[:, 3:])
-        touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
-        spectrum = ground.spectrum(touching, conductors, memory.spectrum)
-        safe = CAUTIOUS_STEP / spectrum.largest if spectrum.largest > 0.0 else 1.0
-        violation = _violation(ground, traction, slope.gap, safe)
-        plain = memory.plain
-        if memory.violations and violation > 2.0 * max(memory.violations):
-            plain = CAUTION
-        r = safe
-        if plain == 0 and memory.gap is not None:
-            r = _bb(law.tangential_scaling(), traction - memory.traction, memory.gap - slope.gap, memory.turn, safe)
-        trial = augmented_traction(law, traction, slope.gap, r, r)
-        new = law.project(trial)
-        conduction = memory.conduction.next(traction[:, 2], new[:, 2], trial[:, 2], ground.scales)
-        memory = replace(memory, conduction=conduction, conductors=conductors, spectrum=spectrum, gap=slope.gap,
-            traction=traction, violations=(*memory.violations, violation)[-WINDOW:], plain=max(plain - 1, 0), turn=memory.turn + 1)
-        return Iterate(np.concatenate([new, slope.flux], axis=1), conduction.closed, memory)
+        """One projected step; its length is that of the last change of tractions over that of the gap."""
+        memory, traction = _memory(iterate), traction_of(iterate.load)
+        memory, gap, flux, plain = _measured(memory, iterate, traction)
+        law = problem.contact_law
+        guard = memory.guard.next(_violation(law, traction, gap, plain))
+        r = plain * guard.shortening
+        if guard.plain == 0 and memory.gap is not None:
+            change = traction - memory.base, memory.gap - gap
+            r = _secant_step(law.tangential_scaling(), *change, memory.turn % 2 == 1, r)
+        memory = replace(memory, guard=guard, base=traction, gap=gap, turn=memory.turn + 1)
+        return _stepped(memory, traction, traction, gap, flux, r)[0]
 
 
 @final
 @dataclass(frozen=True)
 class Nesterov(Solver):
-    """x"""
+    """Uzawa's method with Nesterov's extrapolation, restarted when it overshoots.
+
+    Source: Nesterov, Soviet Math. Dokl. 27 (1983) 372; restarts: O'Donoghue and Candes, Found. Comput. Math. 15 (2015) 715.
+    """
 
     stride: ClassVar[int] = 10
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all."""
         return _init(problem, start)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        memory: _Memory = iterate.memory
-        ground, law = memory.ground, problem.contact_law
-        traction = traction_of(iterate.load)
-        ahead = traction if memory.ahead is None else memory.ahead
-        conductors = ground.conductors(traction, iterate.closed, memory.conductors)
-        slope = ground.slope(ahead, conductors, iterate.load[:, 3:])
-        touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
-        spectrum = ground.spectrum(touching, conductors, memory.spectrum)
-        r = NESTEROV_STEP / spectrum.largest if spectrum.largest > 0.0 else 1.0
-        trial = augmented_traction(law, ahead, slope.gap, r, r)
-        new = law.project(trial)
-        if ((ahead - new) * (new - traction)).sum() > 0.0:
-            momentum, weight = 1.0, 0.0
-        else:
+        """One projected step from the extrapolated tractions."""
+        memory, traction = _memory(iterate), traction_of(iterate.load)
+        ahead = memory.base
+        memory, gap, flux, plain = _measured(memory, iterate, ahead)
+        guard = memory.guard.next(_violation(problem.contact_law, ahead, gap, plain))
+        r = guard.shortening * plain / PLAIN_STEP
+        stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, gap, flux, r)
+        momentum, weight = 1.0, 0.0
+        overshoots = float(((ahead - moved) * (moved - traction)).sum()) > 0.0
+        if guard.plain == 0 and not overshoots:
             momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * memory.momentum**2))
             weight = (memory.momentum - 1.0) / momentum
-        conduction = memory.conduction.next(traction[:, 2], new[:, 2], trial[:, 2], ground.scales)
-        memory = replace(memory, conduction=conduction, conductors=conductors, spectrum=spectrum, momentum=momentum, ahead=new + weight * (new - traction))
-        return Iterate(np.concatenate([new, slope.flux], axis=1), conduction.closed, memory)
+        ahead = moved + weight * (moved - traction)
+        return replace(stepped, memory=replace(_memory(stepped), momentum=momentum, base=ahead))
 
 
 def _init(problem: ContactProblem, start: ContactState | None) -> Iterate:
     n = len(problem.gap)
-    conduction = Conduction.of(start, n)
-    return Iterate(start_load(start, n), conduction.closed, _Memory(Ground.of(problem), conduction))
+    conduction, load = Conduction.of(start, n), start_load(start, n)
+    return Iterate(load, conduction.closed, _Memory(Ground.of(problem), conduction, traction_of(load)))
 
 
-def _violation(ground: Ground, traction: Array, gap: Array, r: float) -> float:
-    law = ground.problem.contact_law
+def _memory(iterate: Iterate) -> _Memory:
+    if not isinstance(iterate.memory, _Memory):
+        raise TypeError("the iterate was not made by the init of this solver")
+    return iterate.memory
+
+
+def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Array, Array, float]:
+    """Memory with what belongs to the present contact; gap (n, 3) and flux (n, 2) at tractions (n, 3); plain step."""
+    ground = memory.ground
+    conductors = ground.conductors(traction_of(iterate.load), iterate.closed, memory.conductors)
+    slope = ground.slope(traction, conductors, iterate.load[:, 3:])
+    touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
+    spectrum = ground.spectrum(touching, conductors, memory.spectrum)
+    plain = PLAIN_STEP / spectrum.largest if spectrum.largest > 0.0 else 1.0
+    return replace(memory, conductors=conductors, spectrum=spectrum), slope.gap, slope.flux, plain
+
+
+def _stepped(memory: _Memory, traction: Array, base: Array, gap: Array, flux: Array, r: float) -> tuple[Iterate, Array]:
+    """The iterate after a step of length r from a base (n, 3) with its gap (n, 3), and its tractions (n, 3)."""
+    law = memory.ground.problem.contact_law
+    trial = augmented_traction(law, base, gap, r, r)
+    moved = law.project(trial)
+    conduction = memory.conduction.next(traction[:, 2], moved[:, 2], trial[:, 2], memory.ground.scales)
+    load = np.concatenate([moved, flux], axis=1)
+    return Iterate(load, conduction.closed, replace(memory, conduction=conduction)), moved
+
+
+def _violation(law: ContactLaw, traction: Array, gap: Array, r: float) -> float:
+    """Size of the plain step from tractions (n, 3) [Pa]."""
     return float(np.linalg.norm(traction - law.project(augmented_traction(law, traction, gap, r, r))))
 
 
-def _bb(scaling: Array, s: Array, y: Array, turn: int, safe: float) -> float:
-    """y = C s"""
-    moved = s.any(axis=1)
-    inverse = np.eye(3)
-    inverse[:2, :2] = np.linalg.pinv(scaling)
-    root = np.eye(3)
-    root[:2, :2] = scaling
-    y = np.where(moved[:, None], y, 0.0)
-    sy = float((s * y).sum())
-    if sy <= 0.0:
-        return safe
-    long = float((s * (s @ inverse)).sum()) / sy
-    short = sy / float((y * (y @ root)).sum())
-    r = short if turn % 2 and short > 0 else long
-    return float(np.clip(r, 0.3*safe, 1e3 * safe))
+def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain: float) -> float:
+    """Long or short Barzilai-Borwein step [Pa/m] of a change (n, 3) of tractions and the response (n, 3) of displacements.
+
+    scaling: (2, 2) the law's tangential scaling S; the long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>,
+    y on the nodes that moved: the others are held by the law.
+    """
+    moved = change.any(axis=1)
+    product = float((change * response).sum())
+    if product <= 0.0:
+        return plain
+    metric, inverse = np.eye(3), np.eye(3)
+    metric[:2, :2], inverse[:2, :2] = scaling, np.linalg.pinv(scaling)
+    held = response[moved]
+    r = (
+        product / float((held * (held @ metric)).sum())
+        if short
+        else float((change * (change @ inverse)).sum()) / product
+    )
+    return float(np.clip(r, STEP_LIMITS[0] * plain, STEP_LIMITS[1] * plain))

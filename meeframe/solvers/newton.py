@@ -1,65 +1,113 @@
-"""n"""
+"""Semismooth Newton on the nonsmooth equation of the contact problem, globalised so that it converges from zero."""
+
 from dataclasses import dataclass, replace
 from typing import Final, final
-import numpy as np
-from scipy.linalg import lu_factor, lu_solve, solve
-from meeframe.core.contact import *
-from meeframe.solvers.nonsmooth import *
-from meeframe.solvers.nonsmooth import CLOSED, FLUX, LOAD
-import os
 
-def dense_step(eq, bl):
-    n = len(bl.a)
-    matrix = eq.problem.system.dense().reshape(5*n,5*n)
-    coupled = bl.b.any(axis=2)
-    off = bl.a.copy(); off[:, np.arange(6), np.arange(6)] = 0
-    coupled |= off.any(axis=2)
-    step = np.zeros((n,6))
-    diag = bl.a[:, np.arange(6), np.arange(6)]
-    step[~coupled] = (-bl.residual/np.where(coupled,1,diag))[~coupled]
-    known = eq.problem.system.apply(step[:, :5])
-    rhs = -bl.residual - np.einsum('nij,nj->ni', bl.a, step) - np.einsum('nij,nj->ni', bl.b, known)
-    rhs = rhs[coupled]
-    node, row = np.nonzero(coupled)
-    number = np.full((n,6), -1); number[coupled] = np.arange(len(node))
-    cols = np.flatnonzero(coupled[:, :5].ravel())
-    cpos = number[:, :5].ravel()[cols]
-    J = np.zeros((len(node), len(node)))
-    for k in range(5):
-        c = bl.b[node,row,k]
-        sel = np.flatnonzero(c)
-        if len(sel):
-            J[np.ix_(sel, cpos)] += c[sel][:,None] * matrix[np.ix_(node[sel]*5+k, cols)]
-    for k in range(6):
-        sel = np.flatnonzero((number[node,k]>=0))
-        J[sel, number[node[sel],k]] += bl.a[node[sel],row[sel],k]
-    scale = np.append(eq.scales.load, 1.0)[row]
-    step[coupled] = scale * solve(J*scale, rhs, check_finite=False)
-    return step
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.conduction import FLIPS, Mask
+from meeframe.solvers.gradient import start_load
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
+
+FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
+"""Of a Newton step, tried in turn."""
+PATIENCE: Final = 2
+"""A step must come below the largest merit of so many states."""
+FALL: Final = 0.99
+"""So far below, as a fraction."""
+BURST: Final = 25
+"""Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
+LONGEST_BURST: Final = 400
+
 
 @dataclass(frozen=True, eq=False)
-class _M:
-    point: object
-    flips: object
+class _Memory:
+    """point: the equation at the iterate; merits: of the last states; flips: (n,) how often each node has opened or
+    closed; burst: how many gradient steps are made the next time."""
 
-R = float(os.environ.get("RF", 1))
+    point: Point
+    merits: tuple[float, ...]
+    flips: Array
+    burst: int = BURST
+
+
 @final
 @dataclass(frozen=True)
 class SemismoothNewton(Solver):
-    def init(self, problem, start):
-        eq = Equation.of(problem, R)
+    """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
+
+    A step solves the linearised equations for tractions, fluxes and the closed fractions of grazing nodes together, by
+    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES; the tractions are then made
+    admissible. A step that does not bring the merit (the root mean square of the residual) below that of the last two
+    states is halved, up to three times; if that does not help, a burst of projected Barzilai-Borwein steps takes its
+    place, from where Newton's method starts again.
+
+    Source: Christensen et al., Int. J. Solids Struct. 35 (1998) 3907 for frictional contact; Qi and Sun, Math. Program.
+    58 (1993) 353 for the convergence.
+    """
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
-        load = np.zeros((n,5)) if start is None else start.load
-        pt = eq.at(load, np.zeros(n), np.zeros(n,bool))
-        return Iterate(load, pt.closed, _M(pt, np.zeros(n)))
-    def step(self, problem, iterate):
-        pt = iterate.memory.point; eq = pt.equation
-        st = dense_step(eq, pt.linearise())
-        load = pt.load + st[:, :5]
-        load[:, :3] = problem.contact_law.project(load[:, :3])
-        new = eq.at(load, pt.closed + st[:,5], pt.grazing)
-        flips = iterate.memory.flips + ((new.closed>0)!=(pt.closed>0))*~new.grazing*(new.jump.any(axis=1))
-        graze = new.grazing | (flips>2)
-        new = eq.at(load, new.closed, graze)
-        if 'V' in os.environ: print("   merit", new.merit, (load[:,2]<0).sum(), graze.sum(), flips.max())
-        return Iterate(load, np.clip(new.closed,0,1), _M(new, flips))
+        closed = np.zeros(n) if start is None else start.closed
+        point = Equation.of(problem).at(start_load(start, n), closed, _between(closed))
+        return _iterate(_Memory(point, (point.merit,), np.zeros(n)))
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """One Newton step, a fraction of it, or a burst of gradient steps."""
+        memory = _memory(iterate)
+        point = memory.point
+        direction = newton_step(point.equation, point.linearise())
+        allowed = FALL * max(memory.merits)
+        if np.isfinite(direction).all():
+            for fraction in FRACTIONS:
+                flips, moved = _moved(memory, fraction * direction)
+                if moved.merit < allowed:
+                    merits = (*memory.merits, moved.merit)[-PATIENCE:]
+                    return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
+        moved = _gradient_steps(problem, point, memory.burst)
+        burst = min(2 * memory.burst, LONGEST_BURST)
+        return _iterate(_Memory(moved, (moved.merit,), np.zeros_like(memory.flips), burst))
+
+
+def _memory(iterate: Iterate) -> _Memory:
+    if not isinstance(iterate.memory, _Memory):
+        raise TypeError("the iterate was not made by SemismoothNewton.init")
+    return iterate.memory
+
+
+def _iterate(memory: _Memory) -> Iterate:
+    point = memory.point
+    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory)
+
+
+def _between(closed: Array) -> Mask:
+    return (closed > 0.0) & (closed < 1.0)
+
+
+def _moved(memory: _Memory, step: Array) -> tuple[Array, Point]:
+    """Flips (n,) and point after a step (n, 6). Nodes whose conduction keeps changing are taken to graze."""
+    point = memory.point
+    load = point.load + step[:, :N_FIELDS]
+    load[:, MECHANICAL] = point.equation.problem.contact_law.project(load[:, MECHANICAL])
+    moved = point.equation.at(load, point.closed + step[:, CLOSED], point.grazing)
+    changed = (moved.closed > 0.0) != (point.closed > 0.0)
+    flips = memory.flips + (changed & moved.jump.any(axis=1))
+    grazing = moved.grazing | (flips > FLIPS)
+    if (grazing == moved.grazing).all():
+        return flips, moved
+    return flips, point.equation.at(load, moved.closed, grazing)
+
+
+def _gradient_steps(problem: ContactProblem, point: Point, count: int) -> Point:
+    """The point that projected Barzilai-Borwein steps reach."""
+    solver = BarzilaiBorwein()
+    closed = np.clip(point.closed, 0.0, 1.0)
+    iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), closed))
+    for _ in range(count):
+        iterate = solver.step(problem, iterate)
+    return point.equation.at(iterate.load, iterate.closed, _between(iterate.closed))

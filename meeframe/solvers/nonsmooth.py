@@ -1,12 +1,16 @@
 """The contact problem as one nonsmooth equation, and its linearisation node by node (eqs. 27-29).
 
 With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has six rows:
-    p - project(t*)                                 contact,
-    T (-phi + phi_o) + (1 - T) own f                either potential, T = own / (own + R) in [0, 1],
-    c - clip(c - t*_nu / sigma, 0, 1)               at nodes that graze, else c - [t*_nu < 0],
-T, the transmissivity, grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c
-as in meeframe.solvers.conduction. The gap depends on the load through the compliance C alone, so that the generalised
-Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that the linear solvers need.
+    p - project(t*)                                     contact,
+    T (-phi + phi_o) + (1 - T) own f                    either potential, T = own / (own + R),
+    c - clip(c - t*_nu / sigma, 0, 1)                   where the node grazes; elsewhere c = [t*_nu < 0] and no residual.
+The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
+in meeframe.solvers.conduction; `own` is the node's own response. The gap depends on the load through the compliance C
+alone, so that the generalised Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that a linear
+solver needs to know.
+
+The length r is that of a stable gradient step. The active sets that the linearisation sees are then those that a step
+of Uzawa's method would make; with r near the inverse of a node's own compliance they chatter from one step to the next.
 """
 
 from dataclasses import dataclass
@@ -14,80 +18,96 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, contact_gap
+from meeframe.core.contact import ContactProblem, augmented_traction, contact_gap
 from meeframe.core.fields import MECHANICAL, Array
-from meeframe.solvers.conduction import TOUCHING, Mask, own_response, resistances
+from meeframe.solvers.conduction import Mask, own_response, resistances
+from meeframe.solvers.elimination import POTENTIALS
 from meeframe.solvers.scales import Scales, problem_scales
 
-LOAD: Final = slice(0, 5)
 CLOSED: Final = 5
-FLUX: Final = slice(3, 5)
-_DIFFERENCE: Final = 6e-6
+"""Row and column of the closed fraction; those before it are the fields of the load."""
+WIDTH: Final = 6e-6
+"""Of differences on a logarithmic scale of pressure."""
+LOWEST: Final = 1e-9
+"""Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equation:
     """The nonsmooth equation of a problem.
 
-    own: (n, 2) own responses of the potentials; r: Pa/m; blocks: (n, 5, 5) own responses.
+    scales: of its data; blocks: (n, 5, 5) response of each node to its own load; own: (n, 2) of its potentials to their
+    flux; r: [Pa/m].
     """
 
     problem: ContactProblem
     scales: Scales
     blocks: Array
     own: Array
-    r: Array
+    r: float
 
     @classmethod
-    def of(cls, problem: ContactProblem, factor=1.0) -> "Equation":
+    def of(cls, problem: ContactProblem) -> "Equation":
+        """Of a problem."""
+        scales = problem_scales(problem)
         blocks = problem.system.diagonal_blocks()
-        return cls(problem, problem_scales(problem), blocks, own_response(problem), np.full(len(blocks), factor / problem_scales(problem).normal_compliance))
+        return cls(problem, scales, blocks, own_response(problem), 1.0 / scales.normal_compliance)
 
     def at(self, load: Array, closed: Array, grazing: Mask) -> "Point":
-        """The equation at a load (n, 5); closed: (n,) of the grazing nodes (n,), of the others it follows."""
+        """The equation at a load (n, 5); closed: (n,) what grazing nodes (n,) have, that of the others follows."""
         displacement = self.problem.system.offset + self.problem.system.apply(load)
         gap = contact_gap(self.problem, displacement)
-        law = self.problem.contact_law
-        trial = load[:, MECHANICAL].copy()
-        trial[:, :2] += self.r[:, None] * (gap[:, :2] @ law.tangential_scaling())
-        trial[:, 2] += self.r * gap[:, 2]
-        touching = trial[:, 2] < 0.0
-        closed = np.where(grazing, closed, touching)
-        clipped = np.clip(closed, 0.0, 1.0)
-        conducting = self._transmissivity(load[:, 2], np.ones_like(closed))
-        jump = conducting - self._transmissivity(load[:, 2], np.zeros_like(closed))
-        transmissivity = conducting - (1.0 - clipped[:, None]) * jump
-        difference = displacement[:, FLUX] + self.problem.potentials
-        drive = difference - self.own * load[:, FLUX]
+        trial = augmented_traction(self.problem.contact_law, load[:, MECHANICAL], gap, self.r, self.r)
+        closed = np.where(grazing, closed, trial[:, 2] < 0.0)
+        conducting = self.transmissivity(load[:, 2], 1.0)
+        jump = conducting - self.transmissivity(load[:, 2], 0.0)
+        transmissivity = conducting - (1.0 - np.clip(closed, 0.0, 1.0))[:, None] * jump
+        flux = self.own * load[:, POTENTIALS]
+        drive = displacement[:, POTENTIALS] + self.problem.potentials - flux
+        # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
+        switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
+        sigma = self.r * switched + np.finfo(float).tiny
         residual = np.zeros((len(load), 6))
-        residual[:, MECHANICAL] = (load[:, MECHANICAL] - law.project(trial)) / self.scales.pressure
-        residual[:, FLUX] = (transmissivity * drive + self.own * load[:, FLUX]) / self.scales.displacement[FLUX]
-        flux_gain = (np.abs(self.blocks[:, 2, FLUX]*jump * drive) / self.own).sum(axis=1)
-        sigma = self.r * flux_gain + np.finfo(float).tiny
+        residual[:, MECHANICAL] = (load[:, MECHANICAL] - self.problem.contact_law.project(trial)) / self.scales.pressure
+        residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]
         switch = closed - trial[:, 2] / sigma
         residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0)
-        return Point(self, load, closed, grazing, displacement, trial, transmissivity, jump, drive, sigma, switch, residual)
+        return Point(self, load, closed, grazing, trial, transmissivity, jump, drive, sigma, switch, residual)
 
-    def _transmissivity(self, normal_traction: Array, closed: Array) -> Array:
-        return np.asarray(self.own / (self.own + resistances(self.problem, normal_traction, closed, self.own)))
+    def transmissivity(self, normal_traction: Array, closed: float) -> Array:
+        """T, (n, 2), at normal tractions (n,) if all nodes have one closed fraction."""
+        fraction = np.full_like(normal_traction, closed)
+        return np.asarray(self.own / (self.own + resistances(self.problem, normal_traction, fraction, self.own)))
 
     def transmissivity_slope(self, normal_traction: Array) -> Array:
-        """dT/dp_nu of closed contacts, (n, 2), by central differences on a logarithmic scale."""
-        here = np.minimum(normal_traction, -1e-9 * self.scales.pressure)
-        ones = np.ones_like(here)
-        ahead, behind = (self._transmissivity(here * (1.0 + h), ones) for h in (_DIFFERENCE, -_DIFFERENCE))
-        return np.asarray((ahead - behind) / (2.0 * _DIFFERENCE * here)[:, None])
+        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences."""
+        here = np.minimum(normal_traction, -LOWEST * self.scales.pressure)
+        change = self.transmissivity(here * (1.0 + WIDTH), 1.0) - self.transmissivity(here * (1.0 - WIDTH), 1.0)
+        return np.asarray(change / (2.0 * WIDTH * here)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The linearisation (A + B C) step = -residual; a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6)."""
+
+    a: Array
+    b: Array
+    residual: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The equation at a state."""
+    """The equation at a state.
+
+    load: (n, 5); closed: (n,), that of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2),
+    jump: (n, 2) by how much it differs between closed and open; drive: (n, 2) potential difference less own f [V], [A];
+    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
+    """
 
     equation: Equation
     load: Array
     closed: Array
     grazing: Mask
-    displacement: Array
     trial: Array
     transmissivity: Array
     jump: Array
@@ -98,42 +118,39 @@ class Point:
 
     @property
     def merit(self) -> float:
-        """Root of the mean square of the residual over nodes"""
-        merit = float(np.sqrt((self.residual**2).sum() / len(self.residual)))
+        """Root of the mean square of the residual over the nodes; inf if it is not finite."""
+        merit = float(np.sqrt((self.residual**2).sum() / max(len(self.residual), 1)))
         return merit if np.isfinite(merit) else np.inf
 
-    def linearise(self) -> "Blocks":
-        equation = self.equation
-        law, scales = equation.problem.contact_law, equation.scales
-        n = len(self.load)
-        a, b = np.zeros((n, 6, 6)), np.zeros((n, 6, 5))
+    def linearise(self) -> Blocks:
+        """An element of the generalised Jacobian, by the tangents of the laws.
+
+        Between open and closed a grazing node has p_nu = 0 and g_nu = 0; the second equation stands in the row of c.
+        """
+        equation, scales = self.equation, self.equation.scales
+        law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
+        a, b = np.zeros((len(self.load), 6, 6)), np.zeros((len(self.load), 6, 5))
+        residual = self.residual.copy()
+        residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
+        residual[between, CLOSED] = equation.r * self._gap()[between] / self.sigma[between]
         tangent = law.tangent(self.trial)
         tangent[between] = 0.0
-        residual = self.residual.copy()
-        residual[between, 0:3] = self.load[between, :3] / scales.pressure
-        step = np.zeros((n, 3, 3))
-        step[:, :2, :2] = equation.r[:, None, None] * law.tangential_scaling()
-        step[:, 2, 2] = equation.r
-        a[:, :3, :3] = (np.eye(3) - tangent) / scales.pressure
-        b[:, :3, :3] = tangent @ step / scales.pressure
-        scale = scales.displacement[FLUX]
-        slope = np.clip(self.closed, 0.0, 1.0)[:, None] * equation.transmissivity_slope(self.load[:, 2])
-        for k in (0, 1):
-            a[:, 3 + k, 3 + k] = equation.own[:, k] * (1.0 - self.transmissivity[:, k]) / scale[k]
-            a[:, 3 + k, 2] = self.drive[:, k] * slope[:, k] / scale[k]
-            a[:, 3 + k, CLOSED] = self.drive[:, k] * self.jump[:, k] * between / scale[k]
-            b[:, 3 + k, 3 + k] = self.transmissivity[:, k] / scale[k]
+        step = np.eye(3)
+        step[:2, :2] = law.tangential_scaling()
+        a[:, MECHANICAL, MECHANICAL] = (np.eye(3) - tangent) / scales.pressure
+        b[:, MECHANICAL, MECHANICAL] = tangent @ step * (equation.r / scales.pressure)
         a[:, CLOSED, CLOSED] = ~between
-        b[between, CLOSED, 2] = -equation.r[between] / self.sigma[between]
-        residual[between, CLOSED] = ((self.trial[:, 2]-self.load[:,2]) / self.sigma)[between]
+        b[between, CLOSED, 2] = -equation.r / self.sigma[between]
+        slope = np.clip(self.closed, 0.0, 1.0)[:, None] * equation.transmissivity_slope(self.load[:, 2])
+        for k, field in enumerate((3, 4)):
+            unit = scales.displacement[field]
+            a[:, field, field] = equation.own[:, k] * (1.0 - self.transmissivity[:, k]) / unit
+            a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
+            a[:, field, CLOSED] = np.where(between, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
+            b[:, field, field] = self.transmissivity[:, k] / unit
         return Blocks(a, b, residual)
 
-
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """(A + B C) step = -residual."""
-
-    a: Array
-    b: Array
-    residual: Array
+    def _gap(self) -> Array:
+        """Normal gap (n,) [m]."""
+        return np.asarray((self.trial[:, 2] - self.load[:, 2]) / self.equation.r)

@@ -1,0 +1,113 @@
+"""Newton steps of the nonsmooth equation: by factorisation at contact size, or by Krylov iteration without a matrix."""
+
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
+
+KRYLOV_TOLERANCE: Final = 1e-8
+RESTART: Final = 80
+CYCLES: Final = 5
+
+
+def newton_step(equation: Equation, blocks: Blocks) -> Array:
+    """Step (n, 6) of load and closed fraction with (A + B C) step = -residual; not finite if that is singular.
+
+    Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
+    graze) are eliminated beforehand: what remains is the size of the contact.
+    """
+    coupled = _coupled(blocks)
+    step = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, _diagonal(blocks.a)))
+    right = (-blocks.residual - _product(equation, blocks, step))[coupled]
+    if right.size == 0:
+        return step
+    matrix = equation.problem.system.dense()
+    if matrix is None:
+        step[coupled] = _krylov(equation, blocks, coupled, right)
+    else:
+        size = equation.problem.system.offset.size
+        step[coupled] = _direct(equation, blocks, coupled, right, matrix.reshape(size, size))
+    return step
+
+
+def _diagonal(a: Array) -> Array:
+    return np.asarray(np.diagonal(a, axis1=1, axis2=2))
+
+
+def _coupled(blocks: Blocks) -> Mask:
+    """Rows (n, 6) that are more than a statement on their own unknown."""
+    others = blocks.a.copy()
+    others[:, np.arange(6), np.arange(6)] = 0.0
+    return np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
+
+
+def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
+    """(A + B C) step, (n, 6)."""
+    moved = equation.problem.system.apply(step[:, :N_FIELDS])
+    return np.asarray((blocks.a @ step[:, :, None] + blocks.b @ moved[:, :, None])[:, :, 0])
+
+
+def _unit(equation: Equation, unknown: Indices) -> Array:
+    """Characteristic magnitudes of unknowns by their number 0..5: with them the equations are without units."""
+    return np.append(equation.scales.load, 1.0)[unknown]
+
+
+def _direct(equation: Equation, blocks: Blocks, coupled: Mask, right: Array, matrix: Array) -> Array:
+    """Solution by LU factorisation; matrix: (5n, 5n) compliance."""
+    node, row = np.nonzero(coupled)
+    number = np.full(coupled.shape, -1)
+    number[coupled] = np.arange(len(node))
+    loads = coupled[:, :N_FIELDS]
+    columns, place = np.flatnonzero(loads), number[:, :N_FIELDS][loads]
+    jacobian = np.zeros((len(node), len(node)))
+    for field in range(N_FIELDS):
+        factor = blocks.b[node, row, field]
+        rows = np.flatnonzero(factor)
+        response = matrix[np.ix_(node[rows] * N_FIELDS + field, columns)]
+        jacobian[np.ix_(rows, place)] += factor[rows, None] * response
+    for unknown in range(CLOSED + 1):
+        rows = np.flatnonzero(coupled[node, unknown])
+        jacobian[rows, number[node[rows], unknown]] += blocks.a[node[rows], row[rows], unknown]
+    unit = _unit(equation, row)
+    try:
+        factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
+    except LinAlgError:
+        return np.full(len(node), np.nan)
+    return np.asarray(unit * lu_solve(factors, right, check_finite=False))
+
+
+def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> Array:
+    """Solution by GMRES, preconditioned by the inverse of each node's own block."""
+    node, row = np.nonzero(coupled)
+    unit = np.broadcast_to(_unit(equation, np.arange(6)), coupled.shape)
+    both = coupled[:, :, None] & coupled[:, None, :]
+    extended = np.zeros((len(coupled), N_FIELDS, CLOSED + 1))
+    extended[:, :, :N_FIELDS] = equation.blocks
+    own = np.where(both, (blocks.a + blocks.b @ extended) * unit[:, None, :], np.eye(6))
+    # the own block of a grazing node says nothing on its closed fraction
+    empty = _diagonal(own) == 0.0
+    own[:, np.arange(6), np.arange(6)] += empty
+    inverse = np.linalg.pinv(own)
+
+    def full(values: Array) -> Array:
+        vector = np.zeros(coupled.shape)
+        vector[coupled] = values
+        return vector
+
+    def multiply(values: Array) -> Array:
+        return np.asarray(_product(equation, blocks, unit * full(values))[coupled])
+
+    def precondition(values: Array) -> Array:
+        return np.asarray((inverse @ full(values)[:, :, None])[:, :, 0][coupled])
+
+    shape = (len(node), len(node))
+    operator = LinearOperator(shape, matvec=multiply, dtype=np.float64)
+    preconditioner = LinearOperator(shape, matvec=precondition, dtype=np.float64)
+    solved, _ = gmres(operator, right, rtol=KRYLOV_TOLERANCE, restart=RESTART, maxiter=CYCLES, M=preconditioner)
+    return np.asarray(unit[coupled] * solved)
