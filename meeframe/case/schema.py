@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import (
@@ -46,9 +47,9 @@ FreeLength = Annotated[Length | None, _FREE]
 FreePressure = Annotated[Pressure | None, _FREE]
 
 
-def _by_name(contract: type) -> BeforeValidator:
-    """Makes the object that a table names, by the registry that is the context of the validation."""
-    return BeforeValidator(lambda table, info: _registry(info).create(CONTRACTS[contract], table))
+def _by_name(contract: type, unit: str = "") -> BeforeValidator:
+    """Makes the object that a table names, by the registry that is the context of the validation; unit: as there."""
+    return BeforeValidator(lambda table, info: replace(_registry(info), unit=unit).create(CONTRACTS[contract], table))
 
 
 def _registry(info: ValidationInfo) -> Registry:
@@ -179,8 +180,8 @@ _INSULATING: Final = Field(default="insulating", validate_default=True)
 class ConductivityTable(Table):
     """[conductivity]: laws of the contact zone; a field without one is insulated."""
 
-    electric: Annotated[ConductivityLaw, _by_name(ConductivityLaw)] = _INSULATING
-    magnetic: Annotated[ConductivityLaw, _by_name(ConductivityLaw)] = _INSULATING
+    electric: Annotated[ConductivityLaw, _by_name(ConductivityLaw, "F/m^2")] = _INSULATING
+    magnetic: Annotated[ConductivityLaw, _by_name(ConductivityLaw, "H/m^2")] = _INSULATING
 
 
 def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:

@@ -17,8 +17,8 @@ class Quantity:
     """Marks an annotated float as a quantity; the field holds SI numbers.
 
     unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where
-    it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the same
-    dimension; infinity is written inf, NaN is refused.
+    it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the
+    same dimension; infinity is written inf, NaN is refused.
     Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
     """
 
@@ -36,6 +36,10 @@ class Quantity:
         from pydantic_core import core_schema
 
         return core_schema.no_info_plain_validator_function(self.check)
+
+    def only(self, unit: str) -> "Quantity":
+        """The same quantity where its dimension is settled; itself if `unit` is none of its units."""
+        return Quantity(unit, **self.bounds) if unit in self.units else self
 
     def convert(self, value: Any) -> float:
         """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""

@@ -83,12 +83,13 @@ class Broken:
 class Registry:
     """What is registered, and the plugins that failed. Made by `load` or `from_plugins`.
 
-    folder: where relative paths in tables start.
+    folder: where relative paths in tables start; unit: that of keys whose dimension depends on where they are used.
     """
 
     entries: tuple[Entry, ...]
     broken: tuple[Broken, ...] = ()
     folder: Path = Path()
+    unit: str = ""
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":
@@ -152,7 +153,7 @@ class Registry:
         except PluginError as error:
             raise TableError(Problem(("name",), str(error))) from None
         options = {key: value for key, value in table.items() if key != "name"}
-        return build(record.factory, options, self._convert, other_keys)
+        return build(record.factory, options, self._convert, other_keys, self.unit)
 
     def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
         """How tables give a value of a type that pydantic does not know: a contract, or a path."""

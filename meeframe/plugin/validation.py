@@ -11,6 +11,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
 from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.quantities import Quantity
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
 """For a type hint, how what a table gives becomes a value of it; None if pydantic knows."""
@@ -49,6 +50,8 @@ class Problem:
         path = ""
         for key in self.location:
             path += f"[{key + 1}]" if isinstance(key, int) else f".{key}"
+        if not path:
+            return self.text if self.value is _MISSING else f"{self.text}, not {_brief(self.value)}"
         given = "" if self.value is _MISSING else f" = {_brief(self.value)}"
         return f"{path.lstrip('.')}{given}: {self.text}"
 
@@ -66,13 +69,15 @@ def build(
     table: Mapping[str, Any],
     converters: Converters = lambda _hint: None,
     other_keys: tuple[str, ...] = (),
+    unit: str = "",
 ) -> Any:
     """factory(**table) with every entry checked against the fields of the dataclass `factory`.
 
-    other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. Raises TableError.
+    other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. unit: the only one taken
+    by quantities that have it among others. Raises TableError.
     """
     try:
-        model = _model(factory, converters)
+        model = _model(factory, converters, unit)
     except (NameError, TypeError, PydanticUserError) as error:
         raise TableError(Problem((), f"its class {factory!r} cannot be used: {error}")) from error
     try:
@@ -86,7 +91,7 @@ def build(
 
 
 @lru_cache(maxsize=256)
-def _model(factory: Callable[..., Any], converters: Converters) -> type[BaseModel]:
+def _model(factory: Callable[..., Any], converters: Converters, unit: str) -> type[BaseModel]:
     if not (isinstance(factory, type) and dataclasses.is_dataclass(factory)):
         return create_model("NoKeys", __config__=_CONFIG)
     hints = get_type_hints(factory, include_extras=True)
@@ -96,8 +101,18 @@ def _model(factory: Callable[..., Any], converters: Converters) -> type[BaseMode
             continue
         # the default is the dataclass's affair: only keys that were given are handed on
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        fields[field.name] = (_strict(hints[field.name], converters), ... if required else None)
+        fields[field.name] = (_strict(_settled(hints[field.name], unit), converters), ... if required else None)
     return create_model(factory.__name__, __config__=_CONFIG, **fields)
+
+
+def _settled(hint: Any, unit: str) -> Any:
+    """The hint with every quantity in it settled on a unit if that is one of its units."""
+    if get_origin(hint) is Annotated:
+        marks = [mark.only(unit) if isinstance(mark, Quantity) else mark for mark in hint.__metadata__]
+        return Annotated[(hint.__origin__, *marks)]
+    if get_origin(hint) in (Union, types.UnionType):
+        return Union[tuple(_settled(part, unit) for part in get_args(hint))]  # noqa: UP007  # parts known at run time
+    return hint
 
 
 def _strict(hint: Any, converters: Converters) -> Any:

@@ -206,6 +206,14 @@ WRONG_MORE = {
         '[conductivity.electric]\nname = "step"\nkappa = -1',
         "conductivity.electric.kappa = -1: must be >= 0",
     ),
+    "kappa of the other field": (
+        '[conductivity.electric]\nname = "step"\nkappa = "2 H/m^2"',
+        "conductivity.electric.kappa = '2 H/m^2': has the wrong unit; expected a number in F/m^2 or a text with such",
+    ),
+    "kappa of the other field in a plugin's law": (
+        '[conductivity.magnetic]\nname = "power-law"\nreference_pressure = 1\nreference_conductivity = "2 uF/mm^2"',
+        "conductivity.magnetic.reference_conductivity = '2 uF/mm^2': has the wrong unit; expected a number in H/m^2 or",
+    ),
     "NaN kappa": ('[conductivity.magnetic]\nname = "step"\nkappa = nan', "conductivity.magnetic.kappa = nan: is not a"),
     "wrong table": ('[conductivity.thermal]\nname = "step"', "conductivity.thermal = {'name': 'step'}: unknown key"),
     "no such zone": ('[contact]\nzone = "top2"', "no face group 'top2' in the mesh"),

@@ -102,7 +102,7 @@ def test_nested_tables_are_created_through_the_registry():
         ({"name": "compound", "first": {"name": "ball", "radius": 1}, "weights": [-1, 1]}, "weights must not be"),
         ({"radius": 1}, "name: missing key; one of ball, compound"),
         ({"name": 3}, "name = 3: should be a text, one of ball, compound"),
-        (7, " = 7: should be a name or a table with a name (indenter)"),
+        (7, "should be a name or a table with a name (indenter), not 7"),
     ],
 )
 def test_bad_tables_name_location_value_and_what_is_allowed(table, expected):
