@@ -104,6 +104,14 @@ def test_criterion_of_the_paper() -> None:
     assert -solution.state.load[:, 2] == pytest.approx(exact, abs=2e-4 * exact.max())
 
 
+def test_small_changes_far_from_a_solution_are_not_called_converged() -> None:
+    """The paper's number read as Pa/m: nothing moves, nothing is solved."""
+    solution = solve(problem(), Uzawa(step_normal=5e3), Limits(criterion="paper", tolerance=1e-6))
+    assert solution.status is Status.STALLED
+    assert "a longer step is needed" in solution.message
+    assert solution.residual > 0.5
+
+
 def test_progress_rises_to_one() -> None:
     seen: list[tuple[str, float]] = []
     solve(problem(), Uzawa(), progress=lambda stage, fraction: seen.append((stage, fraction)))
