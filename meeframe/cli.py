@@ -44,7 +44,7 @@ def run(
 
     Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
-    with _exit_status():
+    with _exit_status(no_memory=NOT_CONVERGED):
         from meeframe.case.run import run as run_case
         from meeframe.core.result import RunStatus
         from meeframe.report.summary import summary_table
@@ -120,16 +120,26 @@ def _options(
 
 
 @contextmanager
-def _exit_status() -> Iterator[None]:
-    """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback."""
+def _exit_status(no_memory: int = BAD_INPUT) -> Iterator[None]:
+    """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback.
+
+    no_memory: status if memory runs out; in reading and assembling it is bad input (CaseError) whatever this says.
+    """
     try:
         yield
     except MeeframeError as error:
         print(f"error: {error}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
-        print("interrupted; finished steps are in the output folder", file=sys.stderr)
+    except MemoryError as error:
+        print(f"error: {_with_notes('not enough memory', error)}", file=sys.stderr)
+        raise typer.Exit(no_memory) from None
+    except KeyboardInterrupt as error:
+        print(_with_notes("interrupted", error), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+
+
+def _with_notes(what: str, error: BaseException) -> str:
+    return "; ".join([what, *getattr(error, "__notes__", ())])
 
 
 def _console() -> Console:

@@ -110,6 +110,8 @@ class _Problems:
             self.problems += [problem.inside(*location) for problem in error.problems]
         except MeeframeError as error:
             self.problems.append(Problem(location, str(error)))
+        except MemoryError as error:
+            self.problems.append(Problem(location, f"needs more memory than there is: {str(error) or 'none left'}"))
         return None
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import load_case
-from meeframe.case.solve import provenance, solve_steps, zone_of
+from meeframe.case.solve import provenance, reduce, solve_steps, zone_of
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.result import Result
-from meeframe.io.output import SUMMARY_FILE, check_output, clear_output, replacing
+from meeframe.io.output import RESULT_FILE, SUMMARY_FILE, check_output, clear_output, replacing
 from meeframe.io.results import append_step, create_result, finish_result, read_result
 from meeframe.io.vtk import write_fields
 from meeframe.report.figures import figures, save_figure
@@ -19,29 +19,60 @@ from meeframe.report.summary import summary_json
 def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent) -> Result:
     """Solve a case, given as an object or as the path of its file, and write its results into the folder `out`.
 
-    Finished steps are in result.h5 whatever happens later. Raises ResultError, before anything is computed, if `out`
-    cannot be written or holds files and overwrite is false; errors as load_case and solve_case.
+    Nothing in `out` is touched before the first step is finished; from then on finished steps are in result.h5 whatever
+    happens. An interruption carries a note that says what `out` then holds. Raises ResultError, before anything is
+    computed, if `out` cannot be written or holds files and overwrite is false; errors as load_case and solve_case.
     """
     clock = Clock(progress)
     clock("reading", 0.0)
     case = case if isinstance(case, Case) else load_case(case)
     folder = Path(out)
     check_output(folder, overwrite)
-    system = case.formulation.reduce(case.body, clock)
+    earlier = _identity(folder)
+    try:
+        return _run(case, folder, clock)
+    except (KeyboardInterrupt, MemoryError) as error:
+        error.add_note(_content(folder, earlier))
+        raise
+
+
+def _run(case: Case, folder: Path, clock: Clock) -> Result:
+    system = reduce(case, clock)
     result = Result(provenance(case), zone_of(system), len(case.steps))
-    clear_output(folder)
-    create_result(folder, result)
     try:
         for step in solve_steps(case, system, clock):
             clock("writing", 0.0)
-            append_step(folder, result.zone, step)
-            result = replace(result, steps=(*result.steps, step))
+            longer = replace(result, steps=(*result.steps, step))
+            if result.steps:
+                append_step(folder, result.zone, step)
+            else:
+                clear_output(folder)
+                create_result(folder, longer)
+            result = longer
         _write_reports(folder, case, clock)
     finally:
         result = replace(result, timings=clock.timings(), peak_memory_mb=peak_memory_mb())
-        finish_result(folder, result)
-        _write_summary(folder)
+        if result.steps:
+            finish_result(folder, result)
+            _write_summary(folder)
     return result
+
+
+def _identity(folder: Path) -> tuple[int, int] | None:
+    """Tells one result file from another; None if there is none."""
+    path = folder / RESULT_FILE
+    return (path.stat().st_ino, path.stat().st_mtime_ns) if path.is_file() else None
+
+
+def _content(folder: Path, earlier: tuple[int, int] | None) -> str:
+    """What the folder holds now, in words; earlier: identity of its result file before the run."""
+    now = _identity(folder)
+    if now is None:
+        return f"no step was finished; nothing was written to {folder}"
+    if now == earlier:
+        return f"no step was finished; {folder} holds the results of an earlier run as before"
+    result = read_result(folder)
+    return f"{len(result.steps)} of {result.planned_steps} steps are finished and in {folder}"
 
 
 def _write_reports(folder: Path, case: Case, clock: Clock) -> None:

@@ -32,7 +32,7 @@ _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 
 Text = Annotated[str, Strict(), Field(min_length=1)]
 Flag = Annotated[bool, Strict()]
-Count = Annotated[int, Strict(), Field(ge=1)]
+Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand a side is more than any memory holds
 Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
 Length = Annotated[float, Quantity("m", **_FINITE)]
 Angle = Annotated[float, Quantity("rad", **_FINITE)]

@@ -10,6 +10,7 @@ import numpy as np
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.core.contact import ContactProblem, ContactSolution, Status
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
@@ -22,13 +23,27 @@ from meeframe.solvers import solve
 def solve_case(case: Case, progress: Progress = silent) -> Result:
     """The result of a case, in memory.
 
-    Raises MeshError, CaseError or MaterialError if the formulation does not take the body. A step that does not
-    converge raises nothing: its status says so.
+    Raises as `reduce`. A step that does not converge raises nothing: its status says so.
     """
     clock = Clock(progress)
-    system = case.formulation.reduce(case.body, clock)
+    system = reduce(case, clock)
     steps = tuple(solve_steps(case, system, clock))
     return Result(provenance(case), zone_of(system), len(case.steps), steps, clock.timings(), peak_memory_mb())
+
+
+def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
+    """The reduced system of a case.
+
+    Raises MeshError, CaseError or MaterialError if the formulation does not take the body, CaseError if its matrices do
+    not fit into memory.
+    """
+    try:
+        return case.formulation.reduce(case.body, progress)
+    except MemoryError as error:
+        raise CaseError(
+            f"mesh: {case.mesh.n_elements} elements with {len(case.mesh.points)} nodes need more memory than there is "
+            f"({str(error) or 'none left'}); allowed: a coarser mesh"
+        ) from None
 
 
 def solve_steps(case: Case, system: ReducedSystem, clock: Progress = silent) -> Iterator[StepResult]:

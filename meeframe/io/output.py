@@ -1,9 +1,9 @@
-"""The output folder: refused or cleared before anything is computed; files appear in it whole or not at all."""
+"""The output folder: refused before anything is computed, made with the first result; files in it are whole."""
 
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -22,28 +22,42 @@ OUTPUT_FILES: Final = (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, *FIGURE_FILES)
 
 
 def check_output(folder: Path, overwrite: bool) -> None:
-    """Make the output folder and see that files can be written there; nothing existing is touched.
+    """See that the output folder can be made and files written there; nothing is changed or left behind.
 
     Raises ResultError if it cannot be written, or if it holds anything and overwrite is false.
     """
+    absent: list[Path] = []
     try:
+        absent = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         occupied = sorted(entry.name for entry in folder.iterdir())
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise ResultError(f"output folder {folder} cannot be written: {error.strerror or error}") from None
+        raise _unwritable(folder, error) from None
+    finally:
+        for made in absent:  # the first result makes it for good
+            with suppress(OSError):
+                made.rmdir()
     if occupied and not overwrite:
         listed = ", ".join(occupied[:4]) + (", ..." if len(occupied) > 4 else "")
         raise ResultError(f"output folder {folder} is not empty ({listed}); name another one or pass --overwrite")
 
 
 def clear_output(folder: Path) -> None:
-    """Remove the files that an earlier run left, and only those."""
-    for name in map(Path, OUTPUT_FILES):
-        (folder / name).unlink(missing_ok=True)
-        for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
-            leftover.unlink()
+    """Make the output folder or remove the files that an earlier run left in it, and only those. Raises ResultError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in map(Path, OUTPUT_FILES):
+            (folder / name).unlink(missing_ok=True)
+            for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
+                leftover.unlink()
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+
+
+def _unwritable(folder: Path, error: OSError) -> ResultError:
+    return ResultError(f"output folder {folder} cannot be written: {error.strerror or error}")
 
 
 @contextmanager

@@ -58,7 +58,7 @@ _BOUNDARY_UNITS: Final = {
 
 
 def create_result(folder: Path, result: Result) -> None:
-    """Write the result file with what is known before the first step."""
+    """Write the result file with the steps that are finished so far."""
     with replacing(folder / RESULT_FILE) as path, h5py.File(path, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["title"] = result.provenance.title
@@ -72,20 +72,14 @@ def create_result(folder: Path, result: Result) -> None:
         _put_all(zone, _ZONE_UNITS, {name: getattr(result.zone, name) for name in _ZONE_UNITS})
         _put_cells(zone, result.zone.cells)
         file.create_group("steps")
+        for step in result.steps:
+            _put_step(file, result.zone, step)
 
 
 def append_step(folder: Path, zone: Zone, step: StepResult) -> None:
     """Add one step to the result file."""
     with _changing(folder) as file:
-        steps = file["steps"]
-        group = steps.create_group(f"{len(steps) + 1:04d}")
-        group.attrs.update({"status": str(step.status), "message": step.message})
-        group.attrs["note"] = "traction, displacement: along e1, e2, nu of the zone's frames; fluxes: outward"
-        _put_all(group, _STEP_UNITS, _step_values(step))
-        _put_all(group.create_group("loading"), _LOADING_UNITS, asdict(step.loading))
-        _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
-        if step.boundary is not None:
-            _put_boundary(file, group, step.boundary)
+        _put_step(file, zone, step)
 
 
 def finish_result(folder: Path, result: Result) -> None:
@@ -115,7 +109,11 @@ def read_result(folder: Path) -> Result:
 
 @contextmanager
 def _changing(folder: Path) -> Iterator[Any]:
-    """The result file open for a change that takes place whole or not at all."""
+    """The result file open for a change that takes place whole or not at all.
+
+    HDF5 cannot undo a change that was cut short, so each one is made to a copy: steps squared in data copied, which
+    only thousands of steps would notice.
+    """
     target = folder / RESULT_FILE
     with replacing(target) as path:
         shutil.copyfile(target, path)
@@ -129,6 +127,18 @@ def _step_values(step: StepResult) -> dict[str, Any]:
         values[f"{field}_potential"] = step.potentials[:, column]
         values[f"{field}_flux"] = step.fluxes[:, column]
     return values
+
+
+def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
+    steps = file["steps"]
+    group = steps.create_group(f"{len(steps) + 1:04d}")
+    group.attrs.update({"status": str(step.status), "message": step.message})
+    group.attrs["note"] = "traction, displacement: along e1, e2, nu of the zone's frames; fluxes: outward"
+    _put_all(group, _STEP_UNITS, _step_values(step))
+    _put_all(group.create_group("loading"), _LOADING_UNITS, asdict(step.loading))
+    _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
+    if step.boundary is not None:
+        _put_boundary(file, group, step.boundary)
 
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 import json
 from importlib import metadata
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -109,6 +110,45 @@ def test_unwritable_output(case_file, tmp_path):
     assert f"error: output folder {tmp_path / 'file'} cannot be written" in err
     assert "assembly" not in err
     assert (tmp_path / "file").read_text() == "in the way"
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "expected"),
+    [(KeyboardInterrupt(), 130, "interrupted"), (MemoryError(), 1, "error: not enough memory")],
+)
+def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expected):
+    def stop(*_):
+        raise error
+
+    monkeypatch.setattr("meeframe.case.run.solve_steps", stop)
+    code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
+    assert (code, out) == (status, "")
+    assert err.splitlines()[-1] == f"{expected}; no step was finished; nothing was written to {tmp_path / 'out'}"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["check", "show"])
+@pytest.mark.parametrize(
+    ("error", "status", "expected"),
+    [(KeyboardInterrupt(), 130, "interrupted\n"), (MemoryError(), 2, "error: not enough memory\n")],
+)
+def test_stopped_while_reading(case_file, monkeypatch, command, error, status, expected):
+    def stop(*_):
+        raise error
+
+    monkeypatch.setattr("meeframe.case.load.load_case", stop)
+    monkeypatch.setattr("meeframe.io.results.read_result", stop)
+    assert meeframe_command(command, case_file) == (status, "", expected)
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, command):
+    monkeypatch.setattr("meeframe.case.load.block_mesh", lambda *_: np.empty(1 << 59))
+    arguments = ["--out", tmp_path / "out"] if command == "run" else []
+    status, _, err = meeframe_command(command, case_file, *arguments)
+    assert status == 2
+    assert f"error: {case_file}: mesh: needs more memory than there is: " in err
+    assert not (tmp_path / "out").exists()
 
 
 def test_nothing_to_show(tmp_path):

@@ -161,6 +161,10 @@ WRONG = {
     "true is no number": ([('radius = "100 mm"', "radius = true")], "indenter.radius = true: expected a number"),
     "no whole number": ([("divisions = 4", "divisions = 4.5")], "mesh.divisions = 4.5: should be a whole number"),
     "too few": ([("layers = 1", "layers = 0")], "mesh.layers = 0: should be greater than or equal to 1"),
+    "too many": (
+        [("divisions = 4", "divisions = 400000")],
+        "mesh.divisions = 400000: should be less than or equal to 1000",
+    ),
     "unknown material": (
         [("batio3-cofe2o4", "unobtainium")],
         "material: unknown material 'unobtainium'; the library has",

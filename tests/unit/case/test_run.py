@@ -8,7 +8,7 @@ import pytest
 import meeframe
 from meeframe.case import run as run_module
 from meeframe.case.load import load_case
-from meeframe.core.errors import MeshError, ResultError
+from meeframe.core.errors import CaseError, MeshError, ResultError
 from meeframe.io.output import OUTPUT_FILES
 
 TWO_STEPS = '\n[[steps]]\napproach = "20 um"\n'
@@ -87,12 +87,40 @@ def test_an_interrupted_run_keeps_its_finished_steps(case, tmp_path, interruptio
         if stage == "contact" and sum(finished):
             raise interruption
 
-    with pytest.raises(interruption):
+    with pytest.raises(interruption) as caught:
         meeframe.run(case, out, progress=interrupt)
+    assert caught.value.__notes__ == [f"1 of 2 steps are finished and in {out}"]
     result = meeframe.read_result(out)
     assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
     assert json.loads((out / "summary.json").read_text())["status"] == "unfinished"
     assert result.steps[0].traction.min() < 0
+
+
+@pytest.mark.parametrize("stage", ["springs", "contact"])
+def test_interrupted_before_the_first_step_nothing_is_written(case, tmp_path, stage):
+    def interrupt(current, _fraction):
+        if current == stage:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "deep" / "out"
+    with pytest.raises(KeyboardInterrupt) as caught:
+        meeframe.run(case, out, progress=interrupt)
+    assert caught.value.__notes__ == [f"no step was finished; nothing was written to {out}"]
+    assert not out.parent.exists()
+
+    meeframe.run(case, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    with pytest.raises(KeyboardInterrupt) as caught:
+        meeframe.run(case, out, overwrite=True, progress=interrupt)
+    assert caught.value.__notes__ == [f"no step was finished; {out} holds the results of an earlier run as before"]
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_body_too_large_for_the_memory_is_bad_input(case, tmp_path, monkeypatch):
+    monkeypatch.setattr(type(case.formulation), "reduce", lambda *_: np.empty(1 << 59))
+    with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than there is"):
+        meeframe.run(case, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_reports_see_the_result_file_only(case, tmp_path, monkeypatch):

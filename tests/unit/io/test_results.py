@@ -103,6 +103,9 @@ def test_damaged_file(tmp_path, synthetic):
 
 def test_output_folder_is_made_refused_or_accepted(tmp_path):
     check_output(tmp_path / "a" / "b", overwrite=False)
+    assert list(tmp_path.iterdir()) == []
+    clear_output(tmp_path / "a" / "b")
+    check_output(tmp_path / "a" / "b", overwrite=False)
     assert list((tmp_path / "a" / "b").iterdir()) == []
     (tmp_path / "a" / "b" / "notes.txt").write_text("mine")
     with pytest.raises(ResultError, match=r"not empty \(notes.txt\).*--overwrite"):
@@ -110,6 +113,9 @@ def test_output_folder_is_made_refused_or_accepted(tmp_path):
     check_output(tmp_path / "a" / "b", overwrite=True)
     with pytest.raises(ResultError, match=r"notes.txt cannot be written|cannot be written"):
         check_output(tmp_path / "a" / "b" / "notes.txt", overwrite=True)
+    with pytest.raises(ResultError, match="cannot be written"):
+        check_output(tmp_path / "c" / ("x" * 300), overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
 def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
