@@ -40,8 +40,9 @@ def check_mesh(mesh: SurfaceMesh) -> None:
     parts, inverted = _inverted_parts(mesh, edges)
     if inverted.any():
         middles = _middles(mesh)[inverted[parts]]
-        how_many = "the mesh" if inverted.all() else f"{inverted.sum()} of {len(inverted)} closed surfaces"
-        _refuse(f"{how_many} inside out (elements must be counter-clockwise seen from outside)", middles, "elements")
+        how = "is" if inverted.all() else f"has {inverted.sum()} of {len(inverted)} closed parts"
+        what = f"the surface {how} inside out (elements must be counter-clockwise seen from outside)"
+        _refuse(what, middles, "element")
 
 
 def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
@@ -96,10 +97,10 @@ def _used(mesh: SurfaceMesh) -> Flags:
     return used
 
 
-def _refuse(what: str, places: Array, things: str) -> None:
+def _refuse(what: str, places: Array, thing: str) -> None:
     shown = ", ".join("({:.6g}, {:.6g}, {:.6g})".format(*place) for place in places[:SHOWN])
     more = ", ..." if len(places) > SHOWN else ""
-    raise MeshError(f"mesh: {what}: {len(places)} {things}, at {shown}{more} [m]")
+    raise MeshError(f"{what}: {len(places)} {thing}{'s' * (len(places) > 1)}, at {shown}{more} [m]")
 
 
 def _middles(mesh: SurfaceMesh) -> Array:
@@ -109,15 +110,15 @@ def _middles(mesh: SurfaceMesh) -> Array:
 
 def _check_numbers(mesh: SurfaceMesh) -> None:
     if mesh.n_elements == 0:
-        raise MeshError("mesh: it has no elements")
+        raise MeshError("the surface has no elements")
     if mesh.points.ndim != 2 or mesh.points.shape[1] != 3:
-        raise MeshError(f"mesh: points have the shape {mesh.points.shape}; (p, 3) is wanted")
+        raise MeshError(f"points of the surface have the shape {mesh.points.shape}; (p, 3) is wanted")
     for block in mesh.blocks:
         shape, nodes = block.connectivity.shape, len(block.element.nodes)
         if block.connectivity.ndim != 2 or shape[1] != nodes:
-            raise MeshError(f"mesh: connectivity of {block.element.name} has the shape {shape}; (e, {nodes}) is wanted")
+            raise MeshError(f"connectivity of {block.element.name} has the shape {shape}; (e, {nodes}) is wanted")
         if block.groups.shape != shape[:1]:
-            raise MeshError(f"mesh: {shape[0]} elements {block.element.name}, but {len(block.groups)} group numbers")
+            raise MeshError(f"there are {shape[0]} elements {block.element.name}, but {len(block.groups)} group numbers")
         for name, numbers, limit in (
             ("point", block.connectivity, len(mesh.points)),
             ("face group", block.groups, len(mesh.group_names)),
@@ -125,21 +126,21 @@ def _check_numbers(mesh: SurfaceMesh) -> None:
             wrong = numbers[(numbers < 0) | (numbers >= limit)]
             if wrong.size:
                 raise MeshError(
-                    f"mesh: no {name} {wrong[0]}, which {block.element.name} uses; numbers end at {limit - 1}"
+                    f"there is no {name} {wrong[0]}, which {block.element.name} uses; numbers end at {limit - 1}"
                 )
 
 
 def _check_finite(mesh: SurfaceMesh) -> None:
     bad = ~np.isfinite(mesh.points).all(axis=1)
     if bad.any():
-        _refuse("coordinates that are not finite", mesh.points[bad], "points")
+        _refuse("the surface has coordinates that are not finite", mesh.points[bad], "point")
 
 
 def _check_points(mesh: SurfaceMesh) -> None:
     _check_finite(mesh)
     used = _used(mesh)
     if not used.all():
-        _refuse("points that no element uses", mesh.points[~used], "points")
+        _refuse("the surface has points that no element uses", mesh.points[~used], "point")
     _check_repeats(mesh)
     ends = mesh.points[find_edges(mesh).ends]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -148,7 +149,7 @@ def _check_points(mesh: SurfaceMesh) -> None:
     pairs = cKDTree(mesh.points).query_pairs(COINCIDENT * shortest, output_type="ndarray")
     if len(pairs):
         places = mesh.points[np.sort(pairs.max(axis=1))]
-        _refuse("points that coincide with others (merge_tolerance merges them)", places, "pairs of points")
+        _refuse("the surface has points that coincide with others (merge_tolerance merges them)", places, "pair")
 
 
 def _check_repeats(mesh: SurfaceMesh) -> None:
@@ -157,7 +158,7 @@ def _check_repeats(mesh: SurfaceMesh) -> None:
         bad = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
         if bad.any():
             places = mesh.points[block.connectivity[bad]].mean(axis=1)
-            _refuse("degenerate elements, the same node twice", places, f"{block.element.name} elements")
+            _refuse("the surface has elements with the same node twice", places, f"{block.element.name} element")
 
 
 def _check_elements(mesh: SurfaceMesh) -> None:
@@ -173,9 +174,8 @@ def _check_elements(mesh: SurfaceMesh) -> None:
         bad = (along <= COLLAPSED * size**2) | (size <= 1e-12 * extent**2)
         if bad.any():
             places = mesh.points[block.connectivity[bad]].mean(axis=1)
-            _refuse(
-                "degenerate or folded elements (zero or negative Jacobian)", places, f"{block.element.name} elements"
-            )
+            what = "the surface has degenerate or folded elements (zero or negative Jacobian)"
+            _refuse(what, places, f"{block.element.name} element")
 
 
 def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
@@ -184,19 +184,22 @@ def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
     first = np.unique(edges.number, return_index=True)[1]
     middle = mesh.points[edges.ends[first]].mean(axis=1)
     faults = (
-        (count > 2, "not a manifold, more than two elements share an edge"),
-        ((count == 1) & (not mesh.semi_infinite), "not closed, only one element has an edge"),
-        ((count == 2) & (sense != 0), "inconsistent orientation, two elements run along an edge in the same direction"),
+        (count > 2, "the surface is not a manifold, more than two elements share an edge"),
+        ((count == 1) & (not mesh.semi_infinite), "the surface is not closed, only one element has an edge"),
+        (
+            (count == 2) & (sense != 0),
+            "the surface is not consistently oriented, two elements run along an edge in the same direction",
+        ),
     )
     for bad, what in faults:
         if bad.any():
-            _refuse(what, middle[bad], "edges")
+            _refuse(what, middle[bad], "edge")
     order = np.argsort(edges.number, kind="stable")
     order = order[count[edges.number[order]] == 2].reshape(-1, 2)
     differ = (edges.between[order[:, 0]] != edges.between[order[:, 1]]).any(axis=1)
     if differ.any():
         places = middle[edges.number[order[differ, 0]]]
-        _refuse("not conforming, the mid-side nodes of two elements differ along an edge", places, "edges")
+        _refuse("the surface is not conforming, the mid-side nodes of two elements differ along an edge", places, "edge")
 
 
 def _check_plane(mesh: SurfaceMesh) -> None:
@@ -207,7 +210,7 @@ def _check_plane(mesh: SurfaceMesh) -> None:
     deviation = np.linalg.norm(np.concatenate(normals) - normals[0][0], axis=1)
     tilted = deviation > PLANE
     if tilted.any():
-        _refuse("the boundary of a half space is not plane", _middles(mesh)[tilted], "elements")
+        _refuse("the boundary of a half space is not plane", _middles(mesh)[tilted], "element")
 
 
 def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Flags]:

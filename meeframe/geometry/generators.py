@@ -58,14 +58,9 @@ def block_mesh(
     Raises MeshError.
     """
     half, contact, cells = _pair(half_width), _pair(contact_width), _whole_pair(divisions)
-    require("half_width", half)
-    require("height", (height,))
-    require("contact_width", contact)
-    require("divisions", cells, at_least=1)
-    require("rings", (rings,), at_least=1)
-    require("layers", (layers,), at_least=1)
-    if not (contact[0] < 2 * half[0] and contact[1] < 2 * half[1]):
-        raise MeshError(f"contact_width = {contact_width!r}: must be less than the block's width, 2 x {half_width!r}")
+    _check_sizes(half, height, contact)
+    for name, counts in (("divisions", cells), ("rings", (rings,)), ("layers", (layers,))):
+        require(name, counts, at_least=1)
     grading = grading or Grading()
     zone_half = (contact[0] / 2, contact[1] / 2)
     top, base = grid_points(zone_half, cells, 0.0), grid_points(half, cells, -float(height))
@@ -82,6 +77,14 @@ def block_mesh(
     strips = np.concatenate([np.ones((rings, len(sides)), np.int64), np.tile(sides, (layers, 1))])
     surface = prism(top, np.concatenate([ring_loops, layer_loops]), base, (0, strips, 6), BLOCK_GROUPS)
     return with_element(surface, element)
+
+
+def _check_sizes(half_width: tuple[float, float], height: float, contact_width: tuple[float, float]) -> None:
+    for name, sizes in (("half_width", half_width), ("height", (height,)), ("contact_width", contact_width)):
+        require(name, sizes)
+    for contact, half in zip(contact_width, half_width, strict=True):
+        if not contact < 2 * half:
+            raise MeshError(f"contact_width = {contact!r}: must be less than the block's width, {2 * half!r}")
 
 
 def half_space_mesh(

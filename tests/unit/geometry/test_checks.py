@@ -78,7 +78,7 @@ def test_open(element: SurfaceElement) -> None:
 def test_inside_out_and_back(element: SurfaceElement) -> None:
     mesh = inside_out(cube(element))
     assert volume(mesh) == pytest.approx(-8.0)
-    refused(mesh, rf"the mesh inside out .*: {mesh.n_elements} elements")
+    refused(mesh, rf"the surface is inside out .*: {mesh.n_elements} elements")
     flipped = orient_outward(mesh)
     check_mesh(flipped)
     assert volume(flipped) == pytest.approx(8.0)
@@ -90,8 +90,8 @@ def test_one_element_turned_over(element: SurfaceElement) -> None:
     cells = mesh.blocks[0].connectivity.copy()
     cells[0] = cells[0][reflection(element)]
     n = 4 if element.reference == "quadrilateral" else 3
-    refused(with_cells(mesh, cells), f"inconsistent orientation.*: {n} edges, at")
-    with pytest.raises(MeshError, match="inconsistent orientation"):
+    refused(with_cells(mesh, cells), f"not consistently oriented.*: {n} edges, at")
+    with pytest.raises(MeshError, match="not consistently oriented"):
         orient_outward(with_cells(mesh, cells))
 
 
@@ -105,7 +105,7 @@ def test_cavities_look_inwards() -> None:
     check_mesh(both(outer, inside_out(cavity)))
     assert volume(both(outer, inside_out(cavity))) == pytest.approx(7.0)
     wrong = both(outer, cavity)
-    refused(wrong, "1 of 2 closed surfaces inside out")
+    refused(wrong, "has 1 of 2 closed parts inside out")
     check_mesh(orient_outward(wrong))
     assert volume(orient_outward(wrong)) == pytest.approx(7.0)
     # a body in the cavity, and a second one elsewhere
@@ -122,7 +122,7 @@ def test_not_a_manifold() -> None:
 
 
 def test_duplicate_points_and_how_to_merge_them() -> None:
-    refused(torn(cube()), r"points that coincide with others \(merge_tolerance merges them\): \d+ pairs of points, at")
+    refused(torn(cube()), r"points that coincide with others \(merge_tolerance merges them\): \d+ pairs, at")
     merged = merge_points(torn(cube(), 1e-7), 1e-6)
     check_mesh(merged)
     assert len(merged.points) == len(cube().points)
@@ -140,20 +140,20 @@ def test_a_near_duplicate_is_found_in_a_graded_mesh() -> None:
 def test_unused_point() -> None:
     mesh = cube()
     refused(
-        replace(mesh, points=np.vstack([mesh.points, [7.0, 8.0, 9.0]])), r"no element uses: 1 points, at \(7, 8, 9\)"
+        replace(mesh, points=np.vstack([mesh.points, [7.0, 8.0, 9.0]])), r"no element uses: 1 point, at \(7, 8, 9\)"
     )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_non_finite_points(value: float) -> None:
-    refused(moved(cube(), lambda p: p.__setitem__((3, 1), value)), f"not finite: 1 points, at .*{value}")
+    refused(moved(cube(), lambda p: p.__setitem__((3, 1), value)), f"not finite: 1 point, at .*{value}")
 
 
 def test_repeated_node() -> None:
     mesh = cube()
     cells = mesh.blocks[0].connectivity.copy()
     cells[5, 1] = cells[5, 0]
-    refused(with_cells(mesh, cells), "the same node twice: 1 quad4 elements, at")
+    refused(with_cells(mesh, cells), "the same node twice: 1 quad4 element, at")
 
 
 def test_zero_jacobian_and_folded_elements() -> None:

@@ -183,5 +183,5 @@ def test_a_surface_too_rough_to_meet_is_refused() -> None:
     x, y = (a.ravel() for a in np.meshgrid(axis, axis))
     rough = 3e-4 * (1 + np.cos(x / 3e-4) * np.sin(y / 3e-4))
     shape = SampledHeights(np.stack([x, y, rough], axis=1))
-    with pytest.raises(CaseError, match=r"no distance along the normal at .* too steep there"):
+    with pytest.raises(CaseError, match=r"no distance to the indenter along the normal at .* too steep there"):
         initial_gap(shape, FLAT, Placement(tilt_1=0.9, tilt_2=0.5))

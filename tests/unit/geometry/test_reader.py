@@ -192,9 +192,7 @@ def test_split_nodes_are_refused_or_merged(tmp_path: Path) -> None:
     split = original.points[original.blocks[0].connectivity].reshape(-1, 3)
     path = tmp_path / "split.vtk"
     meshio.write(path, meshio.Mesh(1e3 * split, [("quad", np.arange(len(split)).reshape(-1, 4))]))
-    with pytest.raises(
-        MeshError, match=r"split\.vtk: mesh: points that coincide with others .*: \d+ pairs of points, at \("
-    ):
+    with pytest.raises(MeshError, match=r"split\.vtk: the surface has points that coincide .*: \d+ pairs, at \("):
         read(path, length_unit=1e-3)
     merged = read(path, length_unit=1e-3, merge_tolerance=1e-6)
     assert len(merged.points) == len(original.points)
@@ -206,7 +204,7 @@ def test_reorient(tmp_path: Path) -> None:
     flipped = original.blocks[0].connectivity[:, [3, 2, 1, 0, 6, 5, 4, 7, 8]]
     path = tmp_path / "flipped.vtu"
     meshio.write(path, meshio.Mesh(original.points, [("quad9", flipped)]))
-    with pytest.raises(MeshError, match=r"flipped\.vtu: mesh: the mesh inside out"):
+    with pytest.raises(MeshError, match=r"flipped\.vtu: the surface is inside out"):
         read(path)
     assert volume(read(path, reorient=True)) == pytest.approx(6.0)
 
@@ -243,7 +241,7 @@ CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
             _mesh_file(TETRA, [("triangle", CLOSED[0][1][:3])]),
             "not closed, only one element has an edge: 3 edges",
         ),
-        ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite: 1 points"),
+        ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite: 1 point"),
         ("range.vtk", _mesh_file(TETRA[:3], CLOSED), "no point 3, which tri3 uses"),
         ("flat.xdmf", _mesh_file([p[:2] for p in TETRA], [("triangle", [[0, 1, 2]])]), "not three-dimensional"),
         (
