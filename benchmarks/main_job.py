@@ -28,7 +28,8 @@ def main() -> None:
         folder = Path(scratch)
         cold, _ = _run(folder, "cold")
         warm = [_run(folder, f"warm{number}") for number in range(arguments.repeats)]
-    stages = {name: statistics.median(summary["timings"][name] for _, summary in warm) for name in warm[0][1]["timings"]}
+    timings = [summary["timings"] for _, summary in warm]
+    stages = {name: statistics.median(run[name] for run in timings) for name in timings[0]}
     found = {
         "assembly": stages["assembly"],
         "whole run": statistics.median(seconds for seconds, _ in warm),
@@ -43,7 +44,8 @@ def main() -> None:
         "limits": LIMITS,
         "stages": stages,
     }
-    print(f"{report['threads']} threads, median of {arguments.repeats} warm runs, load average {os.getloadavg()[0]:.1f}")
+    load = os.getloadavg()[0]
+    print(f"{report['threads']} threads, median of {arguments.repeats} warm runs, load average {load:.1f}")
     for name, value in found.items():
         print(f"{name:24s} {value:9.2f}   at most {LIMITS[name]:g}")
     print("stages: " + ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items()))

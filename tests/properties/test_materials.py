@@ -20,7 +20,7 @@ from meeframe.materials.voigt import mandel_matrix
 ANGLES = st.floats(-3.2, 3.2)
 ROTATIONS = st.tuples(ANGLES, ANGLES, ANGLES).map(lambda angles: rotation_from_euler(np.array(angles)))
 # no tiny entries: the norms of the invariants would underflow
-ENTRIES = st.integers(-10**6, 10**6).map(lambda k: k / 10**6)
+ENTRIES = st.integers(-(10**6), 10**6).map(lambda k: k / 10**6)
 COMMON = settings(deadline=None, max_examples=40)
 
 
