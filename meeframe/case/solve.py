@@ -47,10 +47,13 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
 
 
 def solve_steps(case: Case, system: ReducedSystem, clock: Progress = silent) -> Iterator[StepResult]:
-    """The load steps of a case one after the other, each started from the last one that converged."""
-    start = None
+    """The load steps of a case one after the other, each started from the last one that converged.
+
+    Slip is measured from that state too (notes, section 7): the first step, from the undeformed body, is the paper's.
+    """
+    start, slipped = None, np.zeros((len(system.points), 2))
     for number, loading in enumerate(case.steps):
-        problem = _problem(case, system, loading)
+        problem = _problem(case, system, loading, slipped)
 
         def show(stage: str, fraction: float, number: int = number) -> None:
             clock(stage, (number + fraction) / len(case.steps))
@@ -59,6 +62,7 @@ def solve_steps(case: Case, system: ReducedSystem, clock: Progress = silent) -> 
         solution = solve(problem, case.solver, case.limits, start, show)
         if solution.status is Status.CONVERGED:
             start = solution.state
+            slipped = slipped + problem.translation - start.displacement[:, :2]
         clock("boundary fields", 0.0)
         yield _step_result(system, problem, loading, solution)
 
@@ -76,14 +80,15 @@ def provenance(case: Case) -> Provenance:
     return Provenance(case.title, case.text, versions, numba.get_num_threads())
 
 
-def _problem(case: Case, system: ReducedSystem, loading: Loading) -> ContactProblem:
+def _problem(case: Case, system: ReducedSystem, loading: Loading, slipped: Array) -> ContactProblem:
+    """The contact problem of a load step; slipped: (n, 2) how far the indenter has slipped over the body before [m]."""
     zone = ContactZone(system.points, system.frames, system.weights, system.cells, np.arange(len(system.points)))
     translation = system.frames @ (np.array(loading.translation) @ case.placement.base[:2])
     # where the zone is not parallel to the plane of translation the indenter also moves along the normal
     gap = initial_gap(case.indenter, zone, case.placement, loading.approach) + translation[:, 2]
     potentials = np.tile([loading.electric_potential, loading.magnetic_potential], (len(gap), 1))
     laws = case.contact_law, case.electric_law, case.magnetic_law
-    return ContactProblem(system, *laws, gap, translation[:, :2], potentials)
+    return ContactProblem(system, *laws, gap, translation[:, :2] - slipped, potentials)
 
 
 def _step_result(

@@ -63,6 +63,20 @@ def test_translation_drags_the_body_along(case):
     assert meeframe.resultants(result.zone, solved).force[0] > 0
 
 
+def test_friction_remembers_the_steps_before(case):
+    """Forth and back: each spring carries mu p or k d, then what it had less k times the way back, or -mu p."""
+    forth, back, friction = 4e-6, 3e-6, 0.3
+    steps = [dataclasses.replace(case.steps[0], translation=(d, 0.0)) for d in (forth, forth - back)]
+    result = meeframe.solve_case(dataclasses.replace(case, contact_law=IsotropicCoulomb(friction), steps=tuple(steps)))
+    bound = -friction * springs(result.zone.points, 1e-5)
+    first = np.minimum(STIFFNESS * forth, bound)
+    second = np.maximum(first - STIFFNESS * back, -bound)
+    assert np.any(second < 0)
+    assert np.any((first == bound) & (second > -bound)), "some have slipped forth and stick on the way back"
+    for step, expected in zip(result.steps, (first, second), strict=True):
+        np.testing.assert_allclose(step.traction[:, 0], expected, atol=1e-7 * bound.max())
+
+
 def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
     steps = tuple(dataclasses.replace(step, electric_potential=7.0, magnetic_potential=-0.5) for step in case.steps)
     result = meeframe.solve_case(dataclasses.replace(case, electric_law=StepConductivity(np.inf), steps=steps))
