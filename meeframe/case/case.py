@@ -60,10 +60,15 @@ class Case:
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
-        if not np.isfinite(initial_gap(self.indenter, zone_frames(self.mesh, self.zone), self.placement)).any():
-            raise CaseError(f"indenter: no part of it lies above the contact zone {self.zone!r}")
+        check_reach(self.indenter, self.placement, self.mesh, self.zone)
 
     @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+
+
+def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
+    """Raises CaseError unless a part of the indenter lies above the contact zone."""
+    if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
+        raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")

@@ -2,15 +2,15 @@
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from meeframe.case.case import Case, Output
+from meeframe.case.locate import locate
 from meeframe.case.schema import (
-    BoundaryTable,
     CaseTable,
     FileTable,
     HalfSpaceTable,
@@ -18,7 +18,7 @@ from meeframe.case.schema import (
     MeshTable,
     StepTable,
 )
-from meeframe.core.body import BoundaryCondition
+from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.core.result import Loading
@@ -59,27 +59,46 @@ def case_from_tables(
     Raises TableError (a CaseError) with all problems found.
     """
     registry = replace(registry or plugins.load(), folder=folder)
-    found = _Problems()
-    checked = found.attempt(lambda: _validate(tables, registry))
+    problems: list[Problem] = []
+    checked = _attempt(problems, lambda: _validate(tables, registry))
     material = None
     if isinstance(tables.get("material"), Mapping):
-        material = found.attempt(lambda: material_from_table(tables["material"], folder), "material")
+        material = _attempt(problems, lambda: material_from_table(tables["material"], folder), "material")
     if checked is None:
-        raise TableError(*found.problems)
-    mesh = found.attempt(lambda: _mesh(checked.mesh, registry, folder), "mesh")
+        raise TableError(*problems)
+    mesh = _attempt(problems, lambda: _mesh(checked.mesh, registry, folder), "mesh")
     if material is None or mesh is None:
-        raise TableError(*found.problems)
-    case = found.attempt(lambda: _assemble(checked, material, mesh, text))
-    if case is None:
-        raise TableError(*found.problems)
-    return case
+        raise TableError(*problems)
+    try:
+        return _assemble(checked, material, mesh, text)
+    except MeeframeError as error:
+        raise TableError(locate(error, checked, Body(material.stiffness, mesh, (), checked.contact.zone))) from None
+    except MemoryError as error:
+        raise TableError(_no_memory(error, "mesh")) from None
+
+
+def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> T | None:
+    """What make() returns; or None, and its problems join the others, so that one run of a check shows them all."""
+    try:
+        return make()
+    except TableError as error:
+        problems += [problem.inside(*location) for problem in error.problems]
+    except MeeframeError as error:
+        problems.append(Problem(location, str(error)))
+    except MemoryError as error:
+        problems.append(_no_memory(error, *location))
+    return None
+
+
+def _no_memory(error: MemoryError, *location: str) -> Problem:
+    return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
 
 
 def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, text: str) -> Case:
     return Case(
         material=material,
         mesh=mesh,
-        conditions=tuple(condition for boundary in table.boundary for condition in _conditions(boundary)),
+        conditions=tuple(condition for boundary in table.boundary for condition in boundary.conditions()),
         indenter=table.indenter.named,
         steps=tuple(_loading(step, table.indenter) for step in table.steps),
         placement=table.indenter.record,
@@ -94,25 +113,6 @@ def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, text: str
         title=table.title,
         text=text,
     )
-
-
-@dataclass
-class _Problems:
-    """Collects problems, so that one run of a check shows them all."""
-
-    problems: list[Problem] = field(default_factory=list)
-
-    def attempt(self, make: Callable[[], T], *location: str) -> T | None:
-        """What make() returns, or None and its problems are noted at the location."""
-        try:
-            return make()
-        except TableError as error:
-            self.problems += [problem.inside(*location) for problem in error.problems]
-        except MeeframeError as error:
-            self.problems.append(Problem(location, str(error)))
-        except MemoryError as error:
-            self.problems.append(Problem(location, f"needs more memory than there is: {str(error) or 'none left'}"))
-        return None
 
 
 def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
@@ -151,10 +151,6 @@ def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
         table.element,
         Grading(table.first_ring, table.layer_growth),
     )
-
-
-def _conditions(table: BoundaryTable) -> list[BoundaryCondition]:
-    return [BoundaryCondition(group, *prescribed) for group in table.group for prescribed in table.prescribed()]
 
 
 def _loading(step: StepTable, indenter: IndenterTable) -> Loading:

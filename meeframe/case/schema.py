@@ -18,6 +18,7 @@ from pydantic import (
     model_validator,
 )
 
+from meeframe.core.body import BoundaryCondition
 from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
 from meeframe.core.element import SurfaceElement
 from meeframe.core.formulation import Formulation
@@ -157,8 +158,12 @@ class BoundaryTable(Table):
     magnetic_potential: MagneticPotential | None = None
     magnetic_flux: MagneticFlux | None = None
 
-    def prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
-        """(field, kind, number in SI) of everything prescribed."""
+    def conditions(self) -> tuple[BoundaryCondition, ...]:
+        """Everything prescribed, on each group."""
+        return tuple(BoundaryCondition(group, *prescribed) for group in self.group for prescribed in self._prescribed())
+
+    def _prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
+        """(field, kind, number in SI)."""
         values = (*(self.displacement or (None,) * 3), self.electric_potential, self.magnetic_potential)
         fluxes = (*(self.traction or (None,) * 3), self.electric_flux, self.magnetic_flux)
         return [

@@ -178,10 +178,23 @@ WRONG = {
         [("layers = 1", 'layers = 1\nelement = "quad5"')],
         "mesh.element.name: unknown element 'quad5'",
     ),
-    "no such group": ([('group = "base"', 'group = "bottom"')], "no face group 'bottom' in the mesh; it has contact"),
+    "no such group": (
+        [('group = "base"', 'group = "bottom"')],
+        "boundary[1].group = 'bottom': no face group 'bottom' in the mesh; it has contact",
+    ),
     "zone larger than the block": ([('"5 mm"', '"500 mm"')], "mesh: contact_width = "),
-    "free rigid motions": ([("[0, 0, 0]", '["free", "free", 0]')], "leave 3 of the 6 rigid motions free"),
-    "free potential": ([("electric_potential = 0\n", "")], "no boundary condition prescribes electric_potential"),
+    "free rigid motions": (
+        [("[0, 0, 0]", '["free", "free", 0]')],
+        "boundary: the boundary conditions leave 3 of the 6 rigid motions free",
+    ),
+    "free potential": (
+        [("electric_potential = 0\n", "")],
+        "boundary: no boundary condition prescribes electric_potential",
+    ),
+    "a formulation that does not take the material": (
+        [('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"\nfundamental_solution = "isotropic"')],
+        "case.toml: formulation: ",
+    ),
     "two components": ([("[0, 0, 0]", "[0, 0]")], "boundary[1].displacement[3]: missing entry"),
     "four components": (
         [("[0, 0, 0]", "[0, 0, 0, 0]")],
@@ -191,7 +204,7 @@ WRONG = {
     "wrong word": ([("[0, 0, 0]", '[0, 0, "fixed"]')], "boundary[1].displacement[3] = 'fixed': cannot be read"),
     "nothing above the zone": (
         [('name = "sphere"\nradius = "100 mm"', 'name = "flat-punch"\nradius = "1 mm"\nx = "10 mm"')],
-        "indenter: no part of it lies above the contact zone 'contact'",
+        "indenter: no part of the indenter lies above the contact zone 'contact'",
     ),
     "text for a table": (
         [('[material]\nname = "batio3-cofe2o4"\n', ""), ("title", "material = 'x'\ntitle")],
@@ -220,8 +233,11 @@ WRONG_MORE = {
     ),
     "NaN kappa": ('[conductivity.magnetic]\nname = "step"\nkappa = nan', "conductivity.magnetic.kappa = nan: is not a"),
     "wrong table": ('[conductivity.thermal]\nname = "step"', "conductivity.thermal = {'name': 'step'}: unknown key"),
-    "no such zone": ('[contact]\nzone = "top2"', "no face group 'top2' in the mesh"),
-    "condition on the zone": ('[contact]\nzone = "base"', "boundary condition on 'base': it is the contact zone"),
+    "no such zone": ('[contact]\nzone = "top2"', "contact.zone = 'top2': no face group 'top2' in the mesh"),
+    "condition on the zone": (
+        '[contact]\nzone = "base"',
+        "boundary[1].group = 'base': boundary condition on 'base': it is the contact zone",
+    ),
     "negative friction": (
         '[contact.law]\nname = "isotropic-coulomb"\nmu = -0.1',
         "contact.law.mu = -0.1: must be >= 0",
@@ -231,7 +247,7 @@ WRONG_MORE = {
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
     "twice the same": (
         '[[boundary]]\ngroup = "base"\nelectric_flux = 0',
-        "boundary conditions on 'base' prescribe electric_potential or electric_flux twice",
+        "boundary[2]: boundary conditions on 'base' prescribe electric_potential or electric_flux twice",
     ),
 }
 

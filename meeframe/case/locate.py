@@ -1,0 +1,40 @@
+"""Where in a case file the cause of an error lies that shows only when the parts are put together."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+from meeframe.case.case import check_reach
+from meeframe.case.schema import CaseTable
+from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
+from meeframe.core.errors import MeeframeError, MeshError
+from meeframe.geometry import check_contact_zone
+from meeframe.plugin.validation import Problem
+
+
+def locate(error: MeeframeError, table: CaseTable, body: Body) -> Problem:
+    """The error at its place: the key whose own check says the same, or else the mesh or the formulation.
+
+    body: that of the case, without its boundary conditions.
+    """
+    for problem, check in _checks(table, body):
+        try:
+            check()
+        except MeeframeError as found:
+            if str(found) == str(error):
+                return replace(problem, text=str(error))
+    return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), str(error))
+
+
+def _checks(table: CaseTable, body: Body) -> Iterator[tuple[Problem, Callable[[], None]]]:
+    """Places in the file with what is given there, and the check of each."""
+    zone = table.contact.zone
+    yield Problem(("contact", "zone"), "", zone), partial(check_contact_zone, body.mesh, zone)
+    for number, boundary in enumerate(table.boundary):
+        for group in boundary.group:
+            alone = replace(body, conditions=(BoundaryCondition(group, 0, "value"),))
+            yield Problem(("boundary", number, "group"), "", group), partial(check_conditions, alone)
+        body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
+        yield Problem(("boundary", number), ""), partial(check_conditions, body)
+    yield Problem(("boundary",), ""), partial(check_supports, body)
+    yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, table.indenter.record, body.mesh, zone)
