@@ -69,7 +69,9 @@ def main() -> None:
     section_picture(case, sections).savefig(arguments.out / f"{NAME}_fig4.png", dpi=110)
     page = _page(table, sweeps, _grounding(case, system)) + _convergence(case, meshes)
     (arguments.out / f"{NAME}.md").write_text(page, encoding="utf-8")
-    numbers = {"conditions": table, "refinements": [vars(mesh) for mesh in meshes]}
+    numbers = {"conditions": table, "refinements": [dict(vars(mesh)) for mesh in meshes]}
+    for mesh in numbers["refinements"]:
+        mesh["half_space"] = bool(np.isinf(mesh.pop("enlargement")))
     (arguments.out / f"{NAME}.json").write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
     print(page)
 
