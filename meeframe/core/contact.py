@@ -57,7 +57,7 @@ class ContactLaw(ABC):
 
         By central differences; a law that knows its derivative may say so. Zero where the trial is not finite.
         """
-        finite = np.isfinite(trial).all(axis=1)
+        finite = np.asarray(np.isfinite(trial).all(axis=1))
         here = np.where(finite[:, None], trial, 0.0)
         size = np.abs(here).max(axis=1)
         width = _DIFFERENCE * np.where(size > 0.0, size, 1.0)

@@ -1,8 +1,8 @@
 """Uzawa's method accelerated: projected Barzilai-Borwein steps and restarted Nesterov extrapolation.
 
-Both are gradient steps on the gap with the potentials eliminated, projected by the contact law, as in Uzawa's method, at
-one product with the compliance a step. They have nothing to choose: lengths follow from the tractions and gaps that they
-meet, and from the largest eigenvalue of the compliance where there is contact.
+Both are gradient steps on the gap with the potentials eliminated, projected by the contact law, as in Uzawa's method,
+at one product with the compliance a step. They have nothing to choose: lengths follow from the tractions and gaps that
+they meet, and from the largest eigenvalue of the compliance where there is contact.
 
 Friction is no gradient of anything, so that neither need descend. Both watch the violation of the contact law; where it
 rises beyond what it was over a window of steps, plain steps of Uzawa's method follow, shorter each time.
@@ -25,9 +25,9 @@ WINDOW: Final = 12
 RISE: Final = 2.0
 """The violation may rise to so many times its largest value over the window."""
 CAUTION: Final = 12
-"""So many plain steps follow when it rose further, twice as many each further time."""
-IDLE: Final = 150
-"""The same happens when it has not fallen for so many steps."""
+"""So many plain steps follow when it rose further."""
+IDLE: Final = 300
+"""As many, and twice as many each further time, follow when it has not fallen for so many steps."""
 SHORTENING: Final = 0.8
 SHORTEST: Final = 0.1
 STEP_LIMITS: Final = (0.2, 1e3)
@@ -39,27 +39,35 @@ class _Guard:
     """Watches the violation of the contact law.
 
     seen: violations at the last steps; best, idle: the smallest one so far and how many steps ago it was met; plain:
-    plain steps still to be made; caution: how many the next time; shortening: of the plain steps, 1 at first.
+    plain steps still to be made; patience: with steps that lead nowhere, doubled each time; wary: whether a rise doubles
+    it too; shortening: of the plain steps, 1 at first.
     """
 
     seen: tuple[float, ...] = ()
     best: float = np.inf
     idle: int = 0
     plain: int = 0
-    caution: int = CAUTION
+    patience: int = 1
+    wary: bool = False
     shortening: float = 1.0
 
     def next(self, violation: float) -> "_Guard":
         """After a violation was measured."""
-        rises = bool(self.seen) and violation > RISE * max(self.seen)
-        if rises or self.idle >= IDLE:
-            shortening = max(SHORTENING * self.shortening, SHORTEST)
-            return _Guard((violation,), min(violation, self.best), 0, self.caution, 2 * self.caution, shortening)
+        shorter = max(SHORTENING * self.shortening, SHORTEST)
+        best = min(violation, self.best)
+        if self.idle >= IDLE * self.patience:
+            return _Guard((violation,), best, 0, CAUTION * self.patience, 2 * self.patience, self.wary, shorter)
+        if self.seen and violation > RISE * max(self.seen):
+            patience = 2 * self.patience if self.wary else self.patience
+            plain = CAUTION * self.patience if self.wary else CAUTION
+            return replace(
+                self, seen=(violation,), best=best, plain=plain, patience=patience, shortening=shorter
+            )
         better = violation < self.best
         return replace(
             self,
             seen=(*self.seen, violation)[-WINDOW:],
-            best=min(violation, self.best),
+            best=best,
             idle=0 if better or self.plain else self.idle + 1,
             plain=max(self.plain - 1, 0),
         )
@@ -69,8 +77,9 @@ class _Guard:
 class _Memory:
     """What both iterations remember.
 
-    ground, conduction: see there; conductors, spectrum: of the last step; guard: see there; base: (n, 3) tractions from
-    which the last step was made, and gap: (n, 3) the gap there; momentum: of the extrapolation; turn: number of the step.
+    ground, conduction, guard: see there; conductors, spectrum: of the last step; base: (n, 3) tractions from which the
+    last step was made (or, extrapolating, the next will be), gap: (n, 3) the gap there; momentum: of the extrapolation;
+    turn: number of the step.
     """
 
     ground: Ground
@@ -97,7 +106,7 @@ class BarzilaiBorwein(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
-        return _init(problem, start)
+        return _init(problem, start, wary=False)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One projected step; its length is that of the last change of tractions over that of the gap."""
@@ -118,14 +127,15 @@ class BarzilaiBorwein(Solver):
 class Nesterov(Solver):
     """Uzawa's method with Nesterov's extrapolation, restarted when it overshoots.
 
-    Source: Nesterov, Soviet Math. Dokl. 27 (1983) 372; restarts: O'Donoghue and Candes, Found. Comput. Math. 15 (2015) 715.
+    Source: Nesterov, Soviet Math. Dokl. 27 (1983) 372; restarts: O'Donoghue and Candes, Found. Comput. Math. 15 (2015)
+    715.
     """
 
     stride: ClassVar[int] = 10
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
-        return _init(problem, start)
+        return _init(problem, start, wary=True)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One projected step from the extrapolated tractions."""
@@ -144,10 +154,11 @@ class Nesterov(Solver):
         return replace(stepped, memory=replace(_memory(stepped), momentum=momentum, base=ahead))
 
 
-def _init(problem: ContactProblem, start: ContactState | None) -> Iterate:
+def _init(problem: ContactProblem, start: ContactState | None, wary: bool) -> Iterate:
     n = len(problem.gap)
     conduction, load = Conduction.of(start, n), start_load(start, n)
-    return Iterate(load, conduction.closed, _Memory(Ground.of(problem), conduction, traction_of(load)))
+    memory = _Memory(Ground.of(problem), conduction, traction_of(load), guard=_Guard(wary=wary))
+    return Iterate(load, conduction.closed, memory)
 
 
 def _memory(iterate: Iterate) -> _Memory:
@@ -183,7 +194,7 @@ def _violation(law: ContactLaw, traction: Array, gap: Array, r: float) -> float:
 
 
 def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain: float) -> float:
-    """Long or short Barzilai-Borwein step [Pa/m] of a change (n, 3) of tractions and the response (n, 3) of displacements.
+    """Long or short Barzilai-Borwein step [Pa/m] of a change (n, 3) of tractions and the response (n, 3) to it [m].
 
     scaling: (2, 2) the law's tangential scaling S; the long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>,
     y on the nodes that moved: the others are held by the law.

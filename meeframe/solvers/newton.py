@@ -41,7 +41,7 @@ class SemismoothNewton(Solver):
     """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
 
     A step solves the linearised equations for tractions, fluxes and the closed fractions of grazing nodes together, by
-    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES; the tractions are then made
+    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES; then the tractions are made
     admissible. A step that does not bring the merit (the root mean square of the residual) below that of the last two
     states is halved, up to three times; if that does not help, a burst of projected Barzilai-Borwein steps takes its
     place, from where Newton's method starts again.

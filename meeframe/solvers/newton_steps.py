@@ -84,7 +84,6 @@ def _direct(equation: Equation, blocks: Blocks, coupled: Mask, right: Array, mat
 
 def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> Array:
     """Solution by GMRES, preconditioned by the inverse of each node's own block."""
-    node, row = np.nonzero(coupled)
     unit = np.broadcast_to(_unit(equation, np.arange(6)), coupled.shape)
     both = coupled[:, :, None] & coupled[:, None, :]
     extended = np.zeros((len(coupled), N_FIELDS, CLOSED + 1))
@@ -106,7 +105,7 @@ def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> 
     def precondition(values: Array) -> Array:
         return np.asarray((inverse @ full(values)[:, :, None])[:, :, 0][coupled])
 
-    shape = (len(node), len(node))
+    shape = (right.size, right.size)
     operator = LinearOperator(shape, matvec=multiply, dtype=np.float64)
     preconditioner = LinearOperator(shape, matvec=precondition, dtype=np.float64)
     solved, _ = gmres(operator, right, rtol=KRYLOV_TOLERANCE, restart=RESTART, maxiter=CYCLES, M=preconditioner)

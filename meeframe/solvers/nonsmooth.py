@@ -3,7 +3,7 @@
 With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has six rows:
     p - project(t*)                                     contact,
     T (-phi + phi_o) + (1 - T) own f                    either potential, T = own / (own + R),
-    c - clip(c - t*_nu / sigma, 0, 1)                   where the node grazes; elsewhere c = [t*_nu < 0] and no residual.
+    c - clip(c - t*_nu / sigma, 0, 1)                   where the node grazes; elsewhere c = [t*_nu < 0].
 The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
 in meeframe.solvers.conduction; `own` is the node's own response. The gap depends on the load through the compliance C
 alone, so that the generalised Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that a linear
@@ -99,9 +99,8 @@ class Blocks:
 class Point:
     """The equation at a state.
 
-    load: (n, 5); closed: (n,), that of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2),
-    jump: (n, 2) by how much it differs between closed and open; drive: (n, 2) potential difference less own f [V], [A];
-    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
+    load: (n, 5); closed: (n,), that of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2);
+    jump: (n, 2) its difference between closed and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
     """
 
     equation: Equation

@@ -1,0 +1,84 @@
+"""The solver that needs no choice: Newton first, gradient iterations where that does not get on."""
+
+from dataclasses import dataclass, replace
+from typing import Final, final
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
+from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.newton import SemismoothNewton
+from meeframe.solvers.residual import evaluate, law_residual
+from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.solvers.uzawa import Uzawa
+
+FALL: Final = 0.9
+"""Progress is a residual below this fraction of the smallest so far."""
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """steps: of the solver in one step of `auto`; patience: steps of `auto` without progress after which the next stage
+    takes over."""
+
+    solver: Solver
+    steps: int
+    patience: float
+
+
+STAGES: Final = (
+    _Stage(SemismoothNewton(), 1, 25),
+    _Stage(BarzilaiBorwein(), 25, 60),
+    _Stage(Uzawa(), 25, np.inf),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """stage: number of the stage; inner: iterate of its solver; best, state: smallest residual so far and its state; idle:
+    steps since; scales: of the problem."""
+
+    stage: int
+    inner: Iterate
+    best: float
+    state: ContactState
+    scales: Scales
+    idle: int = 0
+
+
+@final
+@dataclass(frozen=True)
+class Auto(Solver):
+    """Semismooth Newton; if it makes no progress, projected Barzilai-Borwein steps from its best state, then Uzawa's.
+
+    Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method or 25 of a
+    gradient iteration.
+    """
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all."""
+        inner = STAGES[0].solver.init(problem, start)
+        scales = problem_scales(problem)
+        state = evaluate(problem, inner)
+        memory = _Memory(0, inner, law_residual(problem, state, scales), state, scales)
+        return Iterate(inner.load, inner.closed, memory)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """One step of the stage in force; the next stage if it made none towards the solution for too long."""
+        memory = iterate.memory
+        if not isinstance(memory, _Memory):
+            raise TypeError("the iterate was not made by Auto.init")
+        stage = STAGES[memory.stage]
+        inner = memory.inner
+        for _ in range(stage.steps):
+            inner = stage.solver.step(problem, inner)
+        state = evaluate(problem, inner)
+        residual = law_residual(problem, state, memory.scales)
+        if residual < FALL * memory.best:
+            memory = replace(memory, inner=inner, best=residual, state=state, idle=0)
+        else:
+            memory = replace(memory, inner=inner, idle=memory.idle + 1)
+        if memory.idle > stage.patience:
+            inner = STAGES[memory.stage + 1].solver.init(problem, memory.state)
+            memory = replace(memory, stage=memory.stage + 1, inner=inner, idle=0)
+        return Iterate(inner.load, inner.closed, memory)

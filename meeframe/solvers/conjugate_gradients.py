@@ -1,0 +1,179 @@
+"""Projected conjugate gradients for frictionless contact, the potentials eliminated at contact size."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, final
+
+import numpy as np
+
+from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.elimination import Conductors
+from meeframe.solvers.gradient import Conduction, Ground, start_load
+
+REFRESH: Final = 0.1
+"""The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
+RENEWAL: Final = 50
+"""And after so many steps in any case; the gap is then computed anew, free of accumulated round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """ground, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the inner
+    product; gap: (n,) normal gap at the iterate, None if it is to be computed; flux: (n, 2) there; direction: (n,) and
+    slope, residual: (n,) of the last step; free: (n,) nodes it moved; start: violation when the conduction was brought
+    up to date, None before; age: steps since."""
+
+    ground: Ground
+    conduction: Conduction
+    conductors: Conductors
+    weight: Array
+    gap: Array
+    flux: Array
+    direction: Array
+    residual: Array
+    free: Mask
+    start: float
+    age: int = 0
+
+
+@final
+@dataclass(frozen=True)
+class ProjectedCG(Solver):
+    """Conjugate gradients on the pressure with exact line search, projected on compression; frictionless contact only.
+
+    Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
+    nodes that lose their pressure leave, nodes that overlap come in and restart the conjugation. Inner products are
+    weighted by the nodes' areas, in which a compliance by reciprocity is symmetric; it need not be exactly so, as the
+    directions are those of Polak and Ribiere. When the violation has fallen to a tenth the conduction follows.
+
+    Source: Polonsky and Keer, Wear 231 (1999) 206; Dostal, Optimal Quadratic Programming Algorithms (2009), chapter 5.
+    """
+
+    stride: ClassVar[int] = 5
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all.
+
+        Raises CaseError if the contact law is not that of frictionless unilateral contact.
+        """
+        ground = Ground.of(problem)
+        _check(problem.contact_law, ground.scales.pressure)
+        n = len(problem.gap)
+        load, conduction = start_load(start, n), Conduction.of(start, n)
+        conductors = ground.conductors(load[:, :3], conduction.closed, None)
+        slope = ground.slope(load[:, :3], conductors, load[:, 3:])
+        weight = problem.system.weights
+        weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
+        nothing = np.zeros(n)
+        memory = _Memory(
+            ground,
+            conduction,
+            conductors,
+            weight,
+            slope.gap[:, 2],
+            slope.flux,
+            nothing,
+            nothing,
+            np.zeros(n, bool),
+            np.inf,
+        )
+        return Iterate(load, conduction.closed, memory)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """One step along a conjugate direction; before it, if it is time, the conduction is brought up to date."""
+        memory = _memory(iterate)
+        pressure = -iterate.load[:, 2]
+        free = (pressure > 0.0) | (memory.gap < 0.0)
+        residual = np.where(free, memory.gap, 0.0)
+        memory = self._conjugate(memory, residual, free)
+        response, flux = _response(memory, memory.direction)
+        curvature = float(memory.weight @ (memory.direction * response))
+        if curvature <= 0.0:
+            return self._refreshed(memory, pressure)
+        length = float(memory.weight @ (residual * memory.direction)) / curvature
+        moved = pressure - length * memory.direction
+        clipped = np.maximum(moved, 0.0)
+        memory = replace(memory, age=memory.age + 1)
+        if (clipped == moved).all():
+            gap, flux = memory.gap - length * response, memory.flux - length * flux
+        else:
+            slope = memory.ground.slope(_traction(clipped), memory.conductors, memory.flux)
+            gap, flux = slope.gap[:, 2], slope.flux
+        memory = replace(memory, gap=gap, flux=flux)
+        violation = _violation(memory, clipped)
+        if violation <= REFRESH * memory.start or memory.age >= RENEWAL:
+            return self._refreshed(memory, clipped)
+        return _iterate(memory, clipped)
+
+    def _conjugate(self, memory: _Memory, residual: Array, free: Mask) -> _Memory:
+        """Memory with the next direction: steepest descent if nodes came in, else that of Polak and Ribiere."""
+        norm = float(memory.weight @ memory.residual**2)
+        share = 0.0
+        if norm > 0.0 and not (free & ~memory.free).any():
+            share = max(float(memory.weight @ (residual * (residual - memory.residual))) / norm, 0.0)
+        direction = np.where(free, residual + share * memory.direction, 0.0)
+        if float(memory.weight @ (direction * residual)) <= 0.0:
+            direction = residual
+        return replace(memory, direction=direction, residual=residual, free=free)
+
+    def _refreshed(self, memory: _Memory, pressure: Array) -> Iterate:
+        """Iterate at a pressure (n,) with the conduction that belongs to it."""
+        ground = memory.ground
+        traction = _traction(pressure)
+        r = 1.0 / ground.scales.normal_compliance
+        trial = -pressure + r * memory.gap
+        touched = np.where(memory.conduction.closed > 0.0, -1.0, 0.0)
+        conduction = memory.conduction.next(touched, -pressure, trial, ground.scales)
+        conductors = ground.conductors(traction, conduction.closed, memory.conductors)
+        same = conductors is memory.conductors
+        slope = ground.slope(traction, conductors, memory.flux)
+        memory = replace(
+            memory, conduction=conduction, conductors=conductors, gap=slope.gap[:, 2], flux=slope.flux, age=0
+        )
+        if not same:
+            memory = replace(memory, residual=np.zeros_like(pressure), direction=np.zeros_like(pressure))
+        return _iterate(replace(memory, start=_violation(memory, pressure)), pressure)
+
+
+def _check(law: ContactLaw, pressure: float) -> None:
+    """Raises CaseError unless the law is p_nu = min(0, p_nu*) without friction."""
+    trial = pressure * np.array([[0.5, 0.5, -1.0], [0.0, 0.0, -1e-3], [0.5, 0.0, 1.0], [0.0, 0.0, 1e-3]])
+    expected = np.zeros_like(trial)
+    expected[:2, 2] = trial[:2, 2]
+    if law.tangential_scaling().any() or not np.allclose(law.project(trial), expected, rtol=1e-12, atol=0.0):
+        raise CaseError(
+            f"solver 'projected-cg' takes frictionless contact only, not {law}; allowed contact law: signorini, or "
+            "friction with mu = 0. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for friction"
+        )
+
+
+def _memory(iterate: Iterate) -> _Memory:
+    if not isinstance(iterate.memory, _Memory):
+        raise TypeError("the iterate was not made by ProjectedCG.init")
+    return iterate.memory
+
+
+def _iterate(memory: _Memory, pressure: Array) -> Iterate:
+    load = np.concatenate([_traction(pressure), memory.flux], axis=1)
+    return Iterate(load, memory.conduction.closed, memory)
+
+
+def _traction(pressure: Array) -> Array:
+    """Tractions (n, 3) of a pressure (n,)."""
+    traction = np.zeros((len(pressure), 3))
+    traction[:, 2] = -pressure
+    return traction
+
+
+def _response(memory: _Memory, pressure: Array) -> tuple[Array, Array]:
+    """Opening (n,) of the gap and flux (n, 2) due to a pressure (n,) alone."""
+    flux, moved = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros((len(pressure), 2)))
+    return -moved[:, 2], flux
+
+
+def _violation(memory: _Memory, pressure: Array) -> float:
+    """Norm of the gap where there is pressure or overlap [m]."""
+    wrong = np.where((pressure > 0.0) | (memory.gap < 0.0), memory.gap, 0.0)
+    return float(np.sqrt(memory.weight @ wrong**2))
