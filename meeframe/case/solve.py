@@ -14,7 +14,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, split_displacement, split_load
+from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, corners, split_displacement, split_load
 from meeframe.geometry import ContactZone, initial_gap
 from meeframe.plugin import registry as plugins
 from meeframe.solvers import solve
@@ -109,22 +109,23 @@ def _step_result(
         iterations=solution.iterations,
         residual=solution.residual,
         history=solution.history,
-        message=solution.message + _edge_warning(system, traction),
+        message=solution.message + _remark(system, solution),
         boundary=system.recover(state.load),
     )
 
 
-def _edge_warning(system: ReducedSystem, traction: Array) -> str:
-    """A remark if the contact reaches the edge of its zone, where it would go on if it could; else ""."""
-    touching = traction[:, 2] < 0
+def _remark(system: ReducedSystem, solution: ContactSolution) -> str:
+    """A remark if nothing touches or if the contact reaches the edge of its zone, where it is cut off; else ""."""
+    touching = solution.state.load[:, 2] < 0
+    if solution.status is Status.CONVERGED and not touching.any():
+        return "; the indenter does not touch the body"
     count = int(touching[_border_sides(system.cells)].all(axis=1).sum())
     return f"; the contact reaches the edge of its zone at {count} element sides" if count else ""
 
 
 def _border_sides(cells: tuple[tuple[str, Indices], ...]) -> Indices:
     """Corners (m, 2) of the sides that belong to one cell only."""
-    corners = [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
-    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners]
+    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(cells)]
     unique, counts = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
     border: Indices = unique[counts == 1]
     return border

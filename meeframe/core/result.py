@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.contact import Status
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
@@ -93,20 +94,38 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     """Resultants and maxima over the contact zone.
 
     force: (3,) on the body, global axes [N]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
-    contact_area: sum of the weights of the nodes in compression [m^2]; max_pressure [Pa]; largest absolute potentials
-    of the body's surface in the contact zone [V], [A].
+    contact_area: sum over the elements of their area times the share of their nodes in compression [m^2] (the weights
+    of nodes will not do: those of quad8's corners are negative, those of tri6's zero); max_pressure [Pa]; largest
+    absolute potentials of the body's surface in the contact zone [V], [A].
     """
-    pressure = -step.traction[:, 2]
+    pressure = 0.0 - step.traction[:, 2]  # and not a mere sign change, which would make -0.0 of 0.0
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
     return Resultants(
         force=zone.weights @ np.einsum("na,nai->ni", step.traction, zone.frames),
         charge=float(zone.weights @ step.fluxes[:, 0]),
         magnetic_flux=float(zone.weights @ step.fluxes[:, 1]),
-        contact_area=float(zone.weights[pressure > 0].sum()),
+        contact_area=_contact_area(zone, pressure > 0.0),
         max_pressure=float(pressure.max()),
         max_abs_electric_potential=float(electric.max()),
         max_abs_magnetic_potential=float(magnetic.max()),
     )
+
+
+def corners(cells: tuple[tuple[str, Indices], ...]) -> list[Indices]:
+    """Corner nodes of cells (meshio's types, as in Zone), (e, 3 or 4) for each block."""
+    return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
+
+
+def _contact_area(zone: Zone, compressed: NDArray[np.bool_]) -> float:
+    areas, shares = [], []
+    for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
+        points = zone.points[outline]
+        centred = points - points.mean(axis=1, keepdims=True)
+        areas.append(np.linalg.norm(np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1), axis=1) / 2)
+        shares.append(compressed[nodes].mean(axis=1))
+    area = np.concatenate(areas)
+    # straight sides miss a little of curved elements: the whole zone in contact has its whole area
+    return float(area @ np.concatenate(shares) * (zone.weights.sum() / area.sum()))
 
 
 @dataclass(frozen=True)

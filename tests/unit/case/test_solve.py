@@ -142,6 +142,14 @@ def test_supports_by_components_of_several_groups(case):
         fixed([("side_x-", 0), ("base", 2)])
 
 
+def test_no_contact_is_remarked(case):
+    (step,) = meeframe.solve_case(dataclasses.replace(case, steps=(meeframe.Loading(-1e-5),))).steps
+    assert step.message.endswith("; the indenter does not touch the body")
+    totals = meeframe.resultants(meeframe.solve_case(case).zone, step)
+    assert str(totals.max_pressure) == str(totals.contact_area) == "0.0"
+    assert not totals.force.any()
+
+
 def test_contact_at_the_edge_of_the_zone_is_remarked(case):
     inner, outer = meeframe.solve_case(
         dataclasses.replace(case, steps=(meeframe.Loading(1e-6), meeframe.Loading(1e-3)))

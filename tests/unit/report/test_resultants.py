@@ -1,0 +1,46 @@
+"""Resultants of a step: the contact area over every element type, against areas known in advance."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from meeframe.core.result import Zone, resultants
+from meeframe.elements import ELEMENTS
+from meeframe.geometry import half_space_mesh, zone_frames
+
+EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
+DIVISIONS = 20
+WIDTH = 0.02
+
+
+def flat_zone(name):
+    place = zone_frames(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
+    return Zone(place.points, place.frames, place.weights, place.cells)
+
+
+def contact_area(zone, compressed, template):
+    n = len(zone.points)
+    traction = np.column_stack([np.zeros((n, 2)), np.where(compressed, -1e6, 0.0)])
+    step = dataclasses.replace(template, traction=traction, potentials=np.zeros((n, 2)), fluxes=np.zeros((n, 2)))
+    return resultants(zone, step).contact_area
+
+
+@EVERY
+def test_area_of_a_circle(name, synthetic):
+    """An element that the circle's edge crosses can be wrong by its own area, either way."""
+    zone, radius = flat_zone(name), 0.35 * WIDTH
+    size = WIDTH / DIVISIONS
+    found = contact_area(zone, np.linalg.norm(zone.points[:, :2], axis=1) < radius, synthetic.step(1e-6))
+    assert found == pytest.approx(np.pi * radius**2, abs=0.5 * size * 2 * np.pi * radius)
+
+
+@EVERY
+def test_everything_something_nothing(name, synthetic):
+    zone, step = flat_zone(name), synthetic.step(1e-6)
+    n = len(zone.points)
+    assert contact_area(zone, np.ones(n, bool), step) == pytest.approx(WIDTH**2)
+    assert str(contact_area(zone, np.zeros(n, bool), step)) == "0.0"
+    alone = [contact_area(zone, np.arange(n) == node, step) for node in range(n)]
+    assert min(alone) > 0
+    assert sum(alone) == pytest.approx(WIDTH**2)
