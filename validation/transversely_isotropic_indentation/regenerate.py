@@ -222,8 +222,8 @@ def _convergence(case: Case, meshes: list[Refinement]) -> str:
     lines += [
         "",
         f"Largest difference of all totals and conditions on the last mesh: {100 * worst:.2f} %. The paper's block",
-        f"itself is {_percent(block)} % from the half space in the magnetic flux under EIMCI; part of that is hidden on",
-        "its 1088-element mesh by the error of the mesh, which has the other sign.",
+        f"itself is {_percent(block)} % from the half space in the magnetic flux under EIMCI; part of that is hidden",
+        "on its 1088-element mesh by the error of the mesh, which has the other sign.",
     ]
     return "\n".join(lines) + "\n"
 
