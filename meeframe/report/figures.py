@@ -48,8 +48,8 @@ def figures(result: Result) -> "dict[str, Figure]":
     if not all(np.isfinite(quantity.values(step)).all() for quantity in _QUANTITIES):
         return {}
     picture = Picture.of(result.zone)
-    title = result.provenance.title
-    drawn = {f"{q.file}.png": _map(q, q.values(step), picture, title) for q in _QUANTITIES}
+    title = _title(result)
+    drawn = {f"{q.file}.png": _map(q, step, picture, title) for q in _QUANTITIES}
     return drawn | {"sections.png": _sections(step, picture, title)}
 
 
@@ -58,13 +58,25 @@ def save_figure(figure: "Figure", path: Path) -> None:
     figure.savefig(path, dpi=150, format="png")
 
 
-def _map(quantity: _Quantity, values: Array, picture: Picture, title: str) -> "Figure":
+def _title(result: Result) -> str:
+    """Title of the case, and the step where there are several."""
+    number = len(result.steps)
+    step = f"step {number} of {result.planned_steps}, approach {result.steps[-1].loading.approach * 1e6:.6g} µm"
+    parts = [result.provenance.title, step if result.planned_steps > 1 else ""]
+    return ", ".join(filter(None, parts))
+
+
+def _map(quantity: _Quantity, step: StepResult, picture: Picture, title: str) -> "Figure":
+    values = quantity.values(step)
     factor, unit = _prefixed(values, quantity.unit)
     figure = _figure((5.6, 4.6))
     axes = figure.subplots()
     shown = picture.values(values / factor)
     drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=_MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
+    touching = step.traction[:, 2] < 0.0
+    if touching.any() and not touching.all():  # the edge of the contact, half way between nodes
+        axes.tricontour(picture.triangulation, picture.values(touching.astype(float)), [0.5], colors="white")
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     _head(axes, quantity.label, title)
     return figure
@@ -75,6 +87,7 @@ def _sections(step: StepResult, picture: Picture, title: str) -> "Figure":
 
     flat = picture.triangulation
     x = np.linspace(flat.x.min(), flat.x.max(), 401)
+    on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(flat.y)
     figure = _figure((6.0, 7.2))
     rows = figure.subplots(len(_QUANTITIES), sharex=True)
     for axes, quantity, colour in zip(rows, _QUANTITIES, _LINE_COLOURS, strict=True):
@@ -82,6 +95,7 @@ def _sections(step: StepResult, picture: Picture, title: str) -> "Figure":
         factor, unit = _prefixed(values, quantity.unit)
         section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))
         axes.plot(x, section, color=colour, linewidth=1.8)
+        axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
         axes.set_ylabel(f"{quantity.label}\n[{unit}]")
         axes.grid(alpha=0.3)
     rows[-1].set_xlabel("x [mm]")

@@ -21,8 +21,12 @@ TRIANGLES: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A flat zone. triangulation: matplotlib's, coordinates [mm]; quads: cells whose centres follow the nodes in it."""
+    """A flat zone.
 
+    points: its nodes, (n, 2) [mm]; triangulation: matplotlib's, of the nodes and then the centres of the quads.
+    """
+
+    points: Array
     triangulation: Any
     quads: Indices
 
@@ -35,8 +39,9 @@ class Picture:
         quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
         middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
         axes = zone.frames[:, :2].mean(axis=0)
-        flat = _with_centres((zone.points - middle) @ axes.T * 1e3, quads)
-        return cls(Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
+        points = (zone.points - middle) @ axes.T * 1e3
+        flat = _with_centres(points, quads)
+        return cls(points, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
 
     def values(self, nodal: Array) -> Array:
         """Values at the points of the triangulation of values (n,) at the nodes of the zone."""

@@ -87,6 +87,19 @@ def test_figures_carry_the_numbers_with_units(synthetic):
     assert section[0, 0] == pytest.approx(-2.0)
 
 
+def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
+    drawn = figures(synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6), planned=3))
+    assert drawn["pressure.png"].axes[0].get_title() == "a title, step 2 of 3, approach 2 µm\ncontact pressure"
+    edge = drawn["electric_potential.png"].axes[0].collections[1].get_paths()[0].vertices
+    # nodes of the contact lie within 1.5 mm, the next ones at 2 mm: the line goes half way between, as drawn in mm
+    assert np.abs(edge).max() == pytest.approx(1.5)
+    section, nodes = (line.get_xydata() for line in drawn["sections.png"].axes[0].lines)
+    np.testing.assert_allclose(nodes, np.column_stack([[-2, -1, 0, 1, 2], [0, 2, 2, 2, 0]]), atol=1e-9)
+    np.testing.assert_allclose(nodes[:, 1], np.interp(nodes[:, 0], *section.T), atol=0.02)
+    alone = figures(synthetic.result(synthetic.step(1e-6)))["pressure.png"].axes[0]
+    assert alone.get_title() == "a title\ncontact pressure"
+
+
 @pytest.mark.parametrize("cell", ["triangle", "triangle6", "quad", "quad8", "quad9"])
 def test_triangles_cover_their_cell(cell):
     element = next(element for element in ELEMENTS.values() if element.meshio_type == cell)
