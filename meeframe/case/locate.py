@@ -1,6 +1,7 @@
 """Where in a case file the cause of an error lies that shows only when the parts are put together."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -13,9 +14,10 @@ from meeframe.plugin.validation import Problem
 
 
 def locate(error: MeeframeError, table: CaseTable, body: Body) -> Problem:
-    """The error at its place: the key whose own check says the same, or else the mesh or the formulation.
+    """The error at its place.
 
-    body: that of the case, without its boundary conditions.
+    It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
+    else the mesh or the formulation. body: that of the case, without its boundary conditions.
     """
     for problem, check in _checks(table, body):
         try:
@@ -23,6 +25,12 @@ def locate(error: MeeframeError, table: CaseTable, body: Body) -> Problem:
         except MeeframeError as found:
             if str(found) == str(error):
                 return replace(problem, text=str(error))
+    for number in range(len(table.boundary)):
+        others = table.boundary[:number] + table.boundary[number + 1 :]
+        conditions = tuple(condition for boundary in others for condition in boundary.conditions())
+        with suppress(MeeframeError):
+            table.formulation.check(replace(body, conditions=conditions))
+            return Problem(("boundary", number), str(error))
     return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), str(error))
 
 

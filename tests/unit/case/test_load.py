@@ -272,6 +272,14 @@ def expect(path, registry, text):
     assert all(line.startswith(str(path)) for line in message.splitlines())
 
 
+def test_conditions_that_contradict_each_other(write_case, registry):
+    path = write_case(
+        ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"'),
+        more='\n[[boundary]]\ngroup = "side_x-"\nelectric_potential = 5\n',
+    )
+    expect(path, registry, "boundary[2]: electric_potential on 'side_x-' contradicts another face at 5 shared points")
+
+
 def test_inadmissible_material(write_case, registry):
     material = '[material]\nname = "orthotropic-mee"\nmagnetoelectric_scale = "1e-7 s/m"'
     path = write_case(('[material]\nname = "batio3-cofe2o4"', material))
