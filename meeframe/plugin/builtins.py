@@ -13,7 +13,7 @@ from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
 from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, RectangularPunch, Sphere
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.solvers import Uzawa
+from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, Uzawa
 
 _PAPER = "the reference paper"
 _BARNETT = "Barnett, phys. stat. sol. (b) 49 (1972) 741-748"
@@ -77,7 +77,16 @@ def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
 @hookimpl
 def meeframe_solvers() -> Iterable[Record[Solver]]:
     """Iterations on the contact problem."""
-    return [Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32")]
+    return [
+        Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32"),
+        Record("auto", Auto, "newton, then uzawa-bb and uzawa where that makes no progress", "docs/solvers-newton.md"),
+        Record("newton", SemismoothNewton, "semismooth Newton", "Christensen et al., IJSS 35 (1998) 3907-3926"),
+        Record("uzawa-bb", BarzilaiBorwein, "uzawa, Barzilai-Borwein steps", "IMA J. Numer. Anal. 8 (1988) 141-148"),
+        Record(
+            "uzawa-nesterov", Nesterov, "uzawa, extrapolated and restarted", "Found. Comput. Math. 15 (2015) 715-732"
+        ),
+        Record("projected-cg", ProjectedCG, "conjugate gradients, no friction", "Polonsky & Keer, Wear 231 (1999) 206"),
+    ]
 
 
 @hookimpl

@@ -39,8 +39,8 @@ class _Guard:
     """Watches the violation of the contact law.
 
     seen: violations at the last steps; best, idle: the smallest one so far and how many steps ago it was met; plain:
-    plain steps still to be made; patience: with steps that lead nowhere, doubled each time; wary: whether a rise doubles
-    it too; shortening: of the plain steps, 1 at first.
+    plain steps still to be made; patience: with steps that lead nowhere, doubled each time; wary: whether a rise of the
+    violation doubles it too; shortening: of the plain steps, 1 at first.
     """
 
     seen: tuple[float, ...] = ()
@@ -60,9 +60,7 @@ class _Guard:
         if self.seen and violation > RISE * max(self.seen):
             patience = 2 * self.patience if self.wary else self.patience
             plain = CAUTION * self.patience if self.wary else CAUTION
-            return replace(
-                self, seen=(violation,), best=best, plain=plain, patience=patience, shortening=shorter
-            )
+            return replace(self, seen=(violation,), best=best, plain=plain, patience=patience, shortening=shorter)
         better = violation < self.best
         return replace(
             self,

@@ -35,8 +35,8 @@ STAGES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """stage: number of the stage; inner: iterate of its solver; best, state: smallest residual so far and its state; idle:
-    steps since; scales: of the problem."""
+    """stage: number of the stage; inner: iterate of its solver; best, state: smallest residual so far and its state;
+    idle: steps since; scales: of the problem."""
 
     stage: int
     inner: Iterate

@@ -20,10 +20,12 @@ RENEWAL: Final = 50
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """ground, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the inner
-    product; gap: (n,) normal gap at the iterate, None if it is to be computed; flux: (n, 2) there; direction: (n,) and
-    slope, residual: (n,) of the last step; free: (n,) nodes it moved; start: violation when the conduction was brought
-    up to date, None before; age: steps since."""
+    """What the iteration remembers.
+
+    ground, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the inner
+    product; gap: (n,) normal gap and flux: (n, 2) at the iterate; direction, residual: (n,) of the last step; free:
+    (n,) nodes that it moved; start: violation when the conduction was brought up to date; age: steps since.
+    """
 
     ground: Ground
     conduction: Conduction
@@ -169,7 +171,9 @@ def _traction(pressure: Array) -> Array:
 
 def _response(memory: _Memory, pressure: Array) -> tuple[Array, Array]:
     """Opening (n,) of the gap and flux (n, 2) due to a pressure (n,) alone."""
-    flux, moved = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros((len(pressure), 2)))
+    flux, moved = memory.ground.elimination.respond(
+        _traction(pressure), memory.conductors, np.zeros((len(pressure), 2))
+    )
     return -moved[:, 2], flux
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.accelerated import BarzilaiBorwein
-from meeframe.solvers.conduction import FLIPS, Mask
+from meeframe.solvers.conduction import Mask
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
@@ -19,6 +19,8 @@ PATIENCE: Final = 2
 """A step must come below the largest merit of so many states."""
 FALL: Final = 0.99
 """So far below, as a fraction."""
+FLIPS: Final = 1
+"""A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
@@ -41,9 +43,9 @@ class SemismoothNewton(Solver):
     """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
 
     A step solves the linearised equations for tractions, fluxes and the closed fractions of grazing nodes together, by
-    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES; then the tractions are made
+    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES. Tractions are then made
     admissible. A step that does not bring the merit (the root mean square of the residual) below that of the last two
-    states is halved, up to three times; if that does not help, a burst of projected Barzilai-Borwein steps takes its
+    states is halved, up to three times. If that does not help, a burst of projected Barzilai-Borwein steps takes its
     place, from where Newton's method starts again.
 
     Source: Christensen et al., Int. J. Solids Struct. 35 (1998) 3907 for frictional contact; Qi and Sun, Math. Program.
@@ -63,15 +65,16 @@ class SemismoothNewton(Solver):
         point = memory.point
         direction = newton_step(point.equation, point.linearise())
         allowed = FALL * max(memory.merits)
+        flips = memory.flips
         if np.isfinite(direction).all():
             for fraction in FRACTIONS:
-                flips, moved = _moved(memory, fraction * direction)
+                flips, moved = _moved(point, flips, fraction * direction)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
-        moved = _gradient_steps(problem, point, memory.burst)
+        moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
-        return _iterate(_Memory(moved, (moved.merit,), np.zeros_like(memory.flips), burst))
+        return _iterate(_Memory(moved, (moved.merit,), flips, burst))
 
 
 def _memory(iterate: Iterate) -> _Memory:
@@ -89,25 +92,24 @@ def _between(closed: Array) -> Mask:
     return (closed > 0.0) & (closed < 1.0)
 
 
-def _moved(memory: _Memory, step: Array) -> tuple[Array, Point]:
+def _moved(point: Point, flips: Array, step: Array) -> tuple[Array, Point]:
     """Flips (n,) and point after a step (n, 6). Nodes whose conduction keeps changing are taken to graze."""
-    point = memory.point
     load = point.load + step[:, :N_FIELDS]
     load[:, MECHANICAL] = point.equation.problem.contact_law.project(load[:, MECHANICAL])
     moved = point.equation.at(load, point.closed + step[:, CLOSED], point.grazing)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
-    flips = memory.flips + (changed & moved.jump.any(axis=1))
+    flips = flips + (changed & moved.jump.any(axis=1))
     grazing = moved.grazing | (flips > FLIPS)
     if (grazing == moved.grazing).all():
         return flips, moved
     return flips, point.equation.at(load, moved.closed, grazing)
 
 
-def _gradient_steps(problem: ContactProblem, point: Point, count: int) -> Point:
-    """The point that projected Barzilai-Borwein steps reach."""
+def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:
+    """The point that projected Barzilai-Borwein steps reach; nodes (n,) that graze go on grazing."""
     solver = BarzilaiBorwein()
     closed = np.clip(point.closed, 0.0, 1.0)
     iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), closed))
     for _ in range(count):
         iterate = solver.step(problem, iterate)
-    return point.equation.at(iterate.load, iterate.closed, _between(iterate.closed))
+    return point.equation.at(iterate.load, iterate.closed, grazing | _between(iterate.closed))

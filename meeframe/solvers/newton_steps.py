@@ -24,7 +24,9 @@ def newton_step(equation: Equation, blocks: Blocks) -> Array:
     """
     coupled = _coupled(blocks)
     step = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, _diagonal(blocks.a)))
-    right = (-blocks.residual - _product(equation, blocks, step))[coupled]
+    right = -blocks.residual[coupled]
+    if step.any():
+        right -= _product(equation, blocks, step)[coupled]
     if right.size == 0:
         return step
     matrix = equation.problem.system.dense()
@@ -60,26 +62,30 @@ def _unit(equation: Equation, unknown: Indices) -> Array:
 
 def _direct(equation: Equation, blocks: Blocks, coupled: Mask, right: Array, matrix: Array) -> Array:
     """Solution by LU factorisation; matrix: (5n, 5n) compliance."""
+    # loads before closed fractions, so that the compliance fills a block
     node, row = np.nonzero(coupled)
+    order = np.argsort(row == CLOSED, kind="stable")
+    node, row = node[order], row[order]
     number = np.full(coupled.shape, -1)
-    number[coupled] = np.arange(len(node))
-    loads = coupled[:, :N_FIELDS]
-    columns, place = np.flatnonzero(loads), number[:, :N_FIELDS][loads]
+    number[node, row] = np.arange(len(node))
+    columns = np.flatnonzero(coupled[:, :N_FIELDS])
     jacobian = np.zeros((len(node), len(node)))
     for field in range(N_FIELDS):
         factor = blocks.b[node, row, field]
         rows = np.flatnonzero(factor)
-        response = matrix[np.ix_(node[rows] * N_FIELDS + field, columns)]
-        jacobian[np.ix_(rows, place)] += factor[rows, None] * response
+        response = matrix.take(node[rows] * N_FIELDS + field, axis=0).take(columns, axis=1)
+        jacobian[rows, : len(columns)] += factor[rows, None] * response
     for unknown in range(CLOSED + 1):
         rows = np.flatnonzero(coupled[node, unknown])
         jacobian[rows, number[node[rows], unknown]] += blocks.a[node[rows], row[rows], unknown]
     unit = _unit(equation, row)
+    solved = np.empty_like(right)
     try:
         factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
     except LinAlgError:
-        return np.full(len(node), np.nan)
-    return np.asarray(unit * lu_solve(factors, right, check_finite=False))
+        return np.full_like(right, np.nan)
+    solved[order] = unit * lu_solve(factors, right[order], check_finite=False)
+    return solved
 
 
 def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> Array:

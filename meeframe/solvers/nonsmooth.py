@@ -99,8 +99,9 @@ class Blocks:
 class Point:
     """The equation at a state.
 
-    load: (n, 5); closed: (n,), that of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2);
-    jump: (n, 2) its difference between closed and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
+    load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2);
+    jump: (n, 2) its difference between closed and open; drive: (n, 2) potential difference less own f [V], [A];
+    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
     """
 
     equation: Equation
@@ -129,6 +130,7 @@ class Point:
         equation, scales = self.equation, self.equation.scales
         law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
+        moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
         a, b = np.zeros((len(self.load), 6, 6)), np.zeros((len(self.load), 6, 5))
         residual = self.residual.copy()
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
@@ -146,7 +148,7 @@ class Point:
             unit = scales.displacement[field]
             a[:, field, field] = equation.own[:, k] * (1.0 - self.transmissivity[:, k]) / unit
             a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
-            a[:, field, CLOSED] = np.where(between, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
+            a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
             b[:, field, field] = self.transmissivity[:, k] / unit
         return Blocks(a, b, residual)
 

@@ -1,0 +1,120 @@
+"""The linearisation against differences of the residual; Newton steps with and without a matrix."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ConductivityLaw
+from meeframe.core.fields import Array
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.nonsmooth import Equation
+
+RANDOM = np.random.default_rng(3)
+
+
+@dataclass(frozen=True)
+class Root(ConductivityLaw):
+    """kappa0 sqrt(|p| / p0): a smooth law."""
+
+    kappa: float
+    pressure: float
+
+    def conductivity(self, normal_traction: Array) -> Array:
+        return self.kappa * np.sqrt(np.maximum(-normal_traction, 0.0) / self.pressure)
+
+
+def jacobian_times(equation, blocks, step):
+    moved = equation.problem.system.apply(step[:, :5])
+    return np.einsum("nij,nj->ni", blocks.a, step) + np.einsum("nij,nj->ni", blocks.b, moved)
+
+
+def test_tangent_of_slip_is_the_derivative_of_the_radial_return() -> None:
+    mu, trial = 0.4, np.array([[3.0, 4.0, -2.0], [0.1, 0.2, -2.0], [1.0, 1.0, 0.5]])
+    unit = np.array([0.6, 0.8])
+    slip = np.zeros((3, 3))
+    slip[:2, :2] = mu * 2.0 / 5.0 * (np.eye(2) - np.outer(unit, unit))
+    slip[:2, 2], slip[2, 2] = -mu * unit, 1.0
+    tangent = IsotropicCoulomb(mu).tangent(trial)
+    np.testing.assert_allclose(tangent, [slip, np.eye(3), np.zeros((3, 3))], atol=1e-9)
+
+
+def test_tangent_without_an_indenter_above_is_zero() -> None:
+    trial = np.array([[0.0, 0.0, math.inf], [0.0, 0.0, -1.0]])
+    np.testing.assert_allclose(Signorini().tangent(trial), [np.zeros((3, 3)), np.diag([0.0, 0.0, 1.0])], atol=1e-9)
+
+
+def test_tangent_in_principal_axes() -> None:
+    """Homogeneous of degree one: P'(t) t = P(t) (Euler); slip does not depend on the trial's size along itself."""
+    law = OrthotropicCoulomb(0.1, 0.7, 0.4)
+    trial = RANDOM.normal(size=(50, 3))
+    np.testing.assert_allclose((law.tangent(trial) @ trial[:, :, None])[:, :, 0], law.project(trial), atol=1e-9)
+
+
+@pytest.mark.parametrize("grazing", [False, True])
+def test_linearisation_is_the_derivative_of_the_residual(sphere, grazing) -> None:
+    problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
+    equation = Equation.of(problem)
+    pressure, own = equation.scales.pressure, equation.own[0]
+    problem = replace(problem, electric_law=Root(1.0 / own[0], pressure))
+    equation = Equation.of(problem)
+    n = len(problem.gap)
+    load = equation.scales.load * RANDOM.normal(size=(n, 5))
+    load[:, 2] = -np.abs(load[:, 2])
+    closed, mask = np.full(n, 0.5), np.zeros(n, bool)
+    if grazing:
+        # where the trial is far from zero the row of the closed fraction is clipped: only the flux rows see c
+        mask[::3] = True
+    here = equation.at(load, closed, mask)
+    step = np.column_stack(
+        [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
+    )
+    width = 1e-6
+    ahead, behind = (equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask) for h in (width, -width))
+    between = mask & (here.switch > 0.0) & (here.switch < 1.0)
+    # a node between open and closed is written otherwise, see Point.linearise; the others must match, kinks apart
+    smooth = ~between & (np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2]))
+    assert smooth.sum() > n // 2
+    expected = (ahead.residual - behind.residual) / (2.0 * width)
+    blocks = here.linearise()
+    got = jacobian_times(equation, blocks, step)
+    rows = slice(0, 5)
+    np.testing.assert_allclose(got[smooth, rows], expected[smooth, rows], atol=2e-5 * np.abs(expected).max())
+
+
+def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
+    problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
+    equation = Equation.of(problem)
+    point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool))
+    for _ in range(2):
+        step = newton_step(equation, point.linearise())
+        point = equation.at(point.load + step[:, :5], point.closed, point.grazing)
+    edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
+    mask = np.arange(64) == edge
+    # in the middle of its graph
+    closed = np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.closed)
+    point = equation.at(point.load, closed, mask)
+    step = newton_step(equation, point.linearise())
+    moved = equation.problem.system.apply(point.load + step[:, :5])
+    scale = equation.scales
+    assert abs(point.load[edge, 2] + step[edge, 2]) < 1e-12 * scale.pressure
+    assert abs(problem.gap[edge] - moved[edge, 2]) < 1e-10 * scale.displacement[2]
+
+
+@pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.3)])
+def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, kappa) -> None:
+    problem = sphere("orthotropic", IsotropicCoulomb(0.6), kappa, cells=8)
+    hidden = replace(problem, system=matrixless(problem.system))
+    dense, krylov = Equation.of(problem), Equation.of(hidden)
+    load = np.zeros((64, 5))
+    for _ in range(3):
+        point = dense.at(load, np.zeros(64), np.zeros(64, bool))
+        step = newton_step(dense, point.linearise())
+        other = newton_step(krylov, krylov.at(load, np.zeros(64), np.zeros(64, bool)).linearise())
+        unit = np.append(dense.scales.load, 1.0)
+        np.testing.assert_allclose(other / unit, step / unit, atol=1e-6 * np.abs(step / unit).max())
+        product = jacobian_times(dense, point.linearise(), step)
+        np.testing.assert_allclose(product, -point.residual, atol=1e-11 * np.abs(point.residual).max())
+        load = load + step[:, :5]

@@ -1,0 +1,227 @@
+"""All solvers on the same problems: agreement, cost, invariance, honesty."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import meeframe.solvers.auto as auto_module
+import meeframe.solvers.newton as newton_module
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, resultant
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.solvers import (
+    Auto,
+    BarzilaiBorwein,
+    Limits,
+    Nesterov,
+    ProjectedCG,
+    SemismoothNewton,
+    Uzawa,
+    residual,
+    solve,
+)
+
+FRICTIONAL = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Auto()]
+ALL = [*FRICTIONAL, ProjectedCG()]
+CONDITIONS = {"EMII": (0.0, 0.0), "ECMII": (np.inf, 0.0), "EIMCI": (0.0, np.inf), "EMCI": (np.inf, np.inf)}
+
+
+def name(value) -> str:
+    return type(value).__name__ if isinstance(value, Solver) else str(value)
+
+
+def force(problem, solver, limits=None):
+    solution = solve(problem, solver, limits)
+    assert solution.status is Status.CONVERGED, f"{name(solver)}: {solution.message}"
+    assert residual(problem, solution.state) <= 1e-10
+    return resultant(problem.system, solution.state.load)[0], solution
+
+
+def assert_agree(problem, solvers, tolerance=1e-8):
+    reference, _ = force(problem, Uzawa())
+    for solver in solvers:
+        got, _ = force(problem, solver)
+        assert np.linalg.norm(got - reference) <= tolerance * np.linalg.norm(reference), name(solver)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("material", ["transverse", "orthotropic"])
+@pytest.mark.parametrize(
+    "law", [Signorini(), IsotropicCoulomb(0.6), IsotropicCoulomb(5.0), OrthotropicCoulomb(0.06, 0.6, 0.3)], ids=str
+)
+def test_solvers_agree(sphere, condition, material, law) -> None:
+    assert_agree(sphere(material, law, CONDITIONS[condition]), ALL if law == Signorini() else FRICTIONAL)
+
+
+@pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
+def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
+    assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa)), FRICTIONAL)
+    assert_agree(sphere("orthotropic", Signorini(), (kappa, kappa)), ALL)
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3)], ids=str)
+def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
+    """A case whose edge nodes would open and close for ever: some end between, and all solvers find the same."""
+    problem = sphere("orthotropic", law, (0.0, 0.209))
+    x, y, _ = problem.system.points.T
+    gap = ((x - 2.2e-4) ** 2 + (y + 1.1e-4) ** 2) / 0.2 - 4.1e-5
+    problem = replace(problem, gap=gap)
+    solutions = [force(problem, solver)[1] for solver in (*FRICTIONAL, Uzawa())]
+    closed = solutions[0].state.closed
+    assert ((closed > 1e-6) & (closed < 1.0 - 1e-6)).any()
+    for solution in solutions[1:]:
+        np.testing.assert_allclose(solution.state.closed, closed, atol=1e-6)
+
+
+@pytest.mark.parametrize(("cells", "material"), [(16, "transverse"), (16, "orthotropic"), (32, "transverse")])
+def test_newton_takes_few_iterations_from_zero(sphere, cells, material) -> None:
+    _, solution = force(sphere(material, IsotropicCoulomb(0.6), cells=cells), SemismoothNewton())
+    assert solution.iterations <= 15
+
+
+def test_accelerated_solvers_take_a_tenth_of_the_steps_of_the_papers(sphere) -> None:
+    problem = sphere("transverse", IsotropicCoulomb(0.6))
+    plain = force(problem, Uzawa(5e12, 5e12))[1].iterations
+    for solver in (BarzilaiBorwein(), Nesterov()):
+        assert force(problem, solver)[1].iterations <= plain / 10
+
+
+@pytest.mark.parametrize("solver", ALL, ids=name)
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_units_change_nothing(sphere, solver, scale) -> None:
+    """Lengths, stresses and potentials in other units; fluxes so that work keeps its unit."""
+    law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(0.6)
+    problem = sphere("orthotropic", law, (0.3, np.inf), cells=8)
+    expected, reference = force(problem, solver)
+    for length, stress, electric, magnetic in (scale, 1, 1, 1), (1, scale, 1, 1), (1, 1, scale, 1), (1, 1, 1, scale):
+        moved = np.array([length, length, length, electric, magnetic])
+        loads = np.array([stress] * 3 + [length * stress / electric, length * stress / magnetic])
+        system = problem.system
+        scaled = DenseSystem(
+            system.points * length,
+            system.frames,
+            system.weights * length**2,
+            (),
+            system.offset * moved,
+            system.matrix * moved[:, None, None] / loads,
+            system.recovery,
+        )
+        other = ContactProblem(
+            scaled,
+            law,
+            StepConductivity(problem.electric_law.kappa * loads[3] / electric),
+            problem.magnetic_law,
+            problem.gap * length,
+            problem.translation * length,
+            problem.potentials * [electric, magnetic],
+        )
+        got, solution = force(other, solver)
+        np.testing.assert_allclose(got / (stress * length**2), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+        # round-off may decide on one look of the driver more or less
+        assert abs(solution.iterations - reference.iterations) <= (1 if solver.stride == 1 else solver.stride)
+
+
+@pytest.mark.parametrize("solver", ALL, ids=name)
+def test_no_matrix_is_needed(sphere, matrixless, solver) -> None:
+    law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(0.6)
+    problem = sphere("orthotropic", law, (np.inf, 0.3), cells=8)
+    expected, _ = force(problem, solver)
+    got, _ = force(replace(problem, system=matrixless(problem.system)), solver)
+    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("solver", ALL, ids=name)
+def test_converged_state_is_taken_up(sphere, solver) -> None:
+    law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(0.6)
+    problem = sphere("orthotropic", law, (0.3, 0.0), cells=8)
+    _, solution = force(problem, solver)
+    again = solve(problem, solver, start=solution.state)
+    assert (again.status, again.iterations) == (Status.CONVERGED, 0)
+    # and a further load step leads where one from zero does
+    deeper = replace(problem, gap=problem.gap - 5e-6)
+    expected, _ = force(deeper, solver)
+    onward = solve(deeper, solver, start=solution.state)
+    assert onward.status is Status.CONVERGED
+    got = resultant(problem.system, onward.state.load)[0]
+    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+def test_no_contact_converges_at_once(sphere) -> None:
+    problem = sphere("orthotropic", Signorini(), cells=8)
+    apart = replace(problem, gap=problem.gap + 1e-4)
+    for solver in ALL:
+        _, solution = force(apart, solver)
+        assert not solution.state.load.any(), name(solver)
+
+
+def test_where_no_solution_exists_nobody_says_converged(sphere) -> None:
+    """Full stick, which jumps at zero pressure as the conduction does, dragged until the edge lifts off."""
+    problem = sphere("transverse", IsotropicCoulomb(np.inf), drag=5.0)
+    for solver in FRICTIONAL:
+        solution = solve(problem, solver, Limits(max_iterations=60))
+        assert solution.status is not Status.CONVERGED, name(solver)
+        assert solution.residual > 1e-6
+
+
+@pytest.mark.parametrize("law", [IsotropicCoulomb(0.1), OrthotropicCoulomb(0.0, 0.2)], ids=str)
+def test_conjugate_gradients_refuse_friction(sphere, law) -> None:
+    with pytest.raises(CaseError, match=r"projected-cg.*frictionless.*Coulomb.*newton"):
+        ProjectedCG().init(sphere("transverse", law, cells=8), None)
+
+
+def test_conjugate_gradients_take_friction_coefficients_of_zero(sphere) -> None:
+    expected, _ = force(sphere("transverse", Signorini(), cells=8), ProjectedCG())
+    got, _ = force(sphere("transverse", IsotropicCoulomb(0.0), cells=8), ProjectedCG())
+    np.testing.assert_allclose(got, expected, rtol=1e-10)
+
+
+def test_conjugate_gradients_bear_an_asymmetric_compliance(sphere) -> None:
+    """As collocation makes them."""
+    problem = sphere("transverse", Signorini())
+    noise = np.random.default_rng(0).normal(size=problem.system.matrix.shape)
+    system = replace(problem.system, matrix=problem.system.matrix * (1.0 + 0.02 * noise))
+    assert_agree(replace(problem, system=system), [ProjectedCG()])
+
+
+def test_newton_without_newton_steps_still_converges(sphere, monkeypatch) -> None:
+    monkeypatch.setattr(newton_module, "newton_step", lambda _, blocks: np.full_like(blocks.residual, np.nan))
+    problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
+    monkeyed, _ = force(problem, SemismoothNewton())
+    monkeypatch.undo()
+    np.testing.assert_allclose(monkeyed, force(problem, SemismoothNewton())[0], rtol=1e-8, atol=1e-6)
+
+
+@dataclass(frozen=True)
+class Restless(Solver):
+    """Wanders about and never gets anywhere."""
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        return Iterate(np.zeros_like(problem.system.offset), np.zeros(len(problem.gap)), 0)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        load = np.zeros_like(iterate.load)
+        load[:, 2] = -np.random.default_rng(iterate.memory).random(len(load))
+        return Iterate(load, iterate.closed, iterate.memory + 1)
+
+
+def test_auto_goes_on_where_a_solver_gets_nowhere(sphere, monkeypatch) -> None:
+    problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
+    expected, _ = force(problem, Uzawa())
+    first, *others = auto_module.STAGES
+    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), *others))
+    got, solution = force(problem, Auto())
+    assert solution.iterations > 5
+    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+    bad = replace(others[0], solver=Restless(), patience=5)
+    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), bad, others[1]))
+    got, _ = force(problem, Auto())
+    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("solver", ALL, ids=name)
+def test_foreign_iterates_are_refused(sphere, solver) -> None:
+    problem = sphere("transverse", Signorini(), cells=8)
+    with pytest.raises(TypeError, match="was not made by"):
+        solver.step(problem, Iterate(np.zeros((64, 5)), np.zeros(64)))
