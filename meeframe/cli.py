@@ -44,7 +44,7 @@ def run(
 
     Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
-    with _exit_status(no_memory=NOT_CONVERGED):
+    with _exit_status(NOT_CONVERGED, f"nothing was written to {out}"):
         from meeframe.case.run import run as run_case
         from meeframe.core.result import RunStatus
         from meeframe.report.summary import summary_table
@@ -120,10 +120,11 @@ def _options(
 
 
 @contextmanager
-def _exit_status(no_memory: int = BAD_INPUT) -> Iterator[None]:
+def _exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[None]:
     """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback.
 
-    no_memory: status if memory runs out; in reading and assembling it is bad input (CaseError) whatever this says.
+    no_memory: status if memory runs out; in reading and assembling it is bad input (CaseError) whatever this says;
+    untouched: what to say of an interruption that carries no note, as it came before anything was written.
     """
     try:
         yield
@@ -131,15 +132,15 @@ def _exit_status(no_memory: int = BAD_INPUT) -> Iterator[None]:
         print(f"error: {error}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except MemoryError as error:
-        print(f"error: {_with_notes('not enough memory', error)}", file=sys.stderr)
+        print(f"error: {_with_notes('not enough memory', error, untouched)}", file=sys.stderr)
         raise typer.Exit(no_memory) from None
     except KeyboardInterrupt as error:
-        print(_with_notes("interrupted", error), file=sys.stderr)
+        print(_with_notes("interrupted", error, untouched), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
 
 
-def _with_notes(what: str, error: BaseException) -> str:
-    return "; ".join([what, *getattr(error, "__notes__", ())])
+def _with_notes(what: str, error: BaseException, default: str) -> str:
+    return "; ".join(filter(None, [what, *getattr(error, "__notes__", (default,))]))
 
 
 def _console() -> Console:

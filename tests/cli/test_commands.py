@@ -141,6 +141,15 @@ def test_stopped_while_reading(case_file, monkeypatch, command, error, status, e
     assert meeframe_command(command, case_file) == (status, "", expected)
 
 
+def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meeframe.case.run.load_case", stop)
+    status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
+    assert (status, err.splitlines()[-1]) == (130, f"interrupted; nothing was written to {tmp_path / 'out'}")
+
+
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, command):
     monkeypatch.setattr("meeframe.case.load.block_mesh", lambda *_: np.empty(1 << 59))
