@@ -118,7 +118,9 @@ def _check_numbers(mesh: SurfaceMesh) -> None:
         if block.connectivity.ndim != 2 or shape[1] != nodes:
             raise MeshError(f"connectivity of {block.element.name} has the shape {shape}; (e, {nodes}) is wanted")
         if block.groups.shape != shape[:1]:
-            raise MeshError(f"there are {shape[0]} elements {block.element.name}, but {len(block.groups)} group numbers")
+            raise MeshError(
+                f"there are {shape[0]} elements {block.element.name}, but {len(block.groups)} group numbers"
+            )
         for name, numbers, limit in (
             ("point", block.connectivity, len(mesh.points)),
             ("face group", block.groups, len(mesh.group_names)),
@@ -199,7 +201,9 @@ def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
     differ = (edges.between[order[:, 0]] != edges.between[order[:, 1]]).any(axis=1)
     if differ.any():
         places = middle[edges.number[order[differ, 0]]]
-        _refuse("the surface is not conforming, the mid-side nodes of two elements differ along an edge", places, "edge")
+        _refuse(
+            "the surface is not conforming, the mid-side nodes of two elements differ along an edge", places, "edge"
+        )
 
 
 def _check_plane(mesh: SurfaceMesh) -> None:
