@@ -80,8 +80,8 @@ def initial_gap(
     if not settled.all():
         worst = zone.points[ahead][~settled]
         raise CaseError(
-            f"no distance to the indenter along the normal at {len(worst)} points, the first at {worst[0]} [m]: its surface "
-            "is too steep there for the tilt or the curvature of the contact zone"
+            f"no distance to the indenter along the normal at {len(worst)} points, the first at {worst[0]} [m]: its "
+            "surface is too steep there for the tilt or the curvature of the contact zone"
         )
     gap[ahead] = found
     return gap
