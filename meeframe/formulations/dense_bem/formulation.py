@@ -9,7 +9,7 @@ import numpy as np
 
 from meeframe.core.body import Body
 from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import CaseError, MeshError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, FieldScaling
 from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution, Kernel
@@ -44,13 +44,13 @@ class DenseBEM(Formulation):
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
 
-        Raises MeshError unless the mesh is a closed surface with outward normals, CaseError if boundary conditions
-        contradict each other, touch the contact zone or leave a field undetermined, or if the matrix would not fit into
-        this machine's memory; MaterialError if the fundamental solution does not apply.
+        Raises MeshError unless the mesh is a closed surface with outward normals, or if its matrices would not fit into
+        this machine's memory; CaseError if boundary conditions contradict each other, touch the contact zone or leave a
+        field undetermined; MaterialError if the fundamental solution does not apply.
         """
+        _check_memory(body)
         check_mesh(body.mesh)
-        layout, _ = self._layout(body)
-        _check_memory(layout)
+        self._layout(body)
         _bound(self.fundamental_solution, _scaled(body).tobytes())
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -113,14 +113,16 @@ def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kerne
     return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
 
 
-def _check_memory(layout: Layout) -> None:
-    """Raises CaseError if the matrices of the system are larger than the machine's memory."""
-    needed = 8 * layout.n_unknowns * (layout.n_unknowns + N_FIELDS * len(layout.zone))
+def _check_memory(body: Body) -> None:
+    """Raises MeshError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
+    unknowns = N_FIELDS * len(body.mesh.points)
+    loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
+    needed = 8 * unknowns * (unknowns + loads)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
-        raise CaseError(
-            f"{layout.n_unknowns} unknowns and a contact zone of {len(layout.zone)} nodes need matrices of "
-            f"{needed / 1e9:.0f} GB; this machine has {available / 1e9:.0f} GB: use a coarser mesh"
+        raise MeshError(
+            f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
+            f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh"
         )
 
 
