@@ -16,6 +16,9 @@ import os, signal, sys
 from contextlib import contextmanager
 from meeframe import cli
 
+# a shell's background job is born deaf to SIGINT, and so are its children
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 @contextmanager
 def deadly():
     written = []
