@@ -26,8 +26,8 @@ RISE: Final = 2.0
 """The violation may rise to so many times its largest value over the window."""
 CAUTION: Final = 12
 """So many plain steps follow when it rose further."""
-IDLE: Final = 300
-"""As many, and twice as many each further time, follow when it has not fallen for so many steps."""
+IDLE: Final = 200
+"""As many, and three times as many each further time, follow when it has not fallen for so many steps."""
 SHORTENING: Final = 0.8
 SHORTEST: Final = 0.1
 STEP_LIMITS: Final = (0.2, 1e3)
@@ -39,15 +39,15 @@ class _Guard:
     """Watches the violation of the contact law.
 
     seen: violations at the last steps; best, idle: the smallest one so far and how many steps ago it was met; plain:
-    plain steps still to be made; patience: with steps that lead nowhere, doubled each time; wary: whether a rise of the
-    violation doubles it too; shortening: of the plain steps, 1 at first.
+    plain steps still to be made; dose: of plain steps, in units of CAUTION, the next time; wary: whether a rise of the
+    violation increases it too; shortening: of the plain steps, 1 at first.
     """
 
     seen: tuple[float, ...] = ()
     best: float = np.inf
     idle: int = 0
     plain: int = 0
-    patience: int = 1
+    dose: int = 1
     wary: bool = False
     shortening: float = 1.0
 
@@ -55,12 +55,12 @@ class _Guard:
         """After a violation was measured."""
         shorter = max(SHORTENING * self.shortening, SHORTEST)
         best = min(violation, self.best)
-        if self.idle >= IDLE * self.patience:
-            return _Guard((violation,), best, 0, CAUTION * self.patience, 2 * self.patience, self.wary, shorter)
+        if self.idle >= IDLE:
+            return _Guard((violation,), best, 0, CAUTION * self.dose, 3 * self.dose, self.wary, shorter)
         if self.seen and violation > RISE * max(self.seen):
-            patience = 2 * self.patience if self.wary else self.patience
-            plain = CAUTION * self.patience if self.wary else CAUTION
-            return replace(self, seen=(violation,), best=best, plain=plain, patience=patience, shortening=shorter)
+            dose = 2 * self.dose if self.wary else self.dose
+            plain = CAUTION * self.dose if self.wary else CAUTION
+            return replace(self, seen=(violation,), best=best, plain=plain, dose=dose, shortening=shorter)
         better = violation < self.best
         return replace(
             self,
@@ -140,12 +140,14 @@ class Nesterov(Solver):
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ahead = memory.base
         memory, gap, flux, plain = _measured(memory, iterate, ahead)
-        guard = memory.guard.next(_violation(problem.contact_law, ahead, gap, plain))
+        violation = _violation(problem.contact_law, ahead, gap, plain)
+        rises = bool(memory.guard.seen) and violation > memory.guard.seen[-1]
+        guard = memory.guard.next(violation)
         r = guard.shortening * plain / PLAIN_STEP
         stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, gap, flux, r)
         momentum, weight = 1.0, 0.0
         overshoots = float(((ahead - moved) * (moved - traction)).sum()) > 0.0
-        if guard.plain == 0 and not overshoots:
+        if guard.plain == 0 and not overshoots and not rises:
             momentum = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * memory.momentum**2))
             weight = (memory.momentum - 1.0) / momentum
         ahead = moved + weight * (moved - traction)
@@ -198,15 +200,14 @@ def _secant_step(scaling: Array, change: Array, response: Array, short: bool, pl
     y on the nodes that moved: the others are held by the law.
     """
     moved = change.any(axis=1)
+    change, response = change[moved], response[moved]
     product = float((change * response).sum())
     if product <= 0.0:
         return plain
     metric, inverse = np.eye(3), np.eye(3)
     metric[:2, :2], inverse[:2, :2] = scaling, np.linalg.pinv(scaling)
-    held = response[moved]
-    r = (
-        product / float((held * (held @ metric)).sum())
-        if short
-        else float((change * (change @ inverse)).sum()) / product
-    )
+    if short:
+        r = product / float((response * (response @ metric)).sum())
+    else:
+        r = float((change * (change @ inverse)).sum()) / product
     return float(np.clip(r, STEP_LIMITS[0] * plain, STEP_LIMITS[1] * plain))

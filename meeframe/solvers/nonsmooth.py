@@ -30,6 +30,8 @@ WIDTH: Final = 6e-6
 """Of differences on a logarithmic scale of pressure."""
 LOWEST: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
+NARROWEST: Final = 1e-12
+"""Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Equation:
         drive = displacement[:, POTENTIALS] + self.problem.potentials - flux
         # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
         switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
-        sigma = self.r * switched + np.finfo(float).tiny
+        sigma = self.r * switched + NARROWEST * self.scales.pressure
         residual = np.zeros((len(load), 6))
         residual[:, MECHANICAL] = (load[:, MECHANICAL] - self.problem.contact_law.project(trial)) / self.scales.pressure
         residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]

@@ -10,7 +10,7 @@ import meeframe.solvers.newton as newton_module
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
-from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
@@ -22,6 +22,7 @@ from meeframe.solvers import (
     residual,
     solve,
 )
+from meeframe.testing.contact import check_solver
 
 FRICTIONAL = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Auto()]
 ALL = [*FRICTIONAL, ProjectedCG()]
@@ -32,18 +33,30 @@ def name(value) -> str:
     return type(value).__name__ if isinstance(value, Solver) else str(value)
 
 
-def force(problem, solver, limits=None):
-    solution = solve(problem, solver, limits)
+def force(problem, solver, start=None):
+    solution = solve(problem, solver, start=start)
     assert solution.status is Status.CONVERGED, f"{name(solver)}: {solution.message}"
     assert residual(problem, solution.state) <= 1e-10
     return resultant(problem.system, solution.state.load)[0], solution
 
 
 def assert_agree(problem, solvers, tolerance=1e-8):
-    reference, _ = force(problem, Uzawa())
+    """Forces as of Uzawa's method. With a law that jumps, a node at the edge may have two states, pressed while it
+    conducts and open while it does not, which are both solutions: from nearby all solvers must then find this one."""
+    reference, solution = force(problem, Uzawa())
+    state = solution.state
     for solver in solvers:
-        got, _ = force(problem, solver)
+        got, other = force(problem, solver)
+        differ = np.abs(other.state.closed - state.closed) > 0.5
+        if differ.any():
+            assert not is_insulated(problem), name(solver)
+            assert differ.sum() <= 4, name(solver)
+            got, _ = force(problem, solver, start=replace(state, load=1.0001 * state.load))
         assert np.linalg.norm(got - reference) <= tolerance * np.linalg.norm(reference), name(solver)
+
+
+def is_insulated(problem):
+    return all(law == Insulating() for law in (problem.electric_law, problem.magnetic_law))
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
@@ -52,7 +65,7 @@ def assert_agree(problem, solvers, tolerance=1e-8):
     "law", [Signorini(), IsotropicCoulomb(0.6), IsotropicCoulomb(5.0), OrthotropicCoulomb(0.06, 0.6, 0.3)], ids=str
 )
 def test_solvers_agree(sphere, condition, material, law) -> None:
-    assert_agree(sphere(material, law, CONDITIONS[condition]), ALL if law == Signorini() else FRICTIONAL)
+    assert_agree(sphere(material, law, CONDITIONS[condition], cells=12), ALL if law == Signorini() else FRICTIONAL)
 
 
 @pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
@@ -158,11 +171,17 @@ def test_no_contact_converges_at_once(sphere) -> None:
 
 def test_where_no_solution_exists_nobody_says_converged(sphere) -> None:
     """Full stick, which jumps at zero pressure as the conduction does, dragged until the edge lifts off."""
-    problem = sphere("transverse", IsotropicCoulomb(np.inf), drag=5.0)
+    problem = sphere("transverse", IsotropicCoulomb(np.inf), drag=5.0, cells=12)
     for solver in FRICTIONAL:
-        solution = solve(problem, solver, Limits(max_iterations=60))
+        solution = solve(problem, solver, Limits(max_iterations=40))
         assert solution.status is not Status.CONVERGED, name(solver)
         assert solution.residual > 1e-6
+
+
+def test_conjugate_gradients_where_there_is_no_indenter(sphere) -> None:
+    problem = sphere("orthotropic", Signorini(), (0.0, np.inf), cells=8)
+    hole = np.hypot(*problem.system.points[:, :2].T) < 1e-3
+    assert_agree(replace(problem, gap=np.where(hole, np.inf, problem.gap)), ALL)
 
 
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.1), OrthotropicCoulomb(0.0, 0.2)], ids=str)
@@ -218,6 +237,11 @@ def test_auto_goes_on_where_a_solver_gets_nowhere(sphere, monkeypatch) -> None:
     monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), bad, others[1]))
     got, _ = force(problem, Auto())
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("solver", FRICTIONAL, ids=name)
+def test_conformance(solver) -> None:
+    check_solver(solver)
 
 
 @pytest.mark.parametrize("solver", ALL, ids=name)
