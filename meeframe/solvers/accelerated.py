@@ -204,10 +204,10 @@ def _secant_step(scaling: Array, change: Array, response: Array, short: bool, pl
     product = float((change * response).sum())
     if product <= 0.0:
         return plain
-    metric, inverse = np.eye(3), np.eye(3)
-    metric[:2, :2], inverse[:2, :2] = scaling, np.linalg.pinv(scaling)
+    metric = np.eye(3)
+    metric[:2, :2] = scaling if short else np.linalg.pinv(scaling)
     if short:
         r = product / float((response * (response @ metric)).sum())
     else:
-        r = float((change * (change @ inverse)).sum()) / product
+        r = float((change * (change @ metric)).sum()) / product
     return float(np.clip(r, STEP_LIMITS[0] * plain, STEP_LIMITS[1] * plain))
