@@ -1,18 +1,22 @@
 """Contracts of contact: laws, the contact problem on the reduced system, solvers and their honest status."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar, Final
 
 import numpy as np
 
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
 
 _DIFFERENCE: Final = 6e-6
 """Width of central differences as a fraction of the argument: the cube root of round-off."""
+
+
+AT_REST: Final = np.zeros(0)
+"""Motion of an indenter without freedoms."""
 
 
 class Status(StrEnum):
@@ -82,12 +86,44 @@ class ConductivityLaw(ABC):
 
 
 @dataclass(frozen=True, eq=False)
+class Freedom:
+    """A rigid motion or a potential of the indenter that is not given; what is given instead is a resultant.
+
+    mode: (n, 5) how the indenter's surface moves per unit of the motion, components and signs as a displacement of
+    ReducedSystem (a unit potential is -1 in its column): either the first three columns or the last two are zero;
+    measure: (n, 5): the resultant of a load is sum(measure * load); total: what it has to be. With measure =
+    weights * mode it is the force or moment [N, N m] on the body along the motion.
+    Raises CaseError if an array has the wrong shape or a value that is not finite, or if the mode mixes motion and
+    potential.
+    """
+
+    mode: Array
+    measure: Array
+    total: float
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.mode)
+        if len(shape) != 2 or shape[1] != N_FIELDS or np.shape(self.measure) != shape:
+            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, 5)")
+        if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
+            raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
+        if self.mode[:, MECHANICAL].any() == self.electromagnetic:
+            raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
+
+    @property
+    def electromagnetic(self) -> bool:
+        """Whether it is a potential and not a motion."""
+        return bool(self.mode[:, ELECTRIC:].any())
+
+
+@dataclass(frozen=True, eq=False)
 class ContactProblem:
     """One load step: find the load on the contact zone that satisfies the laws.
 
     gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where
     there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
-    potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter.
+    potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter; freedoms: motions and potentials of the
+    indenter, on top of those, that follow from prescribed resultants.
     Raises CaseError if an array has the wrong shape or a value that is not allowed.
     """
 
@@ -98,9 +134,13 @@ class ContactProblem:
     gap: Array
     translation: Array
     potentials: Array
+    freedoms: tuple[Freedom, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.system.points)
+        for freedom in self.freedoms:
+            if len(freedom.mode) != n:
+                raise CaseError(f"a freedom of the contact problem has {len(freedom.mode)} nodes; {n} are needed")
         for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, 2))):
             array = getattr(self, name)
             if np.shape(array) != shape:
@@ -118,12 +158,14 @@ class Iterate:
 
     load: (n, 5) as in ReducedSystem; closed: (n,) in [0, 1], the fraction of a closed contact's conductivity that is in
     force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze (see ContactState);
-    memory: whatever the solver that made it wants to find again at its next step; nobody else reads it.
+    memory: whatever the solver that made it wants to find again at its next step; nobody else reads it; motion: (m,)
+    of the problem's freedoms.
     """
 
     load: Array
     closed: Array
     memory: object = None
+    motion: Array = field(default_factory=lambda: AT_REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,12 +174,13 @@ class ContactState:
 
     load: (n, 5); displacement: (n, 5), both as in ReducedSystem; closed: (n,) in [0, 1], the fraction of a closed
     contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes
-    that graze (zero traction and zero gap).
+    that graze (zero traction and zero gap); motion: (m,) of the problem's freedoms, in the units of their modes.
     """
 
     load: Array
     displacement: Array
     closed: Array
+    motion: Array = field(default_factory=lambda: AT_REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,12 +220,29 @@ class Solver(ABC):
         """Next iterate. Must not change its arguments."""
 
 
-def contact_gap(problem: ContactProblem, displacement: Array) -> Array:
-    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, 5) or (n, 3) [m]."""
-    gap = np.empty((len(displacement), 3))
-    gap[:, :2] = problem.translation - displacement[:, :2]
-    gap[:, 2] = problem.gap - displacement[:, 2]
+def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
+    """Where the indenter is, (n, 5) = (translation, gap, -phi_o, -psi_o), with the motion (m,) of the freedoms.
+
+    Its difference to the body's displacement is the contact gap and the drop of the potentials.
+    """
+    position = np.concatenate([problem.translation, problem.gap[:, None], -problem.potentials], axis=1)
+    for freedom, amount in zip(problem.freedoms, motion, strict=True):
+        position += amount * freedom.mode
+    return position
+
+
+def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
+    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, 5) or (n, 3) [m].
+
+    motion: (m,) of the freedoms, which the indenter has gone besides.
+    """
+    gap: Array = indenter_position(problem, motion)[:, MECHANICAL] - displacement[:, MECHANICAL]
     return gap
+
+
+def unbalance(problem: ContactProblem, load: Array) -> Array:
+    """Resultants of a load (n, 5) less the prescribed ones, (m,), for the problem's freedoms."""
+    return np.array([(freedom.measure * load).sum() - freedom.total for freedom in problem.freedoms])
 
 
 def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r_normal: float, r_tangential: float) -> Array:

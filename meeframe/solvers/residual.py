@@ -2,7 +2,15 @@
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, augmented_traction, contact_gap
+from meeframe.core.contact import (
+    ContactProblem,
+    ContactState,
+    Iterate,
+    augmented_traction,
+    contact_gap,
+    indenter_position,
+    unbalance,
+)
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.solvers.conduction import own_response, resistances, switch
 from meeframe.solvers.scales import Scales, problem_scales
@@ -11,17 +19,18 @@ from meeframe.solvers.scales import Scales, problem_scales
 def evaluate(problem: ContactProblem, iterate: Iterate) -> ContactState:
     """The state of an iterate: its displacement by one application of the compliance."""
     displacement = problem.system.offset + problem.system.apply(iterate.load)
-    return ContactState(iterate.load, displacement, iterate.closed)
+    return ContactState(iterate.load, displacement, iterate.closed, iterate.motion)
 
 
 def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:
-    """Dimensionless violation of the problem by a state: the largest of the four below; inf if it is not finite.
+    """Dimensionless violation of the problem by a state: the largest of the five below; inf if it is not finite.
 
     Everything follows from the load, the displacement and the closed fraction by the laws, nothing from the solver, in
     units of magnitudes characteristic of the problem's data (`scales`, computed if not given):
     consistency, displacement = offset + compliance(load); the contact law as a fixed point of its projection (eqs. 27,
     28 with r the inverse of a characteristic compliance); the flux laws with the conductivity of the state's traction
-    and closed fraction; the closed fraction itself (see meeframe.solvers.conduction).
+    and closed fraction; the closed fraction itself (see meeframe.solvers.conduction); the balance of the prescribed
+    resultants, by summation of the load.
     """
     scales = scales or problem_scales(problem)
     expected = problem.system.offset + problem.system.apply(state.load)
@@ -32,21 +41,24 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
 
 def law_residual(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
     """The residual without the consistency of load and displacement."""
-    if not all(np.isfinite(part).all() for part in (state.load, state.displacement, state.closed)):
+    if not all(np.isfinite(part).all() for part in (state.load, state.displacement, state.closed, state.motion)):
         return np.inf
     traction = state.load[:, MECHANICAL]
     r = 1.0 / scales.normal_compliance
-    trial = augmented_traction(problem.contact_law, traction, contact_gap(problem, state.displacement), r, r)
+    gap = contact_gap(problem, state.displacement, state.motion)
+    trial = augmented_traction(problem.contact_law, traction, gap, r, r)
     contact = np.abs(traction - problem.contact_law.project(trial)) / scales.pressure
     graph = np.abs(state.closed - switch(state.closed, trial[:, 2], scales.pressure))
-    worst = max(float(part.max(initial=0.0)) for part in (contact, graph, _flux_violation(problem, state, scales)))
+    balance = np.abs(unbalance(problem, state.load)) / scales.totals
+    parts = (contact, graph, _flux_violation(problem, state, scales), balance)
+    worst = max(float(part.max(initial=0.0)) for part in parts)
     return worst if np.isfinite(worst) else np.inf
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> Array:
     """R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated, (n, 2)."""
     resistance = resistances(problem, state.load[:, 2], state.closed, own_response(problem))
-    difference = state.displacement[:, 3:] + problem.potentials
+    difference = (state.displacement - indenter_position(problem, state.motion))[:, 3:]
     compliance = np.diag(scales.compliance)[3:]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]

@@ -1,14 +1,18 @@
 """Characteristic magnitudes of a contact problem: what its residual is measured in."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
+from meeframe.core.contact import ContactProblem, indenter_position
+from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.solvers.free_motion import balanced_projection, motions
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
+FOUNDATION_STEPS: Final = 3
+"""Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,12 +20,13 @@ class Scales:
     """Characteristic magnitudes, from the data of the problem alone and homogeneous in units, moduli and lengths.
 
     compliance: (5, 5) largest displacement of field J under a uniform unit load of field K over the nodes that the
-    indenter overlaps; displacement, load: (5,) expected magnitudes, positive.
+    indenter overlaps; displacement, load: (5,) and totals: (m,), of the freedoms, expected magnitudes, positive.
     """
 
     compliance: Array
     displacement: Array
     load: Array
+    totals: Array
 
     @property
     def normal_compliance(self) -> float:
@@ -35,16 +40,22 @@ class Scales:
 
 
 def problem_scales(problem: ContactProblem) -> Scales:
-    """Scales of a problem: five applications of the compliance.
+    """Scales of a problem: five applications of the compliance, more if the indenter moves freely.
 
-    The overlap of the indenter with the unloaded surface sets the displacements; prescribed potentials set the others,
-    and the pressures they cause, where a law conducts under pressure.
+    The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
+    elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
+    they cause, where a law conducts under pressure.
     """
-    overlap = problem.system.offset[:, 2] - problem.gap
+    motion = _foundation_motion(problem)
+    position = indenter_position(problem, motion)
+    overlap = problem.system.offset[:, 2] - position[:, 2]
     depth = _depth(overlap)
-    compliance = _uniform_response(problem, overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
+    loaded = _loaded(overlap)
+    compliance = _uniform_response(problem, loaded)
     pressure = depth / compliance[2, 2]
-    potential = np.abs(problem.system.offset[:, 3:] + problem.potentials).max(axis=0, initial=0.0)
+    charged = _prescribed_flux(problem, loaded)
+    potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
+    potential = np.maximum(potential, charged * compliance[POTENTIALS, POTENTIALS])
     laws = (problem.electric_law, problem.magnetic_law)
     conducts = [law.conductivity(np.array([-pressure]))[0] > 0.0 for law in laws]
     flux = np.where(conducts, potential / compliance[POTENTIALS, POTENTIALS], 0.0)
@@ -54,9 +65,41 @@ def problem_scales(problem: ContactProblem) -> Scales:
     load[3:] = np.maximum(flux, induced / compliance[POTENTIALS, POTENTIALS])
     displacement = np.abs(problem.system.offset).max(axis=0, initial=0.0)
     displacement = np.maximum(displacement, compliance @ load)
-    displacement[:2] = np.maximum(displacement[:2], np.abs(problem.translation).max(axis=0, initial=0.0))
+    displacement[:2] = np.maximum(displacement[:2], np.abs(position[:, :2]).max(axis=0, initial=0.0))
     displacement[3:] = np.maximum(displacement[3:], potential)
-    return Scales(compliance, _positive(displacement), _positive(load))
+    load = _positive(load)
+    totals = [max(abs(f.total), float((np.abs(f.measure[loaded]) @ load).sum())) for f in problem.freedoms]
+    return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
+
+
+def _foundation_motion(problem: ContactProblem) -> Array:
+    """Motion (m,) of the freedoms on an elastic foundation as compliant as the body under a uniform pressure."""
+    motion = np.zeros(len(problem.freedoms))
+    moving = motions(problem)
+    if moving.size == 0:
+        return motion
+    gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
+    loaded = np.isfinite(problem.gap)
+    for _ in range(FOUNDATION_STEPS):
+        r = 1.0 / _uniform_response(problem, loaded)[2, 2]
+        motion[moving] = balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
+        loaded = _loaded(problem.system.offset[:, 2] - indenter_position(problem, motion)[:, 2])
+    return motion
+
+
+def _loaded(overlap: Array) -> NDArray[np.bool_]:
+    """Nodes that the indenter overlaps, or all below it if there are none, (n,)."""
+    return np.asarray(overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
+
+
+def _prescribed_flux(problem: ContactProblem, loaded: NDArray[np.bool_]) -> Array:
+    """Mean flux densities of prescribed totals over the nodes (n,) that are loaded, (2,)."""
+    flux = np.zeros(2)
+    for freedom in problem.freedoms:
+        if freedom.electromagnetic:
+            measure = np.abs(freedom.measure[loaded, ELECTRIC:]).sum(axis=0)
+            flux += np.divide(abs(freedom.total), measure, out=np.zeros(2), where=measure > 0.0)
+    return flux
 
 
 def _depth(overlap: Array) -> float:
