@@ -1,0 +1,273 @@
+"""Closed forms for a rigid indenter with friction on an isotropic elastic half space.
+
+The half space lies at x3 < 0. Pressing is described by positive numbers (approach, force, pressure), tangential forces
+and tractions are those of the indenter on the body. E* = E/(1 - nu^2), G = E/(2 (1 + nu)): the indenter is rigid.
+Source: Johnson, Contact Mechanics (1985), chapters 3 to 7; Spence, Proc. R. Soc. A 305 (1968) 55 and Mossakovskii,
+J. Appl. Math. Mech. 27 (1963) 418 for full stick; Lubkin, J. Appl. Mech. 18 (1951) 183 for torsion.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipkm1, hyp2f1
+
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+
+_FAR: Final = 40.0
+"""Where 1/cosh has died out."""
+
+
+def shear_modulus(young: float, poisson: float) -> float:
+    """G [Pa]."""
+    return young / (2.0 * (1.0 + poisson))
+
+
+def contact_modulus(young: float, poisson: float) -> float:
+    """E* [Pa] of the body under a rigid indenter."""
+    return young / (1.0 - poisson**2)
+
+
+def bonding_factor(poisson: float) -> float:
+    """c = (1 - nu) ln(3 - 4 nu)/(1 - 2 nu), load of a bonded flat punch over that of a frictionless one; 1 at nu = 1/2.
+
+    poisson in (-1, 1/2]. Written as x coth(x), tanh(x) = (1 - 2 nu)/(2 (1 - nu)), which has no 0/0 in between.
+    """
+    x = _half_logarithm(poisson)
+    return float(x / np.tanh(x)) if x > 0.0 else 1.0
+
+
+def _half_logarithm(poisson: float) -> float:
+    """ln(3 - 4 nu)/2, that is pi theta in Spence's notation."""
+    return 0.5 * float(np.log1p(2.0 - 4.0 * poisson))
+
+
+@final
+@dataclass(frozen=True)
+class HertzContact:
+    """Sphere of `radius` [m], a paraboloid, pressed in by `approach` [m] > 0 without friction or coupling."""
+
+    young: float
+    poisson: float
+    radius: float
+    approach: float
+
+    @property
+    def contact_radius(self) -> float:
+        """a = sqrt(R g) [m]."""
+        return float(np.sqrt(self.radius * self.approach))
+
+    @property
+    def force(self) -> float:
+        """P = 4 E* a^3/(3 R) [N]."""
+        return 4.0 * contact_modulus(self.young, self.poisson) * self.contact_radius**3 / (3.0 * self.radius)
+
+    @property
+    def peak_pressure(self) -> float:
+        """p_0 = 3 P/(2 pi a^2) [Pa]."""
+        return 3.0 * self.force / (2.0 * np.pi * self.contact_radius**2)
+
+    def pressure(self, r: Array) -> Array:
+        """p_0 sqrt(1 - r^2/a^2) [Pa], zero outside the contact."""
+        return self.peak_pressure * _dome(r, self.contact_radius)
+
+
+@final
+@dataclass(frozen=True)
+class PartialSlip:
+    """Cattaneo-Mindlin: a Hertz contact under constant normal force and a tangential displacement that is turned once.
+
+    friction: coefficient mu > 0. Exact where normal and tangential loads do not know of each other (nu = 1/2, or
+    Goodman's approximation) and nu = 0; elsewhere the small slip across the direction of the force is neglected.
+    Forces are at most mu P in size, displacements of the indenter at most the limit. Raises MeeframeError beyond.
+    Source: Johnson (1985), sections 7.2 and 7.4; Mindlin and Deresiewicz, J. Appl. Mech. 20 (1953) 327.
+    """
+
+    hertz: HertzContact
+    friction: float
+
+    @property
+    def limit_force(self) -> float:
+        """mu P [N]."""
+        return self.friction * self.hertz.force
+
+    @property
+    def limit_displacement(self) -> float:
+        """3 mu P (2 - nu)/(16 G a) [m], at which all of the contact begins to slip."""
+        shear = shear_modulus(self.hertz.young, self.hertz.poisson)
+        return 3.0 * self.limit_force * (2.0 - self.hertz.poisson) / (16.0 * shear * self.hertz.contact_radius)
+
+    def displacement(self, force: float) -> float:
+        """Of the indenter [m] at first loading to a tangential force [N] >= 0 (Johnson, eq. 7.42)."""
+        return self.limit_displacement * float(1.0 - (1.0 - self._share(force, self.limit_force)) ** (2 / 3))
+
+    def force(self, displacement: float) -> float:
+        """Tangential force [N] at first loading to a displacement [m] >= 0."""
+        return self.limit_force * float(1.0 - (1.0 - self._share(displacement, self.limit_displacement)) ** 1.5)
+
+    def stick_radius(self, force: float) -> float:
+        """c = a (1 - Q/(mu P))^(1/3) [m] at first loading."""
+        return self.hertz.contact_radius * float((1.0 - self._share(force, self.limit_force)) ** (1 / 3))
+
+    def traction(self, r: Array, force: float) -> Array:
+        """Tangential traction [Pa] along the force at radii r (n,) [m], first loading."""
+        a, c = self.hertz.contact_radius, self.stick_radius(force)
+        return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
+
+    def turned_force(self, displacement: float, turning: float) -> float:
+        """Tangential force [N] on the way back from the displacement `turning` [m] > 0, as far as -turning."""
+        return self.force(turning) - 2.0 * self.force((turning - displacement) / 2.0)
+
+    def turned_traction(self, r: Array, displacement: float, turning: float) -> Array:
+        """Tangential traction [Pa] on the way back from the displacement `turning` [m] > 0, as far as -turning."""
+        back = self.force((turning - displacement) / 2.0)
+        return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, back)
+
+    def loop_dissipation(self, force: float) -> float:
+        """Work of friction [J] in a full loop between the tangential forces -force and +force [N] (Johnson, 7.57)."""
+        share = self._share(force, self.limit_force)
+        bracket = 1.0 - (1.0 - share) ** (5 / 3) - 5.0 / 6.0 * share * (1.0 + (1.0 - share) ** (2 / 3))
+        return 4.8 * self.limit_force * self.limit_displacement * float(bracket)
+
+    @staticmethod
+    def _share(value: float, limit: float) -> float:
+        if not 0.0 <= value <= limit * (1 + 1e-12):
+            raise MeeframeError(f"partial slip: {value:g} is out of bounds; allowed: 0 to {limit:g}")
+        return min(value / limit, 1.0)
+
+
+@final
+@dataclass(frozen=True)
+class FullStick:
+    """A blunt indenter pressed in little by little, points stick where they touch: f(r) = coefficient r^power [m].
+
+    power: 1 (cone, coefficient tan(angle)), 2 (sphere, coefficient 1/(2 R)) or any other positive number.
+    The contact grows as if by bonded flat punches of ever larger radius: dP = 2 c E* a dg. What is left to find is the
+    radius, from the surface beside the contact. Radial tractions do not move it along the normal, so that, with h the
+    Abel transform of the pressure under a bonded punch of unit radius,
+        W(r) = (2/pi) int_0^1 h(t)/sqrt(r^2 - t^2) dt,   h(t) = cosh(pi theta) cos(theta ln((1 + t)/(1 - t))),
+    theta = ln(3 - 4 nu)/(2 pi), is the displacement at r > 1 for a unit one of the punch. A point at r touches when
+    g(r) - int_0^r W(r/b) g'(b) db = f(r); for a power of r, g is one of a.
+    """
+
+    young: float
+    poisson: float
+    power: float
+    coefficient: float
+
+    @property
+    def approach_factor(self) -> float:
+        """K in g = K a^power; without friction 2 coefficient for the sphere and pi/2 coefficient for the cone."""
+        p = self.power
+        # int_0^1 W(1/s) s^(p - 1) ds, integrated over s first
+        moment = _bonded_transform(
+            self.poisson, lambda t, _: float(hyp2f1(0.5, (p + 1) / 2, (p + 3) / 2, t**2)) / (p + 1)
+        )
+        return self.coefficient / (1.0 - p * moment)
+
+    def contact_radius(self, approach: float) -> float:
+        """a [m] at an approach [m]."""
+        return float((approach / self.approach_factor) ** (1.0 / self.power))
+
+    def stiffness(self, approach: float) -> float:
+        """dP/dg = 2 c E* a [N/m]."""
+        modulus = bonding_factor(self.poisson) * contact_modulus(self.young, self.poisson)
+        return 2.0 * modulus * self.contact_radius(approach)
+
+    def force(self, approach: float) -> float:
+        """P [N]: the stiffness, which goes with g^(1/power), integrated over the approach [m]."""
+        return self.stiffness(approach) * approach * self.power / (self.power + 1.0)
+
+
+def beside_bonded_punch(r: float, poisson: float) -> float:
+    """W(r), r >= 1: normal displacement beside a bonded flat punch of unit radius and displacement (see FullStick)."""
+    return _bonded_transform(poisson, lambda _, rest: float((r**2 - 1.0 + rest) ** -0.5))
+
+
+def _bonded_transform(poisson: float, function: Callable[[float, float], float]) -> float:
+    """(2/pi) int_0^1 h(t) function(t, 1 - t^2) dt.
+
+    With t = tanh(x) the logarithm that oscillates at the edge becomes 2 x, and the integrand dies out with 1/cosh(x).
+    """
+    half = _half_logarithm(poisson)
+
+    def integrand(x: float) -> float:
+        rest = np.cosh(x) ** -2
+        return float(np.cos(2.0 * half / np.pi * x) * function(np.tanh(x), rest) * rest)
+
+    integral, _ = quad(integrand, 0.0, _FAR, epsabs=0.0, epsrel=1e-11, limit=200)
+    return float(2.0 / np.pi * np.cosh(half) * integral)
+
+
+@final
+@dataclass(frozen=True)
+class SphereTorsion:
+    """A sphere, pressed in first, twisted about its axis: full stick or, with friction, a slipping ring (Lubkin).
+
+    Exact where the pressure does not move the surface tangentially (nu = 1/2, or Goodman's approximation). friction:
+    coefficient mu > 0; inf sticks. The twist is that of the indenter [rad], the torque that on the body [N m].
+    The tractions are sums of those of rigid discs (Reissner and Sagoci), (4 G/pi) r/sqrt(s^2 - r^2) for a unit twist,
+    of radii s from c to a; Coulomb's law on the ring fixes their twists, (mu p_0/(2 G)) E(1 - s^2/a^2)/s ds.
+    """
+
+    hertz: HertzContact
+    friction: float
+
+    @property
+    def initial_stiffness(self) -> float:
+        """16 G a^3/3 [N m]: torque over twist without slip (Johnson, section 3.9)."""
+        return 16.0 / 3.0 * self._shear * self.hertz.contact_radius**3
+
+    @property
+    def limit_torque(self) -> float:
+        """3 pi mu P a/16 [N m], at which all of the contact slips."""
+        return 3.0 * np.pi / 16.0 * self.friction * self.hertz.force * self.hertz.contact_radius
+
+    def twist(self, stick_share: float) -> float:
+        """(mu p_0/(2 G)) (K - E)(1 - k^2) [rad], k = c/a the share of the radius that sticks, in (0, 1]."""
+        return self._unit_twist * float(ellipkm1(stick_share**2) - ellipe(1.0 - stick_share**2))
+
+    def stick_share(self, twist: float) -> float:
+        """k = c/a at a twist [rad] >= 0."""
+        return float(brentq(lambda k: self.twist(k) - twist, 1e-12, 1.0, xtol=1e-14))
+
+    def torque(self, twist: float) -> float:
+        """Torque [N m] at a twist [rad] >= 0 from rest."""
+        if np.isinf(self.friction):
+            return self.initial_stiffness * twist
+        discs, _ = quad(lambda s: s**2 * ellipe(1.0 - s**2), self.stick_share(twist), 1.0, epsabs=0, epsrel=1e-11)
+        return float(self.initial_stiffness * self._unit_twist * discs)
+
+    def traction(self, r: Array, twist: float) -> Array:
+        """Traction [Pa] along the circles at radii r (n,) [m], zero outside the contact."""
+        a = self.hertz.contact_radius
+        k = self.stick_share(twist)
+        found = self.friction * self.hertz.pressure(r)
+        for index in np.flatnonzero(r < k * a):
+            x = float(r[index]) / a
+            # s^2 = x^2 + v^2 takes away the root
+            limits = (np.sqrt(k**2 - x**2), np.sqrt(1.0 - x**2))
+            discs, _ = quad(lambda v, x=x: ellipe(1.0 - x**2 - v**2) / (x**2 + v**2), *limits, epsrel=1e-11)
+            found[index] = 4.0 * self._shear / np.pi * self._unit_twist * x * discs
+        return found
+
+    @property
+    def _shear(self) -> float:
+        return shear_modulus(self.hertz.young, self.hertz.poisson)
+
+    @property
+    def _unit_twist(self) -> float:
+        """mu p_0/(2 G)."""
+        return self.friction * self.hertz.peak_pressure / (2.0 * self._shear)
+
+
+def _dome(r: Array, radius: float) -> Array:
+    """sqrt(1 - r^2/radius^2) inside, zero outside; zero for a radius of zero."""
+    inside = np.asarray(r) < radius
+    share = np.divide(r, radius, out=np.ones_like(r, dtype=float), where=inside)
+    dome: Array = np.sqrt(1.0 - share**2)
+    return dome

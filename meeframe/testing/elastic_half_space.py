@@ -1,0 +1,98 @@
+"""An isotropic elastic half space as a reduced system in closed form, with the coupling of normal and tangential loads.
+
+The half space lies at x3 < 0 under its surface x3 = 0; the outward normal is +x3. Densities are constant on the cells
+of a square grid, displacements are taken at the cells' centres, and the point solutions of Boussinesq (normal load)
+and Cerruti (tangential load) are integrated over a cell exactly.
+Source of the point solutions: Johnson, Contact Mechanics (1985), eqs. (3.18) and (3.75), whose x3 axis points inwards.
+"""
+
+import numpy as np
+
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields
+from meeframe.materials.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY
+
+
+def elastic_half_space(young: float, poisson: float, side: float, cells: int, goodman: bool = False) -> DenseSystem:
+    """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], nodes along x first.
+
+    young > 0 [Pa]; poisson in (-1, 1/2], 1/2 included: there normal and tangential loads do not know of each other;
+    goodman: drop the normal displacement due to tangential loads and the tangential one due to normal loads (Goodman,
+    J. Appl. Mech. 29 (1962) 515). Potentials are decoupled, with the constants of vacuum, as of Material.isotropic.
+    Raises MeeframeError for elastic constants out of bounds.
+    """
+    if not (0.0 < young < np.inf and -1.0 < poisson <= 0.5):
+        raise MeeframeError(
+            f"elastic half space with young = {young} Pa, poisson = {poisson}: allowed: young > 0, -1 < poisson <= 1/2"
+        )
+    h = side / cells
+    steps = np.arange(1 - cells, cells)
+    shift_y, shift_x = np.meshgrid(steps * h, steps * h, indexing="ij")
+    kernel = cell_response(young, poisson, shift_x, shift_y, h / 2)
+    if goodman:
+        kernel[..., 2, :2] = kernel[..., :2, 2] = 0.0
+    row, column = (grid.ravel() for grid in np.meshgrid(range(cells), range(cells), indexing="ij"))
+    n = cells**2
+    # the response depends on the shift alone: row of the grid and column of the grid, from -(cells - 1) on
+    down, along = row[:, None] - row + cells - 1, column[:, None] - column + cells - 1
+    matrix = np.zeros((n, 5, n, 5))
+    for field, load in np.argwhere(np.abs(kernel).max(axis=(0, 1)) > 0.0):
+        matrix[:, field, :, load] = kernel[down, along, field, load]
+    return DenseSystem(
+        points=np.column_stack([(column + 0.5) * h - side / 2, (row + 0.5) * h - side / 2, np.zeros(n)]),
+        frames=np.tile(np.eye(3), (n, 1, 1)),
+        weights=np.full(n, h**2),
+        cells=(),
+        offset=np.zeros((n, 5)),
+        matrix=matrix,
+        recovery=_refuse,
+    )
+
+
+def cell_response(young: float, poisson: float, x: Array, y: Array, half: float) -> Array:
+    """Displacement (..., 5) at points (x, y) [m] of the surface per unit load (..., 5) on |x'|, |y'| < half [m].
+
+    Fields, loads and signs as in ReducedSystem with e1, e2, nu along x1, x2, x3: (..., field, load).
+    """
+    inverse, xx, xy, x_only, y_only = _cell_integrals(x, y, half)
+    shear = young / (2.0 * (1.0 + poisson))
+    response = np.zeros((*np.shape(x), 5, 5))
+    along = (1.0 - poisson) * inverse
+    response[..., 0, 0] = along + poisson * xx
+    response[..., 1, 1] = along + poisson * (inverse - xx)
+    response[..., 0, 1] = response[..., 1, 0] = poisson * xy
+    response[..., 2, 2] = along
+    # a pull along the normal drives the surface apart, a drag heaves it up behind and presses it down ahead
+    for axis, odd in enumerate((x_only, y_only)):
+        response[..., axis, 2] = (0.5 - poisson) * odd
+        response[..., 2, axis] = -(0.5 - poisson) * odd
+    response /= 2.0 * np.pi * shear
+    response[..., 3, 3] = inverse / (2.0 * np.pi * VACUUM_PERMITTIVITY)
+    response[..., 4, 4] = inverse / (2.0 * np.pi * VACUUM_PERMEABILITY)
+    return response
+
+
+def _cell_integrals(x: Array, y: Array, half: float) -> tuple[Array, Array, Array, Array, Array]:
+    """Integrals of 1/r, x^2/r^3, x y/r^3, x/r^2, y/r^2 over a square cell, of the vector from its points to (x, y).
+
+    Each is the sum over the corners, with alternating signs, of a function whose mixed derivative is the integrand.
+    """
+    totals = [np.zeros(np.broadcast(x, y).shape) for _ in range(5)]
+    for sx in (1.0, -1.0):
+        for sy in (1.0, -1.0):
+            a, b = x + sx * half, y + sy * half
+            r = np.hypot(a, b)
+            along_x, along_y = b * np.arcsinh(a / np.abs(b)), a * np.arcsinh(b / np.abs(a))
+            log = np.log(r)
+            # x^2/r^3 is -x d(1/r)/dx: the part of 1/r that is integrated along x
+            corner = (along_x + along_y, along_x, -r, b * log + a * np.arctan(b / a), a * log + b * np.arctan(a / b))
+            for total, value in zip(totals, corner, strict=True):
+                total += sx * sy * value
+    inverse, xx, xy, x_only, y_only = totals
+    return inverse, xx, xy, x_only, y_only
+
+
+def _refuse(_load: Array) -> NodalFields:
+    raise MeeframeError("this half space is its contact zone only")

@@ -1,0 +1,70 @@
+"""Load histories of a rigid indenter on a reduced system: contact with friction, step by step, without a case file."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from meeframe.core.contact import (
+    ContactLaw,
+    ContactProblem,
+    ContactState,
+    Solver,
+    Status,
+    contact_gap,
+    resultant,
+)
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.laws import Insulating
+from meeframe.solvers import SemismoothNewton, solve
+
+
+@dataclass(frozen=True, eq=False)
+class Position:
+    """Where the indenter is: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
+    (n, 2) [m], its tangential motion since the beginning, one for each node so that it may turn."""
+
+    gap: Array
+    translation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PathStep:
+    """A converged step: its state; force (3,) [N] of the indenter on the body; slip (n, 2) [m] of the indenter over the
+    body in this step; dissipation [J], friction's work in this step."""
+
+    state: ContactState
+    force: Array
+    slip: Array
+    dissipation: float
+
+
+def follow(
+    system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
+) -> Iterator[PathStep]:
+    """The steps of a path, each started from the one before; slip is measured from there (notes, section 7).
+
+    No fluxes enter. A step's dissipation is the work of its own tractions on its slip. Raises MeeframeError if a step
+    does not converge.
+    """
+    start, slipped = None, np.zeros((len(system.points), 2))
+    for number, position in enumerate(positions):
+        problem = ContactProblem(
+            system,
+            contact_law,
+            Insulating(),
+            Insulating(),
+            position.gap,
+            position.translation - slipped,
+            np.zeros((len(slipped), 2)),
+        )
+        solution = solve(problem, solver or SemismoothNewton(), start=start)
+        if solution.status is not Status.CONVERGED:
+            raise MeeframeError(f"step {number} of the path: {solution.status}: {solution.message}")
+        start = solution.state
+        slip = contact_gap(problem, start.displacement)[:, :2]
+        slipped = slipped + slip
+        work = float(system.weights @ (start.load[:, :2] * slip).sum(axis=1))
+        yield PathStep(start, resultant(system, start.load)[0], slip, work)
