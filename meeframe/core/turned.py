@@ -1,0 +1,103 @@
+"""A reduced system in other local frames: e1 along a direction field, as friction with principal axes asks for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, final
+
+import numpy as np
+
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+
+NORMAL_TO_SURFACE: Final = 1e-9
+"""A direction whose part in the tangent plane is a smaller fraction of it points nowhere in that plane."""
+
+
+def turned(system: ReducedSystem, directions: Array) -> ReducedSystem:
+    """The same relation with each frame turned about its normal, so that e1 follows a direction.
+
+    directions: (n, 3) in global axes, of any length; e1 is along their projection on the tangent plane. Nodes whose
+    projection vanishes keep their frame. Offset and compliance are in components of the new frames, recovered fields in
+    global axes as before. A DenseSystem if the compliance is held as a matrix, otherwise a TurnedSystem.
+    Raises CaseError if directions are of another shape or not finite.
+    """
+    cosine_sine = _turn(system.frames, directions)
+    frames = system.frames.copy()
+    frames[:, :2] = _rotated(frames[:, :2].swapaxes(1, 2), cosine_sine[:, None]).swapaxes(1, 2)
+    offset = _rotated(system.offset, cosine_sine)
+    parts = system.points, frames, system.weights, system.cells, offset
+    matrix = system.dense()
+    if matrix is None:
+        return TurnedSystem(*parts, original=system, cosine_sine=cosine_sine)
+    # responses to the loads on one node, then those of one node to the loads, in the new components
+    rows = _rotated(matrix.transpose(2, 3, 0, 1), cosine_sine).transpose(2, 3, 0, 1)
+    # of a DenseSystem no more than the recovery, so that its matrix need not stay in memory
+    recover = system.recovery if isinstance(system, DenseSystem) else system.recover
+    return DenseSystem(
+        *parts, np.ascontiguousarray(_rotated(rows, cosine_sine)), partial(_recover, recover, cosine_sine)
+    )
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class TurnedSystem(ReducedSystem):
+    """A reduced system that is not held as a matrix, in other frames; see `turned`.
+
+    original: the system in its own frames; cosine_sine: (n, 2) of the angles by which the frames are turned.
+    """
+
+    original: ReducedSystem
+    cosine_sine: Array
+
+    def apply(self, load: Array) -> Array:
+        """compliance(load), (n, 5) for load (n, 5)."""
+        return _rotated(self.original.apply(_rotated(load, _inverse(self.cosine_sine))), self.cosine_sine)
+
+    def diagonal_blocks(self) -> Array:
+        """Response of each node to its own load, (n, 5, 5)."""
+        turn = self.cosine_sine[:, None]
+        rows = _rotated(self.original.diagonal_blocks().swapaxes(1, 2), turn).swapaxes(1, 2)
+        return _rotated(rows, turn)
+
+    def dense(self) -> None:
+        """None: of a system that holds its matrix `turned` makes a DenseSystem."""
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+        return _recover(self.original.recover, self.cosine_sine, load)
+
+
+def _turn(frames: Array, directions: Array) -> Array:
+    """Cosine and sine (n, 2) of the angle from e1 to the direction in each tangent plane."""
+    if np.shape(directions) != (len(frames), 3):
+        raise CaseError(f"directions have shape {np.shape(directions)}; {(len(frames), 3)} is needed")
+    if not np.isfinite(directions).all():
+        node = int(np.argwhere(~np.isfinite(directions))[0][0])
+        raise CaseError(f"direction at node {node} is {directions[node]}; allowed: finite components")
+    largest = np.abs(directions).max(axis=1, keepdims=True)
+    unit = directions / np.where(largest > 0.0, largest, 1.0)
+    along = np.einsum("nai,ni->na", frames[:, :2], unit)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    lies = length > NORMAL_TO_SURFACE
+    return np.where(lies, along / np.where(lies, length, 1.0), [1.0, 0.0])
+
+
+def _inverse(cosine_sine: Array) -> Array:
+    return cosine_sine * [1.0, -1.0]
+
+
+def _rotated(components: Array, cosine_sine: Array) -> Array:
+    """Components (..., k), the first two tangential, in axes turned by angles of cosine and sine (..., 2)."""
+    c, s = cosine_sine[..., 0], cosine_sine[..., 1]
+    rotated = components.copy()
+    rotated[..., 0] = c * components[..., 0] + s * components[..., 1]
+    rotated[..., 1] = c * components[..., 1] - s * components[..., 0]
+    return rotated
+
+
+def _recover(recover: Callable[[Array], NodalFields], cosine_sine: Array, load: Array) -> NodalFields:
+    return recover(_rotated(load, _inverse(cosine_sine)))
