@@ -1,0 +1,184 @@
+"""Two deformable bodies as one reduced system: compliances add (Johnson, Contact Mechanics (1985), section 4.1).
+
+The counter body is described like the first, in its own coordinates, with its contact zone up; it is then turned over
+about the x1 axis, (x, y, z) -> (x, -y, -z), onto the first. The load on the one is the reaction to that on the other,
+and what leaves the one enters the other: load_counter = -R^T load. Contact sees relative displacements and the jump of
+the potentials, u - R u_counter, so that
+
+    offset = offset_first - R offset_counter,    compliance = C_first + R C_counter R^T,
+
+where R turns components in the local frames of the counter body into those of the first: diag(1, -1, -1, 1, 1) for
+frames that coincide.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Protocol, final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.mesh import Indices
+
+TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
+COINCIDENT: Final = 1e-6
+"""Nodes closer than this part of the zone's extent coincide."""
+SAME_DIVISION: Final = 1e-3
+"""Normals [rad] and weights (in parts of the largest) of coinciding nodes differ by less on zones divided alike."""
+
+
+class ZoneGeometry(Protocol):
+    """What is needed of a contact zone: points (n, 3), frames (n, 3, 3) and weights (n,) as in ReducedSystem."""
+
+    @property
+    def points(self) -> Array:
+        """(n, 3) [m]."""
+
+    @property
+    def frames(self) -> Array:
+        """(n, 3, 3), rows e1, e2, nu."""
+
+    @property
+    def weights(self) -> Array:
+        """(n,) [m^2]."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class PairSystem(ReducedSystem):
+    """Two bodies in contact, seen from the first: displacement = that of the first less that of the counter body.
+
+    Displacements, potentials (as jumps) and loads are in the local frames of the first body; the load acts on it.
+
+    first, counter: the two bodies; partners: (n,) the node of the counter body at each node of the first; rotation:
+    (n, 5, 5), R of the module's text; matrix: (n, 5, n, 5), the sum of the compliances if both are matrices, else None.
+    """
+
+    first: ReducedSystem
+    counter: ReducedSystem
+    partners: Indices
+    rotation: Array
+    matrix: Array | None
+
+    def apply(self, load: Array) -> Array:
+        """Relative displacement (n, 5) due to a load (n, 5)."""
+        if self.matrix is not None:
+            response: Array = np.tensordot(self.matrix, load, 2)
+            return response
+        return self.first.apply(load) - self._seen_from_first(self.counter.apply(self.counter_load(load)))
+
+    def diagonal_blocks(self) -> Array:
+        """Relative response of each node to its own load, (n, 5, 5)."""
+        own = self.counter.diagonal_blocks()[self.partners]
+        blocks: Array = self.first.diagonal_blocks() + self.rotation @ own @ self.rotation.transpose(0, 2, 1)
+        return blocks
+
+    def dense(self) -> Array | None:
+        """The sum of the compliances, (n, 5, n, 5), if both are held as matrices."""
+        return self.matrix
+
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary of the first body; those of the other: counter.recover(counter_load(load))."""
+        return self.first.recover(load)
+
+    def counter_load(self, load: Array) -> Array:
+        """The reaction (n, 5) on the counter body, at its own nodes and in its own frames, to a load (n, 5)."""
+        reaction = np.empty_like(load)
+        reaction[self.partners] = -np.einsum("naj,na->nj", self.rotation, load)
+        return reaction
+
+    def counter_displacement(self, load: Array) -> Array:
+        """Displacement (n, 5) of the counter body's surface at the nodes and in the frames of the first body.
+
+        It counts from the body's own supports and potentials, wherever a load step has moved them. The displacement of
+        the first body is that of the pair and this one together.
+        """
+        return self._seen_from_first(self.counter.offset + self.counter.apply(self.counter_load(load)))
+
+    def _seen_from_first(self, displacement: Array) -> Array:
+        return _turned(self.rotation, displacement[self.partners])
+
+
+def pair(first: ReducedSystem, counter: ReducedSystem) -> PairSystem:
+    """The two bodies in contact as one reduced system, seen from the first.
+
+    first, counter: each in its own coordinates with its contact zone up. Raises MeshError as `match_nodes`.
+    """
+    partners = match_nodes(first, counter)
+    rotation = np.tile(np.eye(N_FIELDS), (len(partners), 1, 1))
+    turned = counter.frames[partners] * TURN_OVER
+    rotation[:, MECHANICAL, MECHANICAL] = first.frames @ turned.transpose(0, 2, 1)
+    return PairSystem(
+        points=first.points,
+        frames=first.frames,
+        weights=first.weights,
+        cells=first.cells,
+        offset=first.offset - _turned(rotation, counter.offset[partners]),
+        first=first,
+        counter=counter,
+        partners=partners,
+        rotation=rotation,
+        matrix=_sum(first.dense(), counter.dense(), partners, rotation),
+    )
+
+
+def match_nodes(first: ZoneGeometry, counter: ZoneGeometry) -> Indices:
+    """The node of the counter body, turned over, at each node of the first, (n,).
+
+    Raises MeshError, which says how many nodes have none and by how much the first of them misses, unless the nodes
+    coincide (COINCIDENT), the two surfaces face each other, and they are divided into elements alike (SAME_DIVISION).
+    """
+    extent = float(np.linalg.norm(np.ptp(first.points, axis=0)))
+    distances, nearest = cKDTree(counter.points * TURN_OVER).query(first.points)
+    missing = np.flatnonzero(~(distances <= COINCIDENT * extent))
+    n, others = len(first.points), len(counter.points)
+    if missing.size:
+        raise MeshError(
+            f"the contact zones of the two bodies do not match: {missing.size} of the {n} nodes of the first meet none "
+            f"of the {others} of the counter body turned over about the x1 axis; the first, at "
+            f"{first.points[missing[0]]} [m], misses by {distances[missing[0]]:.3g} m; "
+            f"allowed: {COINCIDENT * extent:.3g} m"
+        )
+    partners: Indices = np.asarray(nearest, np.int64)
+    if len(np.unique(partners)) != others or others != n:
+        raise MeshError(
+            f"the contact zones of the two bodies do not match: the first has {n} nodes, the counter body {others}; "
+            "allowed: the same division of both"
+        )
+    _check_alike(first, counter, partners)
+    return partners
+
+
+def _check_alike(first: ZoneGeometry, counter: ZoneGeometry, partners: Indices) -> None:
+    """Raises MeshError unless normals are opposite and weights equal at coinciding nodes."""
+    normals = first.frames[:, 2] + counter.frames[partners, 2] * TURN_OVER
+    askew = np.flatnonzero(np.linalg.norm(normals, axis=1) > SAME_DIVISION)
+    if askew.size:
+        raise MeshError(
+            f"the contact zones of the two bodies do not face each other at {askew.size} of {len(partners)} nodes, "
+            f"first at {first.points[askew[0]]} [m]; allowed: a counter body whose surface, turned over about the x1 "
+            "axis, lies on that of the first"
+        )
+    differences = np.abs(first.weights - counter.weights[partners])
+    unlike = np.flatnonzero(differences > SAME_DIVISION * np.abs(first.weights).max())
+    if unlike.size:
+        raise MeshError(
+            f"the contact zones of the two bodies have the same nodes but other elements at {unlike.size} of "
+            f"{len(partners)} nodes, first at {first.points[unlike[0]]} [m]; allowed: the same division of both"
+        )
+
+
+def _sum(first: Array | None, counter: Array | None, partners: Indices, rotation: Array) -> Array | None:
+    if first is None or counter is None:
+        return None
+    own = counter[partners[:, None], :, partners[None, :], :]  # (n, n, 5, 5): response, load, and their fields
+    turned = rotation[:, None] @ own @ rotation.transpose(0, 2, 1)[None]
+    matrix: Array = first + turned.transpose(0, 2, 1, 3)
+    return matrix
+
+
+def _turned(rotation: Array, vectors: Array) -> Array:
+    turned: Array = np.einsum("naj,nj->na", rotation, vectors)
+    return turned

@@ -1,0 +1,443 @@
+"""Two deformable bodies against Hertz, closed forms of joined half spaces, and themselves with exchanged roles."""
+
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Status, resultant
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import MeshError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.pair import PairSystem, pair
+from meeframe.elements import Quad4
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.geometry import frames_of, half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import Material, library_material, rotation_about
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import Auto, Limits, solve
+from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
+from meeframe.testing.contact_cases import periodic_half_space
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+RADIUS, APPROACH, SIDE = 0.1, 5e-5, 5e-3
+TRANSVERSE, ORTHOTROPIC = library_material("batio3-cofe2o4"), library_material("orthotropic-mee")
+STEEL = Material.isotropic(210e9, 0.3)
+TURN = np.diag([1.0, -1.0, -1.0])
+POLED_UP, POLED_DOWN = TRANSVERSE, TRANSVERSE.rotated(TURN)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Matrixless(ReducedSystem):
+    """A dense system that does not show its matrix."""
+
+    hidden: DenseSystem
+
+    def apply(self, load: Array) -> Array:
+        return self.hidden.apply(load)
+
+    def diagonal_blocks(self) -> Array:
+        return self.hidden.diagonal_blocks()
+
+    def dense(self) -> None:
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.hidden.recover(load)
+
+
+def hide(system: DenseSystem) -> Matrixless:
+    return Matrixless(system.points, system.frames, system.weights, system.cells, system.offset, system)
+
+
+def converged(problem: ContactProblem, tolerance: float = 1e-11) -> ContactState:
+    solution = solve(problem, Auto(), Limits(tolerance=tolerance))
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.state
+
+
+def sphere(system: ReducedSystem) -> Array:
+    return (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / (2.0 * RADIUS)
+
+
+# Hertz
+
+
+@pytest.mark.parametrize("counter", [(210e9, 0.3), (40e9, 0.05)])
+def test_two_elastic_spheres_against_hertz(counter: tuple[float, float]) -> None:
+    """R1 = 0.3 m on R2 = 0.15 m: R = 0.1 m; 1/E* is the sum of both, halved E* for equal bodies."""
+    (young, poisson), (other_young, other_poisson) = (210e9, 0.3), counter
+    xi, other = ([[(1.0 - nu**2) / (np.pi * e)]] for e, nu in ((young, poisson), counter))
+    system = pair(*(half_space_system(_normal_only(x), SIDE, 24) for x in (xi, other)))
+    r_squared = system.points[:, 0] ** 2 + system.points[:, 1] ** 2
+    height = r_squared / (2 * 0.3) + r_squared / (2 * 0.15)
+    load = converged(indentation_problem(system, height, APPROACH)).load
+    e_star = 1.0 / ((1.0 - poisson**2) / young + (1.0 - other_poisson**2) / other_young)
+    exact = 4.0 / 3.0 * e_star * np.sqrt(0.1 * APPROACH**3)
+    assert -resultant(system, load)[0][2] == pytest.approx(exact, rel=1.5e-3)
+    a = np.sqrt(0.1 * APPROACH)
+    inside = r_squared < (0.9 * a) ** 2
+    pressure = 2.0 * e_star * a / (np.pi * 0.1) * np.sqrt(1.0 - r_squared[inside] / a**2)
+    assert np.abs(-load[inside, 2] - pressure).max() < 0.01 * pressure.max()
+
+
+def _normal_only(xi: list[list[float]]) -> Array:
+    return np.diag([xi[0][0], -1.0, -1.0])
+
+
+@pytest.fixture(scope="module")
+def steel() -> DenseSystem:
+    return half_space_by_elements(STEEL)
+
+
+def half_space_by_elements(material: Material) -> DenseSystem:
+    mesh = half_space_mesh(0.1, SIDE, 10, 6, Quad4())
+    system = DenseBEM().reduce(Body(material.stiffness, mesh, (), "contact"))
+    assert isinstance(system, DenseSystem)
+    return system
+
+
+def test_equal_elastic_bodies_by_boundary_elements(steel: DenseSystem) -> None:
+    """Hertz with E* halved. Equal bodies do not slip: friction changes nothing; a rigid sphere does make slip."""
+    both = pair(steel, steel)
+    smooth, rough = (
+        converged(indentation_problem(both, sphere(both), APPROACH, law)).load
+        for law in (Signorini(), IsotropicCoulomb(0.3))
+    )
+    exact = 4.0 / 3.0 * (210e9 / (1.0 - 0.3**2) / 2.0) * np.sqrt(RADIUS * APPROACH**3)
+    assert -resultant(both, smooth)[0][2] == pytest.approx(exact, rel=0.015)
+    largest = np.abs(smooth[:, 2]).max()
+    assert np.abs(rough - smooth)[:, :3].max() < 1e-5 * largest
+    rigid = converged(indentation_problem(steel, sphere(steel), APPROACH, IsotropicCoulomb(0.3))).load
+    assert np.abs(rigid[:, :2]).max() > 0.05 * largest
+
+
+def test_equal_anisotropic_bodies_do_not_slip() -> None:
+    """Orthotropic, magneto-electro-elastic, with poling up in both: mirror images of each other in the interface."""
+    body = periodic_half_space(ORTHOTROPIC, SIDE, 12)
+    both = pair(body, body)
+    smooth, rough = (
+        converged(indentation_problem(both, sphere(both), APPROACH, law)).load
+        for law in (Signorini(), IsotropicCoulomb(0.3))
+    )
+    largest = np.abs(smooth[:, 2]).max()
+    assert np.abs(rough - smooth)[:, :3].max() < 1e-8 * largest
+    rigid = converged(indentation_problem(body, sphere(body), APPROACH, IsotropicCoulomb(0.3))).load
+    assert np.abs(rigid[:, :2]).max() > 0.05 * largest
+
+
+def test_fields_of_both_bodies(steel: DenseSystem) -> None:
+    """What each body's own recovery gives in the contact zone differs by the relative displacement, in global axes."""
+    both = pair(steel, half_space_by_elements(Material.isotropic(40e9, 0.05)))
+    load = converged(indentation_problem(both, sphere(both), APPROACH, LAW, translation=(1e-5, 0.0))).load
+    fields, counter = both.recover(load), both.counter.recover(both.counter_load(load))
+    (_, own), (_, other) = (cKDTree(points).query(both.points) for points in (fields.points, counter.points @ TURN))
+    relative = fields.values[own, :3] - counter.values[other, :3] @ TURN
+    np.testing.assert_allclose(relative, (both.offset + both.apply(load))[:, :3], atol=1e-9 * APPROACH)
+
+
+# potentials
+
+
+@pytest.mark.parametrize("condition", list(CONDITIONS))
+def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
+    """Both poled towards the interface: nothing flows through it, conducting or not, and P is half the rigid sphere's
+    insulated one."""
+    xi = axisymmetric_compliance(POLED_UP.stiffness)
+    body = half_space_system(xi, SIDE, 20)
+    both = pair(body, body)
+    kappa = tuple(0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
+    state = converged(indentation_problem(both, sphere(both), APPROACH, conductivity=kappa))
+    assert -resultant(both, state.load)[0][2] == pytest.approx(indent(xi, Sphere(RADIUS), APPROACH).force / 2, rel=3e-3)
+    own = np.abs(both.counter_displacement(state.load)[:, 3:]).max(axis=0)
+    assert (own > 0.0).all()
+    assert (np.abs(state.displacement[:, 3:]).max(axis=0) < 1e-9 * own).all()
+    flows = np.abs(xi[0, 1:] / np.diag(xi)[1:]) * np.abs(state.load[:, 2]).max()
+    assert (np.abs(state.load[:, 3:]).max(axis=0) <= 1e-9 * flows).all()
+
+
+@pytest.mark.parametrize("condition", list(CONDITIONS))
+@pytest.mark.parametrize("counter", [POLED_DOWN, Material.isotropic(100e9, 0.3, 2e-9, 1e-4)], ids=["down", "isotropic"])
+def test_joined_half_spaces_in_closed_form(condition: str, counter: Material) -> None:
+    """Two axisymmetric half spaces answer like one with xi = xi_A + D xi_B D, D = diag(-1, 1, 1): the load is the same,
+    its sense opposite, and only the displacement changes sign with the turning. Poled oppositely, both are as one."""
+    xi, other = (axisymmetric_compliance(material.stiffness) for material in (POLED_UP, counter))
+    flip = np.array([-1.0, 1.0, 1.0])
+    joined = xi + flip[:, None] * other * flip
+    both = pair(*(half_space_system(x, SIDE, 20) for x in (xi, other)))
+    kappa = tuple(0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
+    state = converged(indentation_problem(both, sphere(both), APPROACH, conductivity=kappa))
+    exact = indent(joined, Sphere(RADIUS), APPROACH, *CONDITIONS[condition])
+    force, charge, flux = resultant(both, state.load)
+    assert -force[2] == pytest.approx(exact.force, rel=3e-3)
+    assert charge == pytest.approx(exact.charge, rel=3e-3, abs=0.0)
+    assert flux == pytest.approx(exact.magnetic_flux, rel=3e-3, abs=0.0)
+
+
+def test_oppositely_poled_bodies_share_the_gap() -> None:
+    """By symmetry the interface of a body and its copy of opposite poling is at zero potential: each is
+    indented by a rigid grounded sphere that takes half of gap and approach."""
+    body, opposite = (half_space_system(axisymmetric_compliance(m.stiffness), SIDE, 16) for m in (POLED_UP, POLED_DOWN))
+    both = pair(body, opposite)
+    joined, half = (
+        converged(indentation_problem(system, sphere(system) / parts, APPROACH / parts, conductivity=(np.inf, np.inf)))
+        for system, parts in ((both, 1.0), (body, 2.0))
+    )
+    assert (np.abs(joined.load - half.load) <= 1e-8 * np.abs(half.load).max(axis=0)).all()
+    inside = joined.load[:, 2] < 0.0
+    insulated = np.abs(body.apply(half.load * np.array([1, 1, 1, 0, 0]))[:, 3:]).max(axis=0)
+    assert (np.abs(both.counter_displacement(joined.load)[inside, 3:]).max(axis=0) <= 1e-8 * insulated).all()
+
+
+# exchange of roles
+
+
+CELLS = 12
+LAW = OrthotropicCoulomb(0.2, 0.5, 0.6)
+MIRRORED_LAW = OrthotropicCoulomb(0.2, 0.5, -0.6)
+ROLES = {
+    "smooth": (Signorini(), Signorini(), (0.0, 0.0)),
+    "orthotropic friction": (LAW, MIRRORED_LAW, (0.0, 0.0)),
+    "friction and conduction": (LAW, MIRRORED_LAW, (2e-8, 3e-4)),
+    "perfect conduction": (IsotropicCoulomb(0.4), IsotropicCoulomb(0.4), (np.inf, np.inf)),
+}
+
+
+@pytest.fixture(scope="module")
+def unlike() -> tuple[DenseSystem, DenseSystem]:
+    """Two media without any symmetry in common with the interface, and with an offset."""
+    first, counter = (
+        periodic_half_space(material, 3.2 * np.sqrt(RADIUS * APPROACH), CELLS)
+        for material in (
+            TRANSVERSE.rotated(rotation_about([1.0, 2.0, -1.0], 0.8)),
+            ORTHOTROPIC.rotated(rotation_about([2.0, -1.0, 1.0], 0.5)),
+        )
+    )
+    random = np.random.default_rng(11)
+    sizes = 0.05 * APPROACH * np.array([1.0, 1.0, 1.0, 1e9, 1e6])
+    return first, replace(counter, offset=sizes * random.standard_normal(counter.offset.shape))
+
+
+def skewed(system: ReducedSystem, sense: float, law: ContactLaw, kappa: tuple[float, float]) -> ContactProblem:
+    """An elliptic gap off the centre, dragged askew, with a voltage; sense -1: the same seen from the other body."""
+    x, y = system.points[:, 0], sense * system.points[:, 1]
+    height = (
+        (x - 2e-4) ** 2 / (2.0 * RADIUS) + (y + 3e-4) ** 2 / (3.0 * RADIUS) + 0.2 * (x - 2e-4) * (y + 3e-4) / RADIUS
+    )
+    translation = sense * 0.4 * APPROACH * np.array([0.8, sense * 0.6])
+    # of the counter body from the first; seen from there, of the first from the counter body
+    potentials = (sense * 3e3, sense * -5.0)
+    return indentation_problem(system, height, APPROACH, law, kappa, potentials, tuple(translation))
+
+
+def mirrored(values: Array) -> Array:
+    """Values (n, k) on the grid at the nodes with y reversed."""
+    return values.reshape(CELLS, CELLS, -1)[::-1].reshape(values.shape)
+
+
+@pytest.mark.parametrize("role", list(ROLES))
+def test_exchanging_the_roles(role: str, unlike: tuple[DenseSystem, DenseSystem]) -> None:
+    """Same pressures at mirrored nodes, t1 reversed, t2 kept (reversed by reaction and by turning), fluxes reversed."""
+    law, other_law, kappa = ROLES[role]
+    first, counter = unlike
+    systems = pair(first, counter), pair(counter, first)
+    problems = skewed(systems[0], 1.0, law, kappa), skewed(systems[1], -1.0, other_law, kappa)
+    state, exchanged = (converged(problem) for problem in problems)
+    signs = np.array([-1.0, 1.0, 1.0, -1.0, -1.0])
+    expected = mirrored(state.load) * signs
+    assert np.abs(state.load[:, 2]).max() > 0.0
+    scale = np.abs(state.load).max(axis=0)
+    assert (np.abs(exchanged.load - expected) <= 1e-7 * scale).all()
+    np.testing.assert_allclose(systems[0].counter_load(state.load), expected, rtol=1e-12)
+    jump = mirrored(state.displacement) * signs
+    assert (np.abs(exchanged.displacement - jump) <= 1e-7 * np.abs(jump).max(axis=0)).all()
+    if isinstance(law, OrthotropicCoulomb):
+        stuck = _stuck(problems[0], state)
+        assert 0 < stuck.sum() < (state.load[:, 2] < 0.0).sum(), "some nodes stick and some slip"
+        assert np.array_equal(_stuck(problems[1], exchanged), mirrored(stuck[:, None])[:, 0])
+        turned_wrong = converged(skewed(systems[1], -1.0, law, kappa))
+        assert np.abs(turned_wrong.load - expected)[:, :2].max() > 0.02 * scale[:2].max(), "the angle matters"
+
+
+def _stuck(problem: ContactProblem, state: ContactState) -> Array:
+    gap = np.linalg.norm(problem.translation - state.displacement[:, :2], axis=1)
+    stuck: Array = (state.load[:, 2] < 0.0) & (gap < 1e-6 * APPROACH)
+    return stuck
+
+
+def test_what_leaves_one_body_enters_the_other(unlike: tuple[DenseSystem, DenseSystem]) -> None:
+    first, counter = unlike
+    both = pair(first, counter)
+    load = converged(skewed(both, 1.0, LAW, (2e-8, 3e-4))).load
+    force, charge, flux = resultant(first, load)
+    other_force, other_charge, other_flux = resultant(counter, both.counter_load(load))
+    np.testing.assert_allclose(TURN @ other_force, -force, rtol=1e-12)
+    assert other_charge == pytest.approx(-charge, rel=1e-12)
+    assert other_flux == pytest.approx(-flux, rel=1e-12)
+    assert min(abs(charge), abs(flux)) > 0.0
+    alone = first.offset + first.apply(load)
+    displacement = both.offset + both.apply(load)
+    np.testing.assert_allclose(displacement, alone - both.counter_displacement(load), rtol=1e-9, atol=1e-15)
+
+
+# a stiff counter body
+
+
+@pytest.mark.parametrize("kappa", [(0.0, 0.0), (2e-8, 3e-4), (np.inf, np.inf)])
+def test_a_stiff_grounded_counter_body_is_the_rigid_indenter(kappa: tuple[float, float]) -> None:
+    body = periodic_half_space(TRANSVERSE, SIDE, CELLS)
+    stiff = replace(body, matrix=1e-12 * body.matrix)
+    states = [
+        converged(
+            indentation_problem(system, sphere(system), APPROACH, LAW, kappa, (2e3, -3.0), (2e-5, 1e-5)),
+            tolerance=1e-12,
+        )
+        for system in (body, pair(body, stiff))
+    ]
+    scale = np.abs(states[0].load).max(axis=0)
+    assert (np.abs(states[1].load - states[0].load) <= 1e-8 * scale).all()
+
+
+# geometry and algebra
+
+
+def curved(normals: Array, points: Array, random: np.random.Generator) -> DenseSystem:
+    """A made-up body: frames turned at random about given normals, compliance random and positive definite."""
+    n = len(points)
+    frames = frames_of(normals)
+    angle = random.uniform(0.0, 2.0 * np.pi, n)
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    frames[:, 0], frames[:, 1] = cos * frames[:, 0] + sin * frames[:, 1], cos * frames[:, 1] - sin * frames[:, 0]
+    root = random.standard_normal((5 * n, 5 * n))
+    matrix = (root @ root.T).reshape(n, 5, n, 5)
+    return DenseSystem(points, frames, np.ones(n), (), random.standard_normal((n, 5)), matrix, _zone_only)
+
+
+def _zone_only(_load: Array) -> NodalFields:
+    raise AssertionError("never called")
+
+
+def globally(system: ReducedSystem) -> Array:
+    """Local from global components, (n, 5, 5)."""
+    axes = np.tile(np.eye(5), (len(system.points), 1, 1))
+    axes[:, :3, :3] = system.frames
+    return axes
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 9))
+def test_curved_zones_in_global_axes(seed: int, n: int) -> None:
+    """Actual frames of both bodies, any order of nodes: forces, reactions and displacements in common global axes."""
+    random = np.random.default_rng(seed)
+    normals = np.array([0.0, 0.0, 1.0]) + 0.5 * random.uniform(-1.0, 1.0, (n, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = random.standard_normal((n, 3))
+    order = random.permutation(n)
+    first = curved(normals, points, random)
+    counter = curved(-(normals @ TURN)[order], (points @ TURN)[order], random)
+    both = pair(first, counter)
+    force = random.standard_normal((n, 5))
+    load = np.einsum("naj,nj->na", globally(first), force)
+    turned = force.copy()
+    turned[:, :3] = force[:, :3] @ TURN
+    reaction = np.einsum("naj,nj->na", globally(counter), -turned[order])
+    np.testing.assert_allclose(both.counter_load(load), reaction, atol=1e-12)
+    moved = np.einsum("naj,na->nj", globally(first), first.offset + first.apply(load))
+    answer = np.empty((n, 5))
+    answer[order] = np.einsum("naj,na->nj", globally(counter), counter.offset + counter.apply(reaction))
+    answer[:, :3] = answer[:, :3] @ TURN
+    relative = np.einsum("naj,na->nj", globally(both), both.offset + both.apply(load))
+    np.testing.assert_allclose(relative, moved - answer, atol=1e-9)
+    seen = np.einsum("naj,na->nj", globally(both), both.counter_displacement(load))
+    np.testing.assert_allclose(seen, answer, atol=1e-9)
+
+
+def test_with_and_without_matrices(unlike: tuple[DenseSystem, DenseSystem]) -> None:
+    first, counter = unlike
+    whole = pair(first, counter)
+    free: list[PairSystem] = [pair(hide(first), counter), pair(first, hide(counter)), pair(hide(first), hide(counter))]
+    assert whole.dense() is not None
+    load = np.random.default_rng(5).standard_normal(whole.offset.shape)
+    blocks = np.stack([whole.dense()[node, :, node, :] for node in range(len(load))])
+    for system in (whole, *free):
+        np.testing.assert_allclose(system.apply(load), whole.apply(load), rtol=1e-9, atol=1e-25)
+        np.testing.assert_allclose(system.diagonal_blocks(), blocks, rtol=1e-9, atol=1e-25)
+        np.testing.assert_array_equal(system.offset, whole.offset)
+    assert all(system.dense() is None for system in free)
+    problems = [skewed(system, 1.0, LAW, (2e-8, 3e-4)) for system in (whole, free[2])]
+    dense, krylov = (converged(problem, 1e-10).load for problem in problems)
+    assert (np.abs(dense - krylov) <= 1e-6 * np.abs(dense).max(axis=0)).all()
+
+
+def test_the_compliance_of_a_pair_is_positive_definite(unlike: tuple[DenseSystem, DenseSystem]) -> None:
+    matrix = pair(*unlike).dense()
+    assert matrix is not None
+    flat = matrix.reshape(5 * CELLS**2, -1)
+    scale = np.sqrt(np.diag(flat))
+    assert np.linalg.eigvalsh((flat + flat.T) / 2.0 / scale / scale[:, None]).min() > 0.0
+
+
+# what does not fit
+
+
+def test_nodes_that_do_not_coincide_are_refused(steel: DenseSystem) -> None:
+    shifted = steel.points.copy()
+    shifted[[3, 7], 0] += 2e-5
+    with pytest.raises(MeshError, match=r"2 of the 121 nodes of the first .* misses by 2e-05 m; allowed: 7\.07e-09 m"):
+        pair(steel, replace(steel, points=shifted))
+    close = steel.points + 1e-9
+    assert np.array_equal(pair(steel, replace(steel, points=close)).partners, pair(steel, steel).partners)
+    fewer = half_space_system(np.eye(3), SIDE, 4)
+    with pytest.raises(MeshError, match=r"of the 121 nodes of the first meet none of the 16"):
+        pair(steel, fewer)
+    with pytest.raises(MeshError, match=r"the first has 1 nodes, the counter body 121"):
+        pair(_node(steel, 60), steel)
+
+
+def _node(system: DenseSystem, node: int) -> ReducedSystem:
+    """A zone of two nodes becomes one of one: the rest of the nodes has no partner."""
+    own = slice(node, node + 1)
+    return DenseSystem(
+        system.points[own],
+        system.frames[own],
+        system.weights[own],
+        (),
+        system.offset[own],
+        system.matrix[own, :, own],
+        system.recovery,
+    )
+
+
+def test_surfaces_that_do_not_face_each_other_are_refused(steel: DenseSystem) -> None:
+    down = steel.frames * np.array([1.0, -1.0, -1.0])
+    with pytest.raises(MeshError, match="do not face each other at 121 of 121 nodes"):
+        pair(steel, replace(steel, frames=down))
+
+
+def test_other_elements_on_the_same_nodes_are_refused(steel: DenseSystem) -> None:
+    weights = steel.weights.copy()
+    weights[:2] *= (1.5, 0.5)
+    with pytest.raises(MeshError, match="same nodes but other elements at 2 of 121 nodes"):
+        pair(steel, replace(steel, weights=weights))
+
+
+def test_insulated_bodies_keep_their_own_potentials() -> None:
+    """Without conduction the potential of the one body does not feel the other's, whatever its ground."""
+    body = half_space_system(axisymmetric_compliance(TRANSVERSE.stiffness), SIDE, 10)
+    both = pair(body, body)
+    n = len(both.points)
+    zero, volts = np.zeros((n, 2)), np.tile([1e4, -20.0], (n, 1))
+    laws = Signorini(), Insulating(), Insulating()
+    states = [converged(ContactProblem(both, *laws, sphere(both) - APPROACH, zero, held)) for held in (zero, volts)]
+    np.testing.assert_array_equal(states[0].load, states[1].load)
+    conducting = Signorini(), StepConductivity(np.inf), Insulating()
+    held = converged(ContactProblem(both, *conducting, sphere(both) - APPROACH, zero, volts))
+    assert np.abs(held.load[:, 3]).max() > 0.0
