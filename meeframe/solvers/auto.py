@@ -61,7 +61,7 @@ class Auto(Solver):
         scales = problem_scales(problem)
         state = evaluate(problem, inner)
         memory = _Memory(0, inner, law_residual(problem, state, scales), state, scales)
-        return Iterate(inner.load, inner.closed, memory)
+        return Iterate(inner.load, inner.closed, memory, inner.motion)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
@@ -81,4 +81,4 @@ class Auto(Solver):
         if memory.idle > stage.patience:
             inner = STAGES[memory.stage + 1].solver.init(problem, memory.state)
             memory = replace(memory, stage=memory.stage + 1, inner=inner, idle=0)
-        return Iterate(inner.load, inner.closed, memory)
+        return Iterate(inner.load, inner.closed, memory, inner.motion)

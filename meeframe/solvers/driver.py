@@ -12,7 +12,7 @@ from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.solvers.residual import evaluate, law_residual
-from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
 Criterion = Literal["residual", "paper"]
 
@@ -74,8 +74,8 @@ class _Trend:
 class _Orbit:
     """Whether loads come back (Brent's cycle detection): each load is compared with one kept from a power of two.
 
-    kept: (n, 6) scaled load and closed fraction; until: iteration at which another is kept; farthest: largest distance
-    from it since; repeated: whether the last one came back to it.
+    kept: (6 n + m,) scaled load, closed fraction and motion; until: iteration at which another is kept; farthest:
+    largest distance from it since; repeated: whether the last one came back to it.
     """
 
     kept: Array
@@ -115,12 +115,13 @@ def solve(
         by_residual = limits.criterion == "residual"
         looks = [(0, law_residual(problem, state, scales))] if by_residual else []
         trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
-        orbit = _Orbit(_point(iterate, scales), 1)
+        units = motion_scales(problem, scales)
+        orbit = _Orbit(_point(iterate, scales, units), 1)
         iteration = 0
         while (verdict := _verdict(trend, limits, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
-            orbit = orbit.next(iteration, _point(iterate, scales), limits.tolerance)
+            orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
             if by_residual and not orbit.repeated and iteration % solver.stride and iteration < limits.max_iterations:
                 continue
             previous, state = state, evaluate(problem, iterate)
@@ -136,8 +137,9 @@ def solve(
     return ContactSolution(state, status, iteration, final, np.array(looks), message)
 
 
-def _point(iterate: Iterate, scales: Scales) -> Array:
-    return np.column_stack([iterate.load / scales.load, iterate.closed])
+def _point(iterate: Iterate, scales: Scales, units: Array) -> Array:
+    """Load, closed fraction and motion in characteristic units, as one vector."""
+    return np.concatenate([(iterate.load / scales.load).ravel(), iterate.closed, iterate.motion / units])
 
 
 def _paper_change(previous: ContactState, state: ContactState) -> float:

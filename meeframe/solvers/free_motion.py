@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, Freedom, augmented_traction
+from meeframe.core.contact import ContactProblem, ContactState, Freedom, augmented_traction
 from meeframe.core.fields import MECHANICAL, Array
 
 MAX_ITERATIONS: Final = 60
@@ -26,9 +26,11 @@ FRACTIONS: Final = tuple(0.5**k for k in range(12))
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """Tractions (n, 3) projected by the law, and the motions (k,) of the mechanical freedoms that balance them."""
+    """Tractions (n, 3) projected by the law, the trial (n, 3) that was projected, and the motions (k,) of the mechanical
+    freedoms that balance them."""
 
     traction: Array
+    trial: Array
     motion: Array
 
 
@@ -42,6 +44,12 @@ def potentials(problem: ContactProblem) -> Array:
     return np.array([i for i, freedom in enumerate(problem.freedoms) if freedom.electromagnetic], int)
 
 
+def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
+    """Motion (m,) of the previous load step's state, if its freedoms were as many, or none."""
+    count = len(problem.freedoms)
+    return start.motion if start is not None and start.motion.shape == (count,) else np.zeros(count)
+
+
 def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> Balanced:
     """Project the augmented tractions of tractions (n, 3) and gap (n, 3), moved freely so that resultants balance.
 
@@ -51,7 +59,7 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
     freedoms = [problem.freedoms[i] for i in motions(problem)]
     here = _Point.at(problem, freedoms, traction, gap, r, np.zeros(len(freedoms)))
     if not freedoms:
-        return Balanced(here.traction, here.motion)
+        return Balanced(here.traction, here.trial, here.motion)
     modes = np.stack([freedom.mode[:, MECHANICAL] for freedom in freedoms])
     modes[:, ~np.isfinite(gap[:, 2])] = 0.0
     measures = np.stack([freedom.measure[:, MECHANICAL] for freedom in freedoms])
@@ -67,7 +75,7 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
         if there is None:
             break
         here = there
-    return Balanced(here.traction, here.motion)
+    return Balanced(here.traction, here.trial, here.motion)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,13 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
+from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
-from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.newton_steps import Step, newton_step
 from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
@@ -24,6 +25,8 @@ FLIPS: Final = 1
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
+BALANCED: Final = 1e-6
+"""Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +45,11 @@ class _Memory:
 class SemismoothNewton(Solver):
     """Newton's method on the residual of eqs. (27)-(29) with generalised Jacobians of the laws.
 
-    A step solves the linearised equations for tractions, fluxes and the closed fractions of grazing nodes together, by
-    factorisation at contact size or, where the compliance is not held as a matrix, by GMRES. Tractions are then made
-    admissible. A step that does not bring the merit (the root mean square of the residual) below that of the last two
-    states is halved, up to three times. If that does not help, a burst of projected Barzilai-Borwein steps takes its
-    place, from where Newton's method starts again.
+    A step solves the linearised equations for tractions, fluxes, the closed fractions of grazing nodes and the free
+    motions of the indenter together, by factorisation at contact size or, where the compliance is not held as a matrix,
+    by GMRES. Tractions are then made admissible. A step that does not bring the merit (the root mean square of the
+    residual, balance included) below that of the last two states is halved, up to three times. If that does not help,
+    a burst of projected Barzilai-Borwein steps takes its place, from where Newton's method starts again.
 
     Source: Christensen et al., Int. J. Solids Struct. 35 (1998) 3907 for frictional contact; Qi and Sun, Math. Program.
     58 (1993) 353 for the convergence.
@@ -56,7 +59,11 @@ class SemismoothNewton(Solver):
         """The converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
         closed = np.zeros(n) if start is None else start.closed
-        point = Equation.of(problem).at(start_load(start, n), closed, _between(closed))
+        equation = Equation.of(problem)
+        motion = start_motion(problem, start)
+        point = equation.at(start_load(start, n), closed, _between(closed), motion)
+        if (np.abs(point.balance) > BALANCED).any():
+            point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         return _iterate(_Memory(point, (point.merit,), np.zeros(n)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
@@ -66,15 +73,25 @@ class SemismoothNewton(Solver):
         direction = newton_step(point.equation, point.linearise())
         allowed = FALL * max(memory.merits)
         flips = memory.flips
-        if np.isfinite(direction).all():
+        if direction.finite:
             for fraction in FRACTIONS:
-                flips, moved = _moved(point, flips, fraction * direction)
+                flips, moved = _moved(point, flips, direction, fraction)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
         return _iterate(_Memory(moved, (moved.merit,), flips, burst))
+
+
+def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
+    """Motion (m,) at which the tractions of one projected step bear the prescribed resultants: something is touched."""
+    traction, r = point.load[:, MECHANICAL], point.equation.r
+    displacement = problem.system.offset + problem.system.apply(point.load)
+    gap = contact_gap(problem, displacement, point.motion)
+    motion = point.motion.copy()
+    motion[motions(problem)] += balanced_projection(problem, traction, gap, (r, r)).motion
+    return motion
 
 
 def _memory(iterate: Iterate) -> _Memory:
@@ -85,31 +102,33 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _iterate(memory: _Memory) -> Iterate:
     point = memory.point
-    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory)
+    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory, point.motion)
 
 
 def _between(closed: Array) -> Mask:
     return (closed > 0.0) & (closed < 1.0)
 
 
-def _moved(point: Point, flips: Array, step: Array) -> tuple[Array, Point]:
-    """Flips (n,) and point after a step (n, 6). Nodes whose conduction keeps changing are taken to graze."""
-    load = point.load + step[:, :N_FIELDS]
-    load[:, MECHANICAL] = point.equation.problem.contact_law.project(load[:, MECHANICAL])
-    moved = point.equation.at(load, point.closed + step[:, CLOSED], point.grazing)
+def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
+    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze."""
+    equation = point.equation
+    load = point.load + fraction * step.local[:, :N_FIELDS]
+    load[:, MECHANICAL] = equation.problem.contact_law.project(load[:, MECHANICAL])
+    motion = point.motion + fraction * step.motion
+    moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
     flips = flips + (changed & moved.jump.any(axis=1))
     grazing = moved.grazing | (flips > FLIPS)
     if (grazing == moved.grazing).all():
         return flips, moved
-    return flips, point.equation.at(load, moved.closed, grazing)
+    return flips, equation.at(load, moved.closed, grazing, motion)
 
 
 def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:
     """The point that projected Barzilai-Borwein steps reach; nodes (n,) that graze go on grazing."""
     solver = BarzilaiBorwein()
     closed = np.clip(point.closed, 0.0, 1.0)
-    iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), closed))
+    iterate = solver.init(problem, ContactState(point.load, np.zeros_like(point.load), closed, point.motion))
     for _ in range(count):
         iterate = solver.step(problem, iterate)
-    return point.equation.at(iterate.load, iterate.closed, grazing | _between(iterate.closed))
+    return point.equation.at(iterate.load, iterate.closed, grazing | _between(iterate.closed), iterate.motion)

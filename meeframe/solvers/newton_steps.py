@@ -1,5 +1,6 @@
 """Newton steps of the nonsmooth equation: by factorisation at contact size, or by Krylov iteration without a matrix."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,28 +15,61 @@ from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 KRYLOV_TOLERANCE: Final = 1e-8
 RESTART: Final = 80
 CYCLES: Final = 5
+UNRESISTED: Final = 1e-12
+"""Stiffness against a motion, as a fraction of the largest one, that is none."""
 
 
-def newton_step(equation: Equation, blocks: Blocks) -> Array:
-    """Step (n, 6) of load and closed fraction with (A + B C) step = -residual; not finite if that is singular.
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A Newton step. local: (n, 6) of load and closed fraction; motion: (m,) of the freedoms."""
+
+    local: Array
+    motion: Array
+
+    @property
+    def finite(self) -> bool:
+        """Whether the equations were regular."""
+        return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
+
+
+def newton_step(equation: Equation, blocks: Blocks) -> Step:
+    """The step that solves the linearised equations; not finite if they are singular.
 
     Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
-    graze) are eliminated beforehand: what remains is the size of the contact.
+    graze) are eliminated beforehand: what remains is the size of the contact. Free motions are eliminated too, which
+    leaves the stiffness of the contact against them; a motion that nothing resists stays where it is.
     """
     coupled = _coupled(blocks)
     step = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, _diagonal(blocks.a)))
-    right = -blocks.residual[coupled]
+    right = -blocks.residual
     if step.any():
-        right -= _product(equation, blocks, step)[coupled]
-    if right.size == 0:
-        return step
+        right = right - _product(equation, blocks, step)
+    # first the step at rest, then the responses to each motion
+    rights = np.concatenate([right[:, :, None], blocks.b @ equation.modes], axis=2)[coupled]
+    responses = np.zeros((*coupled.shape, rights.shape[1]))
+    responses[:, :, 0] = step
+    if rights.size:
+        responses[coupled] = _solve(equation, blocks, coupled, rights)
+    amounts = _amounts(equation, blocks, responses)
+    return Step(responses[:, :, 0] + responses[:, :, 1:] @ amounts, equation.units * amounts)
+
+
+def _solve(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> Array:
+    """Solutions (k, 1 + m) of the coupled rows (k of them)."""
     matrix = equation.problem.system.dense()
     if matrix is None:
-        step[coupled] = _krylov(equation, blocks, coupled, right)
-    else:
-        size = equation.problem.system.offset.size
-        step[coupled] = _direct(equation, blocks, coupled, right, matrix.reshape(size, size))
-    return step
+        return np.column_stack([_krylov(equation, blocks, coupled, right) for right in rights.T])
+    size = equation.problem.system.offset.size
+    return _direct(equation, blocks, coupled, rights, matrix.reshape(size, size))
+
+
+def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
+    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m)."""
+    if blocks.balance.size == 0 or not np.isfinite(responses).all():
+        return np.full(blocks.balance.shape, 0.0 if blocks.balance.size == 0 else np.nan)
+    resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :N_FIELDS])
+    right = -blocks.balance - resultants[:, 0]
+    return np.asarray(np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0])
 
 
 def _diagonal(a: Array) -> Array:
@@ -60,8 +94,8 @@ def _unit(equation: Equation, unknown: Indices) -> Array:
     return np.append(equation.scales.load, 1.0)[unknown]
 
 
-def _direct(equation: Equation, blocks: Blocks, coupled: Mask, right: Array, matrix: Array) -> Array:
-    """Solution by LU factorisation; matrix: (5n, 5n) compliance."""
+def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, matrix: Array) -> Array:
+    """Solutions by LU factorisation; matrix: (5n, 5n) compliance."""
     # loads before closed fractions, so that the compliance fills a block
     node, row = np.nonzero(coupled)
     order = np.argsort(row == CLOSED, kind="stable")
@@ -79,12 +113,12 @@ def _direct(equation: Equation, blocks: Blocks, coupled: Mask, right: Array, mat
         rows = np.flatnonzero(coupled[node, unknown])
         jacobian[rows, number[node[rows], unknown]] += blocks.a[node[rows], row[rows], unknown]
     unit = _unit(equation, row)
-    solved = np.empty_like(right)
+    solved = np.empty_like(rights)
     try:
         factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
     except LinAlgError:
-        return np.full_like(right, np.nan)
-    solved[order] = unit * lu_solve(factors, right[order], check_finite=False)
+        return np.full_like(rights, np.nan)
+    solved[order] = unit[:, None] * lu_solve(factors, rights[order], check_finite=False)
     return solved
 
 

@@ -9,6 +9,10 @@ in meeframe.solvers.conduction; `own` is the node's own response. The gap depend
 alone, so that the generalised Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that a linear
 solver needs to know.
 
+Free motions and potentials w of the indenter are unknowns too. They enter the gap and the potential difference as the
+compliance does, with the opposite sign, so that their columns are -B mode; their rows are the balance
+    measure : load - total = 0.
+
 The length r is that of a stable gradient step. The active sets that the linearisation sees are then those that a step
 of Uzawa's method would make; with r near the inverse of a node's own compliance they chatter from one step to the next.
 """
@@ -18,11 +22,11 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, augmented_traction, contact_gap
-from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.contact import ContactProblem, augmented_traction, indenter_position, unbalance
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.conduction import Mask, own_response, resistances
 from meeframe.solvers.elimination import POTENTIALS
-from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
 CLOSED: Final = 5
 """Row and column of the closed fraction; those before it are the fields of the load."""
@@ -39,7 +43,8 @@ class Equation:
     """The nonsmooth equation of a problem.
 
     scales: of its data; blocks: (n, 5, 5) response of each node to its own load; own: (n, 2) of its potentials to their
-    flux; r: [Pa/m].
+    flux; r: [Pa/m]; modes: (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free
+    motions; measures: (m, n, 5) of the loads by characteristic totals.
     """
 
     problem: ContactProblem
@@ -47,34 +52,48 @@ class Equation:
     blocks: Array
     own: Array
     r: float
+    modes: Array
+    units: Array
+    measures: Array
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Equation":
         """Of a problem."""
         scales = problem_scales(problem)
-        blocks = problem.system.diagonal_blocks()
-        return cls(problem, scales, blocks, own_response(problem), 1.0 / scales.normal_compliance)
+        blocks, own = problem.system.diagonal_blocks(), own_response(problem)
+        units = motion_scales(problem, scales)
+        modes, measures = np.zeros((2, len(units), len(problem.gap), N_FIELDS))
+        for k, freedom in enumerate(problem.freedoms):
+            modes[k], measures[k] = units[k] * freedom.mode, freedom.measure / scales.totals[k]
+        modes = np.moveaxis(modes, 0, 2)
+        return cls(problem, scales, blocks, own, 1.0 / scales.normal_compliance, modes, units, measures)
 
-    def at(self, load: Array, closed: Array, grazing: Mask) -> "Point":
-        """The equation at a load (n, 5); closed: (n,) what grazing nodes (n,) have, that of the others follows."""
+    def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
+        """The equation at a load (n, 5) and motion (m,) of the freedoms.
+
+        closed: (n,) what grazing nodes (n,) have, that of the others follows.
+        """
         displacement = self.problem.system.offset + self.problem.system.apply(load)
-        gap = contact_gap(self.problem, displacement)
-        trial = augmented_traction(self.problem.contact_law, load[:, MECHANICAL], gap, self.r, self.r)
+        ahead = indenter_position(self.problem, motion) - displacement
+        law = self.problem.contact_law
+        trial = augmented_traction(law, load[:, MECHANICAL], ahead[:, MECHANICAL], self.r, self.r)
         closed = np.where(grazing, closed, trial[:, 2] < 0.0)
         conducting = self.transmissivity(load[:, 2], 1.0)
         jump = conducting - self.transmissivity(load[:, 2], 0.0)
         transmissivity = conducting - (1.0 - np.clip(closed, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
-        drive = displacement[:, POTENTIALS] + self.problem.potentials - flux
+        drive = -ahead[:, POTENTIALS] - flux
         # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
         switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
         residual = np.zeros((len(load), 6))
-        residual[:, MECHANICAL] = (load[:, MECHANICAL] - self.problem.contact_law.project(trial)) / self.scales.pressure
+        residual[:, MECHANICAL] = (load[:, MECHANICAL] - law.project(trial)) / self.scales.pressure
         residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]
         switch = closed - trial[:, 2] / sigma
         residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0)
-        return Point(self, load, closed, grazing, trial, transmissivity, jump, drive, sigma, switch, residual)
+        balance = unbalance(self.problem, load) / self.scales.totals
+        nodes = (trial, transmissivity, jump, drive, sigma, switch, residual)
+        return Point(self, load, closed, grazing, motion, *nodes, balance)
 
     def transmissivity(self, normal_traction: Array, closed: float) -> Array:
         """T, (n, 2), at normal tractions (n,) if all nodes have one closed fraction."""
@@ -90,26 +109,32 @@ class Equation:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """The linearisation (A + B C) step = -residual; a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6)."""
+    """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
+
+    a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6), balance: (m,); modes and measures are the equation's.
+    """
 
     a: Array
     b: Array
     residual: Array
+    balance: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
     """The equation at a state.
 
-    load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; trial: (n, 3) [Pa]; transmissivity: (n, 2);
-    jump: (n, 2) its difference between closed and open; drive: (n, 2) potential difference less own f [V], [A];
-    sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction; residual: (n, 6), dimensionless.
+    load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; trial: (n, 3)
+    [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference between closed and open; drive: (n, 2) potential
+    difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction;
+    residual: (n, 6) and balance: (m,), dimensionless.
     """
 
     equation: Equation
     load: Array
     closed: Array
     grazing: Mask
+    motion: Array
     trial: Array
     transmissivity: Array
     jump: Array
@@ -117,11 +142,13 @@ class Point:
     sigma: Array
     switch: Array
     residual: Array
+    balance: Array
 
     @property
     def merit(self) -> float:
-        """Root of the mean square of the residual over the nodes; inf if it is not finite."""
-        merit = float(np.sqrt((self.residual**2).sum() / max(len(self.residual), 1)))
+        """Root of the mean square of the residual over the nodes and that of the balance; inf if it is not finite."""
+        square = (self.residual**2).sum() / max(len(self.residual), 1) + (self.balance**2).sum()
+        merit = float(np.sqrt(square))
         return merit if np.isfinite(merit) else np.inf
 
     def linearise(self) -> Blocks:
@@ -152,7 +179,7 @@ class Point:
             a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
             a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
             b[:, field, field] = self.transmissivity[:, k] / unit
-        return Blocks(a, b, residual)
+        return Blocks(a, b, residual, self.balance)
 
     def _gap(self) -> Array:
         """Normal gap (n,) [m]."""

@@ -11,13 +11,22 @@ from meeframe.core.contact import (
     indenter_position,
     unbalance,
 )
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.solvers.conduction import own_response, resistances, switch
 from meeframe.solvers.scales import Scales, problem_scales
 
 
 def evaluate(problem: ContactProblem, iterate: Iterate) -> ContactState:
-    """The state of an iterate: its displacement by one application of the compliance."""
+    """The state of an iterate: its displacement by one application of the compliance.
+
+    Raises CaseError if its solver does not find the free motions of the problem.
+    """
+    if np.shape(iterate.motion) != (len(problem.freedoms),):
+        raise CaseError(
+            f"the solver found {np.size(iterate.motion)} of the {len(problem.freedoms)} motions and potentials of the "
+            "indenter that are free; allowed with prescribed resultants: a solver that finds them, such as 'auto'"
+        )
     displacement = problem.system.offset + problem.system.apply(iterate.load)
     return ContactState(iterate.load, displacement, iterate.closed, iterate.motion)
 

@@ -72,6 +72,12 @@ def problem_scales(problem: ContactProblem) -> Scales:
     return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
 
 
+def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
+    """Characteristic amounts (m,) of the freedoms: their modes then reach the characteristic displacements."""
+    largest = [(np.abs(freedom.mode) / scales.displacement).max() for freedom in problem.freedoms]
+    return 1.0 / np.array(largest)
+
+
 def _foundation_motion(problem: ContactProblem) -> Array:
     """Motion (m,) of the freedoms on an elastic foundation as compliant as the body under a uniform pressure."""
     motion = np.zeros(len(problem.freedoms))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ConductivityLaw
+from meeframe.core.contact import AT_REST, ConductivityLaw
 from meeframe.core.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers.newton_steps import newton_step
@@ -67,12 +67,14 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, grazing) -> Non
     if grazing:
         # where the trial is far from zero the row of the closed fraction is clipped: only the flux rows see c
         mask[::3] = True
-    here = equation.at(load, closed, mask)
+    here = equation.at(load, closed, mask, AT_REST)
     step = np.column_stack(
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
     width = 1e-6
-    ahead, behind = (equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask) for h in (width, -width))
+    ahead, behind = (
+        equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask, AT_REST) for h in (width, -width)
+    )
     between = mask & (here.switch > 0.0) & (here.switch < 1.0)
     # a node between open and closed is written otherwise, see Point.linearise; the others must match, kinks apart
     smooth = ~between & (np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2]))
@@ -87,16 +89,16 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, grazing) -> Non
 def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None:
     problem = sphere("orthotropic", Signorini(), (0.0, 1.0), cells=8)
     equation = Equation.of(problem)
-    point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool))
+    point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(2):
-        step = newton_step(equation, point.linearise())
-        point = equation.at(point.load + step[:, :5], point.closed, point.grazing)
+        step = newton_step(equation, point.linearise()).local
+        point = equation.at(point.load + step[:, :5], point.closed, point.grazing, AT_REST)
     edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
     mask = np.arange(64) == edge
     # in the middle of its graph
     closed = np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.closed)
-    point = equation.at(point.load, closed, mask)
-    step = newton_step(equation, point.linearise())
+    point = equation.at(point.load, closed, mask, AT_REST)
+    step = newton_step(equation, point.linearise()).local
     moved = equation.problem.system.apply(point.load + step[:, :5])
     scale = equation.scales
     assert abs(point.load[edge, 2] + step[edge, 2]) < 1e-12 * scale.pressure
@@ -110,9 +112,9 @@ def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, k
     dense, krylov = Equation.of(problem), Equation.of(hidden)
     load = np.zeros((64, 5))
     for _ in range(3):
-        point = dense.at(load, np.zeros(64), np.zeros(64, bool))
-        step = newton_step(dense, point.linearise())
-        other = newton_step(krylov, krylov.at(load, np.zeros(64), np.zeros(64, bool)).linearise())
+        point = dense.at(load, np.zeros(64), np.zeros(64, bool), AT_REST)
+        step = newton_step(dense, point.linearise()).local
+        other = newton_step(krylov, krylov.at(load, np.zeros(64), np.zeros(64, bool), AT_REST).linearise()).local
         unit = np.append(dense.scales.load, 1.0)
         np.testing.assert_allclose(other / unit, step / unit, atol=1e-6 * np.abs(step / unit).max())
         product = jacobian_times(dense, point.linearise(), step)
