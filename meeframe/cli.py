@@ -1,4 +1,4 @@
-"""The command line: meeframe run, check, show, plugins."""
+"""The command line: meeframe run, check, show, plugins, reproduce."""
 
 import sys
 from collections.abc import Iterator
@@ -100,6 +100,31 @@ def plugins() -> None:
             table.add_row(entry.kind, record.name, provider.name, provider.version, record.summary, record.source)
         _console().print(table)
         _warn_of_broken_plugins()
+
+
+@app.command()
+def reproduce(
+    figures: Annotated[list[str], typer.Argument(metavar="FIGURE...", help="Names such as fig-05, or all.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the figures.")] = Path("reproduced"),
+    validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the studies.")] = Path("validation"),
+) -> None:
+    """Solve the studies of figures of the reference paper; write FIGURE.png and FIGURE.json.
+
+    Reduced systems are kept in DIR/cache and found there again. Exit status 0 if every run converged, 1 if not, 2 for
+    bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED):
+        from meeframe.study.reproduce import reproduce as reproduce_figures
+
+        _warn_of_broken_plugins()
+        missed: list[str] = []
+        with _progress() as progress:
+            for study in reproduce_figures(figures, validation, out, progress):
+                print(f"{study.name}: {out / study.name}.png, {study.title}")
+                missed += [f"{study.name}: {run}: not converged" for run in study.not_converged]
+        for line in missed:
+            print(line)
+        raise typer.Exit(NOT_CONVERGED if missed else CONVERGED)
 
 
 def _print_version(wanted: bool) -> None:

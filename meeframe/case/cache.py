@@ -1,0 +1,109 @@
+"""Reduced systems found again by content: the same input and the same code are not computed twice."""
+
+import dataclasses
+import hashlib
+import inspect
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+import meeframe
+from meeframe.case.case import Case
+from meeframe.case.solve import reduce
+from meeframe.core.errors import ResultError
+from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.io.systems import read_system, write_system
+
+_LATER: Final = frozenset(
+    {"indenter", "placement", "steps", "contact_law", "electric_law", "magnetic_law", "solver", "limits"}
+    | {"output", "title", "text"}
+)
+"""Fields of a case that act on the reduced system, not in it. All others, those to come too, are part of the key."""
+
+_ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
+_LIBRARIES: Final = ("numpy", "scipy", "numba")
+
+
+def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> ReducedSystem:
+    """The reduced system of a case, from a file in `folder` if it was computed before, else computed and kept there.
+
+    The file is found by `system_key`; one that is damaged is made anew. What is found is the same bit for bit, except
+    that `recover` reduces the case again when it is first called. Systems without a matrix are computed each time.
+    Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
+    """
+    key = system_key(case)
+    path = folder / f"{key}.h5"
+
+    @lru_cache(maxsize=1)
+    def again() -> ReducedSystem:
+        return reduce(case, progress)
+
+    found = read_system(path, key, lambda load: again().recover(load))
+    if found is not None:
+        return found
+    system = reduce(case, progress)
+    matrix = system.dense()
+    if matrix is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"cache folder {folder} cannot be made: {error.strerror or error}") from None
+        write_system(path, key, system, matrix)
+    return system
+
+
+def system_key(case: Case) -> str:
+    """SHA-256 of everything that determines the reduced system of a case, hexadecimal.
+
+    Material, mesh, conditions, zone and formulation by their content, the classes they are made of, the sources of
+    meeframe (and of plugins) that compute with them, and the versions of the numerical libraries.
+    """
+    parts = {field.name: getattr(case, field.name) for field in dataclasses.fields(case) if field.name not in _LATER}
+    digest = hashlib.sha256(_sources())
+    for piece in _content(parts):
+        digest.update(len(piece).to_bytes(8) + piece)  # the length keeps neighbours apart
+    return digest.hexdigest()
+
+
+def _content(value: Any) -> Iterator[bytes]:
+    """The value as a sequence of bytes, other values giving others."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield _class_content(type(value))
+        yield from _content({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
+    elif isinstance(value, Mapping):
+        yield f"mapping {len(value)}".encode()
+        for key, item in value.items():
+            yield from _content(key)
+            yield from _content(item)
+    elif isinstance(value, list | tuple):
+        yield f"sequence {len(value)}".encode()
+        for item in value:
+            yield from _content(item)
+    elif isinstance(value, np.ndarray):
+        yield f"array {value.dtype.str} {value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    else:  # None, numbers, texts, members of an enumeration: their representation is exact
+        yield f"{type(value).__qualname__} {value!r}".encode()
+
+
+@lru_cache
+def _class_content(owner: type) -> bytes:
+    """Name of a class and, if it is not meeframe's own, the source of its module, on which results then depend."""
+    name = f"{owner.__module__}.{owner.__qualname__}".encode()
+    return name if owner.__module__.startswith("meeframe.") else name + Path(inspect.getfile(owner)).read_bytes()
+
+
+@lru_cache
+def _sources() -> bytes:
+    """Versions and the sources of the rooms that compute reduced systems."""
+    digest = hashlib.sha256(meeframe.__version__.encode())
+    for library in _LIBRARIES:
+        digest.update(f"{library} {metadata.version(library)}".encode())
+    root = Path(meeframe.__file__).parent
+    for path in sorted(path for room in _ROOMS for path in (root / room).rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.digest()

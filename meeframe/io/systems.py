@@ -1,0 +1,57 @@
+"""Files of reduced systems: what a reduction computes, kept so that it need not be computed again."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.io.output import replacing
+
+FORMAT: Final = "meeframe-system 1"
+
+_UNITS: Final = {
+    "points": "m",
+    "frames": "1",
+    "weights": "m^2",
+    "offset": "m, m, m, V, A",
+    "matrix": "displacement (m, m, m, -V, -A) per load (Pa, Pa, Pa, C/m^2, Wb/m^2)",
+}
+
+
+def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:
+    """Write a reduced system; matrix: its compliance (n, 5, n, 5); key: what it is known by, kept with it.
+
+    The file is whole or not there. Raises ResultError if it cannot be written.
+    """
+    arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update({"format": FORMAT, "key": key})
+        for name, unit in _UNITS.items():
+            _put(file, name, arrays[name]).attrs["units"] = unit
+        for number, (cell_type, connectivity) in enumerate(system.cells):
+            _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
+
+
+def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
+    """The reduced system of a file, bit for bit; None if there is no whole file of this key.
+
+    recovery: how fields on the whole boundary are found, which no file holds.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if (file.attrs["format"], file.attrs["key"]) != (FORMAT, key):
+                return None
+            blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
+            cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
+            return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+    except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
+        return None
+
+
+def _put(file: Any, name: str, array: Any) -> Any:
+    """A dataset with a check sum, so that a change on the disk shows when it is read."""
+    return file.create_dataset(name, data=array, chunks=True, fletcher32=True)

@@ -1,0 +1,192 @@
+"""The figure of a study: curves of totals, sections through the zone, or maps of it, in panels."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.result import Zone
+from meeframe.report.picture import Picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
+_MARKERS: Final = "osD^vPX*"
+_MAP_COLOURS: Final = "cividis"
+_ARROWS: Final = 12
+"""Arrows along a side of a map, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Runs shown together.
+
+    axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, (m,)
+    totals, (m, n) fields on the zone or (m, n, 2) tangential fields, divided by their references [SI]; converged: (m,);
+    messages: why each run ended, in words.
+    """
+
+    title: str
+    axis: str
+    runs: tuple[str, ...]
+    values: Array
+    quantities: Mapping[str, Array]
+    references: Mapping[str, float]
+    converged: tuple[bool, ...]
+    messages: tuple[str, ...]
+    zone: Zone
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A study with its numbers; texts as in its file."""
+
+    name: str
+    title: str
+    paper: str
+    kind: Literal["curves", "sections", "maps"]
+    scale: Literal["linear", "log"]
+    panels: tuple[Panel, ...]
+
+    @property
+    def not_converged(self) -> tuple[str, ...]:
+        """Runs with a step that did not converge, as `panel, run`."""
+        return tuple(
+            f"{panel.title}, {run}"
+            for panel in self.panels
+            for run, converged in zip(panel.runs, panel.converged, strict=True)
+            if not converged
+        )
+
+
+def study_json(study: Study) -> str:
+    """The numbers of a study: of each panel the runs, references and quantities; points of the zone [m] for fields."""
+    panels = [_panel_numbers(panel, study.kind != "curves") for panel in study.panels]
+    head = {"name": study.name, "title": study.title, "paper": study.paper, "kind": study.kind}
+    return json.dumps({**head, "panels": panels}, indent=1, allow_nan=False) + "\n"
+
+
+def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
+    numbers: dict[str, Any] = {
+        "title": panel.title,
+        "axis": panel.axis,
+        "runs": list(panel.runs),
+        "values": [value if math.isfinite(value) else None for value in panel.values.tolist()],
+        "converged": list(panel.converged),
+        "messages": list(panel.messages),
+        "references": dict(panel.references),
+        "quantities": {name: values.tolist() for name, values in panel.quantities.items()},
+    }
+    if with_points:
+        numbers |= {"points": panel.zone.points.tolist(), "weights": panel.zone.weights.tolist()}
+    return numbers
+
+
+def study_figure(study: Study) -> "Figure":
+    """The figure: a column for each panel; maps have one for each run."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    draw, width, height = {
+        "curves": (_curves, 5.0 * len(study.panels), 4.0),
+        "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
+        "maps": (_maps, 2.9 * sum(len(p.runs) for p in study.panels) + 1.2, 2.7 * _rows(study) + 0.5),
+    }[study.kind]
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    draw(figure, study)
+    return figure
+
+
+def _rows(study: Study) -> int:
+    return len(_names(study))
+
+
+def _names(study: Study) -> list[str]:
+    """All quantities, in the order in which the panels show them."""
+    return list(dict.fromkeys(name for panel in study.panels for name in panel.quantities))
+
+
+def _label(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _curves(figure: "Figure", study: Study) -> None:
+    grid = figure.subplots(1, len(study.panels), squeeze=False)
+    names = _names(study)
+    for axes, panel in zip(grid[0], study.panels, strict=True):
+        for name, values in panel.quantities.items():
+            place = names.index(name) % len(_COLOURS)
+            axes.plot(panel.values, values, marker=_MARKERS[place], ms=4, color=_COLOURS[place], label=_label(name))
+        axes.set(title=panel.title, xlabel=panel.axis, xscale=study.scale)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    grid[0, 0].set_ylabel("relative to reference")
+
+
+def _sections(figure: "Figure", study: Study) -> None:
+    grid = figure.subplots(_rows(study), len(study.panels), squeeze=False, sharex=True, sharey="row")
+    for column, panel in enumerate(study.panels):
+        nodes, x = middle_line(panel.zone)
+        for row, name in enumerate(_names(study)):
+            axes = grid[row, column]
+            for run, values in enumerate(panel.quantities.get(name, ())):
+                style = {"marker": "o", "ms": 2.5, "lw": 1.2, "color": _COLOURS[run % len(_COLOURS)]}
+                axes.plot(x * 1e3, values[nodes], label=panel.runs[run], **style)
+            axes.grid(alpha=0.3)
+            if column == 0:
+                axes.set_ylabel(_label(name))
+        grid[0, column].set_title(panel.title)
+        grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
+        grid[-1, column].set_xlabel("x [mm]")
+
+
+def middle_line(zone: Zone) -> tuple[Any, Array]:
+    """Nodes on the line y = middle of the zone, and their distance along x from its middle [m], ascending."""
+    x, y = (zone.points[:, i] - (zone.points[:, i].min() + zone.points[:, i].max()) / 2 for i in range(2))
+    nodes = np.flatnonzero(np.abs(y) <= np.abs(y).min() + 1e-9 * np.ptp(y))
+    nodes = nodes[np.argsort(x[nodes])]
+    return nodes, x[nodes]
+
+
+def _maps(figure: "Figure", study: Study) -> None:
+    columns = [(panel, run) for panel in study.panels for run in range(len(panel.runs))]
+    grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
+    for row, name in enumerate(_names(study)):
+        shown = [np.linalg.norm(v, axis=-1) if v.ndim == 3 else v for v in _each(study, name)]
+        low, high = min(v.min() for v in shown), max(v.max() for v in shown)
+        drawn: Any = None
+        for axes, (panel, run) in zip(grid[row], columns, strict=True):
+            drawn = _map(axes, panel, panel.quantities[name][run], (low, high))
+        figure.colorbar(drawn, ax=list(grid[row]), label=_label(name), shrink=0.9)
+        grid[row, 0].set_ylabel("y [mm]")
+    for column, (panel, run) in enumerate(columns):
+        several = len(panel.runs) > 1 or len(study.panels) == 1
+        title = "\n".join(filter(None, [panel.title, f"{panel.axis} {panel.runs[run]}".strip() if several else ""]))
+        grid[0, column].set_title(title, fontsize=9)
+        grid[-1, column].set_xlabel("x [mm]")
+
+
+def _each(study: Study, name: str) -> Iterator[Array]:
+    return (panel.quantities[name] for panel in study.panels)
+
+
+def _map(axes: Any, panel: Panel, values: Array, limits: tuple[float, float]) -> Any:
+    """One map; a tangential field by its modulus and by arrows of its direction."""
+    picture = Picture.of(panel.zone)
+    modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+    shading = {"shading": "gouraud", "cmap": _MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
+    drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)
+    if values.ndim == 2:
+        step = max(1, math.ceil(math.sqrt(len(values)) / _ARROWS))
+        chosen = np.flatnonzero(modulus > 1e-3 * max(limits[1], 1e-300))[:: step * step]
+        direction = values[chosen] / modulus[chosen, None]
+        axes.quiver(*picture.points[chosen].T, *direction.T, color="white", width=0.006, scale=18)
+    axes.set(aspect="equal")
+    axes.margins(0.0)
+    return drawn

@@ -1,0 +1,1 @@
+"""Studies: many runs of one case with some of its keys changed, and the figure that shows them."""

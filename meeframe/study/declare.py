@@ -1,0 +1,193 @@
+"""What a study file may say: one frozen model for each table. Documented in docs/reproduce.md."""
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
+
+from meeframe.core.errors import CaseError
+from meeframe.plugin.validation import Problem, TableError, choices, problems_of
+from meeframe.study.quantities import NODAL, TOTALS
+
+Changes = dict[str, Any]
+"""Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
+
+_PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
+
+Text = Annotated[str, Strict(), Field(min_length=1)]
+
+
+def _parts(key: str) -> list[str | int]:
+    """The parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
+    found, position = [], 0
+    while position < len(key):
+        match = _PART.match(key, position)
+        if match is None:
+            raise ValueError(f"{key!r} is not a key of a case file such as contact.law.mu or steps[1].translation")
+        found.append(match[1] or int(match[2]) - 1)
+        position = match.end()
+    return found
+
+
+def _checked_keys(changes: Changes) -> Changes:
+    for key in changes:
+        _parts(key)
+    return changes
+
+
+CheckedChanges = Annotated[Changes, AfterValidator(_checked_keys)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RunTable(_Table):
+    """[[panels.runs]]: one run. label: its name in the figure; set: what it changes; value: its place on the axis."""
+
+    label: Text
+    set: CheckedChanges = Field(default_factory=dict)
+    value: float | None = None
+
+
+class PanelTable(_Table):
+    """[[panels]]: runs shown together.
+
+    set: changed in all of them and in the references; vary, values: a run for each value of one key; runs: more runs,
+    each with a label; axis: what the values are; quantities: as in StudyTable, which has the default.
+    """
+
+    title: Text
+    set: CheckedChanges = Field(default_factory=dict)
+    vary: Text | None = None
+    values: tuple[Any, ...] = ()
+    runs: tuple[RunTable, ...] = ()
+    axis: str = ""
+    quantities: dict[str, Text | float] | None = None
+
+    @model_validator(mode="after")
+    def _something_runs(self) -> "PanelTable":
+        if (self.vary is None) != (not self.values):
+            raise ValueError("vary and values belong together")
+        if not self.values and not self.runs:
+            raise ValueError("nothing to run: give vary and values, or runs")
+        _parts(self.vary or "")
+        return self
+
+    def all_runs(self) -> tuple[RunTable, ...]:
+        """Those of vary and values, then the others."""
+        varied = (
+            RunTable(
+                label=f"{value:g}" if isinstance(value, int | float) else str(value),
+                set={self.vary: value},
+                value=value if isinstance(value, int | float) else None,
+            )
+            for value in self.values
+            if self.vary
+        )
+        return (*varied, *self.runs)
+
+
+class StudyTable(_Table):
+    """A study file.
+
+    title; paper: what the paper says of the figure; case: the case file that every run starts from, relative to this
+    one; kind: curves of totals over the varied value, sections along x through the middle of the zone, or maps of the
+    zone; scale: of the axis of the values; quantities: what is shown, and the number [SI] or the reference run that it
+    is divided by (a nodal quantity: by its largest value there); references: changes that make these runs.
+    """
+
+    title: Text
+    paper: str = ""
+    case: Text
+    kind: Literal["curves", "sections", "maps"]
+    scale: Literal["linear", "log"] = "linear"
+    quantities: dict[str, Text | float] = Field(default_factory=dict)
+    references: dict[str, CheckedChanges] = Field(default_factory=dict)
+    panels: tuple[PanelTable, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _quantities_are_known(self) -> "StudyTable":
+        names = TOTALS if self.kind == "curves" else NODAL
+        for panel in self.panels:
+            shown = self.shown(panel)
+            if not shown:
+                raise ValueError(f"panel {panel.title!r} shows no quantities")
+            for quantity, reference in shown.items():
+                if quantity not in names:
+                    raise ValueError(f"quantities: unknown quantity {quantity!r}; {choices(quantity, tuple(names))}")
+                if isinstance(reference, str) and reference not in self.references:
+                    known = choices(reference, tuple(self.references))
+                    raise ValueError(f"references: unknown reference {reference!r}; {known}")
+        return self
+
+    def shown(self, panel: PanelTable) -> dict[str, str | float]:
+        """The quantities of a panel and what they are divided by."""
+        return self.quantities if panel.quantities is None else panel.quantities
+
+
+def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
+    """The checked study of a file, and the tables of its case file.
+
+    Raises CaseError with a line for each problem found.
+    """
+    tables = read_tables(file)
+    try:
+        study = StudyTable.model_validate(tables)
+    except ValidationError as error:
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems_of(error, StudyTable))) from None
+    return study, read_tables(file.parent / study.case)
+
+
+def read_tables(file: Path) -> dict[str, Any]:
+    """The tables of a TOML file. Raises CaseError."""
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CaseError(f"{file}: is not a TOML file: {error}") from None
+
+
+def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
+    """A copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
+
+    Raises TableError if a key leads into something that is no table or list, or past the end of a list.
+    """
+    result = deepcopy(dict(tables))
+    for key, value in _items(changes):
+        *path, last = _parts(key)
+        inner: Any = result
+        for part in path:
+            inner = _inside(inner, part, key)
+        _enter(inner, last, key, deepcopy(value))
+    return result
+
+
+def _items(changes: tuple[Changes, ...]) -> Iterator[tuple[str, Any]]:
+    for group in changes:
+        yield from group.items()
+
+
+def _inside(table: Any, part: str | int, key: str) -> Any:
+    if isinstance(table, dict) and isinstance(part, str):
+        return table.setdefault(part, {})
+    _check_index(table, part, key)
+    return table[part]
+
+
+def _enter(table: Any, part: str | int, key: str, value: Any) -> None:
+    if not (isinstance(table, dict) and isinstance(part, str)):
+        _check_index(table, part, key)
+    table[part] = value
+
+
+def _check_index(table: Any, part: str | int, key: str) -> None:
+    if not (isinstance(table, list) and isinstance(part, int)):
+        raise TableError(Problem((key,), f"leads into {type(table).__name__} {table!r}, not into a table or list"))
+    if part >= len(table):
+        raise TableError(Problem((key,), f"there are {len(table)} entries only"))

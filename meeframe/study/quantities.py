@@ -1,0 +1,53 @@
+"""The quantities that a study can show."""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.result import Resultants, StepResult, Zone
+
+TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
+    "force": lambda totals: float(-totals.force[2]),
+    "force_x": lambda totals: float(totals.force[0]),
+    "force_y": lambda totals: float(totals.force[1]),
+    "charge": lambda totals: totals.charge,
+    "magnetic_flux": lambda totals: totals.magnetic_flux,
+    "contact_area": lambda totals: totals.contact_area,
+    "max_pressure": lambda totals: totals.max_pressure,
+    "max_electric_potential": lambda totals: totals.max_abs_electric_potential,
+    "max_magnetic_potential": lambda totals: totals.max_abs_magnetic_potential,
+}
+"""Totals of a step: force of the indenter against x3 and of the indenter on the body along x1, x2 [N], charge [C],
+magnetic flux [Wb], contact area [m^2], largest pressure [Pa] and absolute potentials [V], [A]."""
+
+
+def _pressure(_zone: Zone, step: StepResult) -> Array:
+    return 0.0 - step.traction[:, 2]
+
+
+def _tangential(zone: Zone, step: StepResult) -> Array:
+    """Along global x1, x2, (n, 2)."""
+    tangential: Array = np.einsum("na,nai->ni", step.traction[:, :2], zone.frames[:, :2, :2])
+    return tangential
+
+
+NODAL: Final[Mapping[str, Callable[[Zone, StepResult], Array]]] = {
+    "pressure": _pressure,
+    "traction_x": lambda zone, step: _tangential(zone, step)[:, 0],
+    "traction_y": lambda zone, step: _tangential(zone, step)[:, 1],
+    "tangential_traction": _tangential,
+    "electric_potential": lambda _, step: step.potentials[:, 0],
+    "magnetic_potential": lambda _, step: step.potentials[:, 1],
+}
+"""Fields on the contact zone, (n,), the tangential traction (n, 2): pressure and tractions on the body [Pa], in global
+axes, potentials of the body [V], [A]."""
+
+_TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
+
+
+def largest(quantity: str, zone: Zone, step: StepResult) -> float:
+    """What a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top pressure."""
+    values = NODAL["pressure" if quantity in _TRACTIONS else quantity](zone, step)
+    return float(values[np.abs(values).argmax()])

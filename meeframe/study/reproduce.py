@@ -1,0 +1,52 @@
+"""Figures by name: the studies of a folder, solved and drawn."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from meeframe.core.errors import CaseError
+from meeframe.core.formulation import Progress, silent
+from meeframe.io.output import check_output, replacing
+from meeframe.plugin.validation import choices
+from meeframe.report.figures import save_figure
+from meeframe.report.study import Study, study_figure, study_json
+from meeframe.study.solve import solve_study
+
+ALL: Final = "all"
+CACHE: Final = "cache"
+
+
+def known_studies(folder: Path) -> dict[str, Path]:
+    """Study files by name, fig-05 being FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
+    if not folder.is_dir():
+        raise CaseError(f"folder of studies {folder} does not exist; name the one that holds them with --validation")
+    found = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
+    if not found:
+        raise CaseError(f"folder of studies {folder} holds no */fig-*.toml; name another one with --validation")
+    return dict(sorted(found.items()))
+
+
+def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
+    """The files of the named studies, each once; `all` stands for all of them. Raises CaseError for an unknown name."""
+    for name in names:
+        if name not in known and name != ALL:
+            raise CaseError(f"unknown figure {name!r}; {choices(name, (*known, ALL))}")
+    return [file for name, file in known.items() if name in names or ALL in names]
+
+
+def reproduce(names: Sequence[str], folder: Path, out: Path, progress: Progress = silent) -> Iterator[Study]:
+    """Solve and draw the named studies of a folder one after the other: NAME.png and NAME.json in `out`.
+
+    Reduced systems are kept in the folder `cache` there. Each file is whole or as it was before. Raises CaseError for
+    names, studies and cases with problems, ResultError if `out` cannot be written.
+    """
+    files = choose(names, known_studies(folder))
+    check_output(out, overwrite=True)
+    for file in files:
+        study = solve_study(file, out / CACHE, progress)
+        out.mkdir(parents=True, exist_ok=True)
+        with replacing(out / f"{study.name}.json") as path:
+            path.write_text(study_json(study), encoding="utf-8")
+        with replacing(out / f"{study.name}.png") as path:
+            save_figure(study_figure(study), path)
+        yield study
