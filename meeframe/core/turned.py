@@ -62,7 +62,7 @@ class TurnedSystem(ReducedSystem):
         rows = _rotated(self.original.diagonal_blocks().swapaxes(1, 2), turn).swapaxes(1, 2)
         return _rotated(rows, turn)
 
-    def dense(self) -> None:
+    def dense(self) -> Array | None:
         """None: of a system that holds its matrix `turned` makes a DenseSystem."""
         return None
 

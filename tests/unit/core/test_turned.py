@@ -115,7 +115,7 @@ def test_directions_of_another_shape_or_not_finite_are_refused() -> None:
     system = random_system()
     with pytest.raises(CaseError, match=r"shape \(12, 2\); \(12, 3\) is needed"):
         turned(system, np.ones((N, 2)))
-    with pytest.raises(CaseError, match="direction at node 4 is .*finite"):
+    with pytest.raises(CaseError, match=r"direction at node 4 is .*finite"):
         turned(system, np.where(np.arange(N)[:, None] == 4, np.nan, 1.0) * np.ones(3))
 
 

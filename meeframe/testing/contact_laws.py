@@ -1,0 +1,235 @@
+"""Conformance of contact laws and conductivity laws; see meeframe.testing.contact."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.core.contact import ConductivityLaw, ContactLaw
+from meeframe.core.fields import Array
+from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, require
+
+_SAMPLES: Final = 400
+_REST_STEPS: Final = 300
+_SETTLED: Final = 1e-8
+"""A traction that changes by a smaller fraction in one step is at rest."""
+_STEPS: Final = (1e2, 1e4)
+"""Lengths r of the steps to a rest; both settle within _REST_STEPS for coefficients of friction up to about 10."""
+_WIDTH: Final = 1e-5
+"""Of differences, as a fraction of the trial."""
+_KINK: Final = 0.02
+"""One-sided differences that differ by more belong to a trial where the projection has a kink."""
+
+
+def check_contact_law(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
+    """Frozen; project is pure, admissible, idempotent, local and non-expansive in the law's metric; rests do not depend
+    on the step, and slip dissipates; tangent is the derivative of project where that has one.
+
+    pressure: magnitude of the random trial tractions [Pa]; pass one that is typical for the law. Properties that a law
+    need not have are checked apart: check_homogeneous, check_associated, check_isotropic, check_orthotropic.
+    """
+    check_frozen(law)
+    _check_scaling(law)
+    random = np.random.default_rng(seed)
+    trial = pressure * random.normal(size=(_SAMPLES, 3))
+    traction = _pure(law.project, trial, "project")
+    require(traction.shape == trial.shape, "project changes the shape", traction.shape)
+    require(bool(np.isfinite(traction).all()), "project gives tractions that are not finite", traction)
+    require(bool((traction[:, 2] <= 0.0).all()), "normal traction pulls", traction[:, 2].max())
+    open_ = traction[trial[:, 2] >= 0.0]
+    require(not open_.any(), "traction where the trial is open", open_)
+    beyond = np.column_stack([trial[:, :2], np.full(_SAMPLES, np.inf)])
+    require(not law.project(beyond).any(), "traction where there is no indenter above", law.project(beyond))
+    close(law.project(traction), traction, pressure, "project is not idempotent")
+    order = random.permutation(_SAMPLES)
+    close(law.project(trial[order]), traction[order], pressure, "project depends on other nodes")
+    _check_non_expansive(law, trial, pressure, random)
+    _check_rests(law, pressure, random)
+    _check_tangent(law, trial, beyond)
+
+
+def check_homogeneous(law: ContactLaw, seed: int = 0) -> None:
+    """project(a trial) = a project(trial) for a > 0, as for a law without a stress of its own."""
+    trial = np.random.default_rng(seed).normal(size=(_SAMPLES, 3))
+    for factor in (1e-9, 1e-3, 7.0, 1e9):
+        close(law.project(factor * trial), factor * law.project(trial), factor, "project is not homogeneous")
+
+
+def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
+    """At a given slip and pressure no admissible traction does more work than the one at rest (eq. 12).
+
+    Maximum dissipation: the slip is normal to the boundary of the admissible tangential tractions.
+    """
+    random = np.random.default_rng(seed)
+    rest = _rest(law, pressure, random, _STEPS[0])
+    angles = np.linspace(0.0, 2.0 * np.pi, 2 * _SAMPLES, endpoint=False)
+    far = 1e3 * pressure * np.column_stack([np.cos(angles), np.sin(angles)])
+    for node in np.flatnonzero(rest.settled)[:60]:
+        trial = np.column_stack([far, np.full(len(far), rest.normal[node])])
+        works = law.project(trial)[:, :2] @ rest.slip[node]
+        work = rest.traction[node, :2] @ rest.slip[node]
+        scale = max(float(np.abs(works).max()), ROUND_OFF * pressure * float(np.linalg.norm(rest.slip[node])))
+        excess = (works.max() - work) / scale
+        require(bool(excess <= 1e-6), "slip does not dissipate the most that the friction limit allows", excess)
+
+
+def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
+    """project commutes with every rotation and reflection of the tangent plane."""
+    random = np.random.default_rng(seed)
+    trial = pressure * random.normal(size=(_SAMPLES, 3))
+    for angle in random.uniform(0.0, 2.0 * np.pi, 10):
+        for mirror in (1.0, -1.0):
+            turn = np.diag([1.0, mirror, 1.0])
+            turn[:2, :2] = turn[:2, :2] @ _axes(angle)
+            close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "friction depends on the direction")
+
+
+def check_orthotropic(
+    law: ContactLaw, mu: tuple[float, float], angle: float = 0.0, pressure: float = 1e6, seed: int = 0
+) -> None:
+    """project commutes with reflections in the principal axes, and along them the friction limit is mu p.
+
+    mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad].
+    """
+    random = np.random.default_rng(seed)
+    trial = pressure * random.normal(size=(_SAMPLES, 3))
+    axes = np.eye(3)
+    axes[:2, :2] = _axes(angle)
+    for mirror in ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
+        turn = axes.T @ np.diag(mirror) @ axes
+        close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "not symmetric about its principal axes")
+    drag = 1e3 * pressure
+    for name, axis, coefficient in zip(("first", "second"), axes[:2], mu, strict=True):
+        limit = law.project(np.array([drag * axis - [0.0, 0.0, pressure]]))[0] @ axis
+        close(
+            np.array(limit), np.array(min(coefficient * pressure, drag)), drag, f"friction limit along the {name} axis"
+        )
+
+
+def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: int = 0) -> None:
+    """Frozen; conductivity is pure, local, >= 0 and not NaN, and continuous but for a jump at zero traction."""
+    check_frozen(law)
+    random = np.random.default_rng(seed)
+    traction = np.concatenate([-pressure * 10.0 ** random.uniform(-6, 2, _SAMPLES), [0.0, -np.finfo(float).tiny]])
+    kappa = _pure(law.conductivity, traction, "conductivity")
+    require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
+    require(bool((kappa >= 0.0).all()), "conductivity is negative or NaN", kappa)
+    order = random.permutation(len(traction))
+    require(
+        np.array_equal(law.conductivity(traction[order]), kappa[order]), "conductivity depends on other nodes", kappa
+    )
+    nearby = law.conductivity(traction * (1.0 + 1e-9))
+    bounded = np.isfinite(kappa)
+    require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
+    jump = np.abs(nearby[bounded] - kappa[bounded]) - 1e-6 * kappa[bounded]
+    require(bool((jump <= 0.0).all()), "conductivity jumps under pressure", jump)
+
+
+def _pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
+    """The function's value, if it neither changes its argument nor depends on calls before."""
+    kept = argument.copy()
+    value = function(argument)
+    require(np.array_equal(argument, kept), f"{name} changes its argument", argument)
+    first = value.copy()
+    function(0.5 * kept[::-1])
+    again = function(kept)
+    require(np.array_equal(again, first, equal_nan=True), f"{name} depends on earlier calls", again)
+    require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
+    return first
+
+
+def _check_scaling(law: ContactLaw) -> None:
+    scaling = law.tangential_scaling()
+    require(scaling.shape == (2, 2), "tangential_scaling is not (2, 2)", scaling)
+    close(scaling, scaling.T, 1.0, "tangential_scaling is not symmetric")
+    values = np.linalg.eigvalsh(scaling)
+    within = bool(values.min() >= -ROUND_OFF and values.max() <= 1.0 + ROUND_OFF)
+    require(within, "tangential_scaling has eigenvalues outside [0, 1]", values)
+
+
+def _metric(law: ContactLaw) -> Array:
+    """Root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
+    values, axes = np.linalg.eigh(law.tangential_scaling())
+    inverse = np.where(values > ROUND_OFF, np.maximum(values, ROUND_OFF) ** -0.5, 0.0)
+    root: Array = (axes * inverse) @ axes.T
+    return root
+
+
+def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random: np.random.Generator) -> None:
+    """Tangential projection at one normal trial: no two tractions are farther apart than their trials."""
+    other = trial.copy()
+    other[:, :2] += pressure * random.normal(size=(len(trial), 2)) * 10.0 ** random.uniform(-3, 1, (len(trial), 1))
+    metric = _metric(law)
+    after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ metric, axis=1)
+    before = np.linalg.norm((trial - other)[:, :2] @ metric, axis=1)
+    worst = (after - before).max()
+    require(bool(worst <= 1e-9 * pressure * np.abs(metric).max()), "project is expansive in the law's metric", worst)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """Tractions (n, 3) at rest under given slips (n, 2) and normal trials (n,); settled: (n,), the others stick."""
+
+    slip: Array
+    normal: Array
+    traction: Array
+    settled: NDArray[np.bool_]
+
+
+def _rest(law: ContactLaw, pressure: float, random: np.random.Generator, step: float) -> _Rest:
+    """Where traction = project(traction + step * tangential_scaling . slip), by iteration."""
+    angle = random.uniform(0.0, 2.0 * np.pi, _SAMPLES)
+    slip = pressure * np.column_stack([np.cos(angle), np.sin(angle)])
+    normal = -pressure * random.uniform(0.1, 1.0, _SAMPLES)
+    traction = np.column_stack([np.zeros((_SAMPLES, 2)), normal])
+    half = before = traction
+    for count in range(_REST_STEPS):
+        half = traction if count == _REST_STEPS // 2 else half
+        before = traction
+        traction = law.project(np.column_stack([before[:, :2] + step * slip @ law.tangential_scaling(), normal]))
+    size = np.linalg.norm(traction[:, :2], axis=1)
+    settled = np.linalg.norm(traction - before, axis=1) <= _SETTLED * (size + ROUND_OFF * pressure)
+    sticks = size > 1.5 * np.linalg.norm(half[:, :2], axis=1)
+    require(bool((settled | sticks).all()), "traction under slip comes to no rest", traction[~(settled | sticks)])
+    return _Rest(slip, normal, traction, settled)
+
+
+def _check_rests(law: ContactLaw, pressure: float, random: np.random.Generator) -> None:
+    """Tractions at rest under slip work along it, whatever the step that leads there."""
+    seed = int(random.integers(2**32))
+    short, long = (_rest(law, pressure, np.random.default_rng(seed), step) for step in _STEPS)
+    for rest in (short, long):
+        work = np.einsum("na,na->n", rest.traction[:, :2], rest.slip) / pressure**2
+        require(bool((work >= -ROUND_OFF).all()), "slip gains energy", work.min())
+    both = short.settled & long.settled
+    difference = np.linalg.norm(short.traction - long.traction, axis=1)[both]
+    size = np.linalg.norm(short.traction, axis=1)[both]
+    worst = float((difference / size).max(initial=0.0))
+    require(worst <= 1e-5, "traction under slip depends on the step", worst)
+
+
+def _check_tangent(law: ContactLaw, trial: Array, beyond: Array) -> None:
+    """tangent against one-sided differences, where those agree."""
+    tangent = law.tangent(trial)
+    require(tangent.shape == (len(trial), 3, 3), "tangent is not (n, 3, 3)", tangent.shape)
+    require(bool(np.isfinite(tangent).all()), "tangent is not finite", tangent)
+    require(not law.tangent(beyond).any(), "tangent where there is no indenter above", law.tangent(beyond))
+    width = _WIDTH * np.abs(trial).max(axis=1, keepdims=True)
+    here = law.project(trial)
+    ahead, behind = np.empty_like(tangent), np.empty_like(tangent)
+    for column, axis in enumerate(np.eye(3)):
+        ahead[:, :, column] = (law.project(trial + width * axis) - here) / width
+        behind[:, :, column] = (here - law.project(trial - width * axis)) / width
+    size = np.maximum(np.abs(ahead).max(axis=(1, 2)), 1.0)
+    smooth = np.abs(ahead - behind).max(axis=(1, 2)) <= _KINK * size
+    require(2 * int(smooth.sum()) > len(trial), "project has kinks at most of the random trials", int(smooth.sum()))
+    error = (np.abs(tangent - 0.5 * (ahead + behind)).max(axis=(1, 2)) / size)[smooth].max()
+    require(bool(error <= 1e-3), "tangent is not the derivative of project", error)
+
+
+def _axes(angle: float) -> Array:
+    """Directions at an angle and a right angle further as rows, (2, 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])

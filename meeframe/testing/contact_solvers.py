@@ -1,0 +1,203 @@
+"""Conformance of contact solvers; see meeframe.testing.contact."""
+
+from dataclasses import fields, replace
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import nnls
+
+from meeframe.core.contact import (
+    ConductivityLaw,
+    ContactProblem,
+    ContactSolution,
+    ContactState,
+    Freedom,
+    Iterate,
+    Solver,
+    Status,
+)
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.fields import Array
+from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.solvers import Limits, residual, solve
+from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.requirements import check_frozen, require
+from meeframe.testing.violations import violations
+
+Record = TypeVar("Record", ContactState, Iterate)
+
+
+def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
+    """Frozen; pure; converges on insulated, conducting and frictional indentation, and to the right answer.
+
+    The insulated problem is compared with non-negative least squares; every state is judged by the residual and
+    condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
+    friction: False for a solver that takes frictionless problems only.
+    """
+    check_frozen(solver)
+    limits = limits or Limits()
+    for name, problem in _problems(friction).items():
+        solution = _solved(problem, solver, limits, name)
+        again = _solved(problem, solver, limits, name, solution.state)
+        require(again.iterations <= solver.stride, f"{name}: leaves its own solution", again.iterations)
+        _check_pure(solver, problem, solution.state, name)
+        _check_units(solver, problem, limits, solution, name)
+        if name == "insulated":
+            expected = exact_pressure(problem)
+            error = np.abs(solution.state.load[:, 2] + expected).max() / expected.max()
+            require(error <= 1e4 * limits.tolerance, f"{name}: differs from non-negative least squares", error)
+
+
+def exact_pressure(problem: ContactProblem) -> Array:
+    """Pressure (n,) >= 0 of frictionless insulated contact by non-negative least squares; symmetric compliance."""
+    matrix = problem.system.dense()
+    if matrix is None:
+        raise ValueError("a compliance held as a matrix is needed")
+    above = np.isfinite(problem.gap)
+    root = np.linalg.cholesky(matrix[:, 2, :, 2][np.ix_(above, above)])
+    overlap = (problem.system.offset[:, 2] - problem.gap)[above]
+    scale = np.abs(root).max()
+    pressure = np.zeros(len(above))
+    pressure[above] = nnls(root.T / scale, np.linalg.solve(root, overlap) * scale)[0] / scale**2
+    return pressure
+
+
+def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
+    """The same problem in other units: displacements and loads multiplied by factors (5,), alike in the first three.
+
+    For dense systems and step conductivities (or laws without fields). Lengths, moduli and potentials in other units,
+    or bodies of other size and stiffness, are special cases. Motions of freedoms keep their numbers, the unit of each
+    being another.
+    """
+    system = problem.system
+    if not isinstance(system, DenseSystem):
+        raise ValueError("a dense system is needed")
+    return replace(
+        problem,
+        system=replace(
+            system,
+            offset=system.offset * displacement,
+            matrix=system.matrix * displacement[:, None, None] / load,
+        ),
+        electric_law=_rescaled_law(problem.electric_law, load[3] / displacement[3]),
+        magnetic_law=_rescaled_law(problem.magnetic_law, load[4] / displacement[4]),
+        gap=problem.gap * displacement[2],
+        translation=problem.translation * displacement[0],
+        potentials=problem.potentials * displacement[3:],
+        freedoms=tuple(_rescaled_freedom(freedom, displacement, load) for freedom in problem.freedoms),
+    )
+
+
+def _rescaled_law(law: ConductivityLaw, factor: float) -> ConductivityLaw:
+    return StepConductivity(law.kappa * factor) if isinstance(law, StepConductivity) else law
+
+
+def _rescaled_freedom(freedom: Freedom, displacement: Array, load: Array) -> Freedom:
+    """The resultant is in units of the work of the fields that the freedom moves, which have to agree."""
+    work = (displacement * load)[freedom.mode.any(axis=0)]
+    if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
+        raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
+    return Freedom(freedom.mode * displacement, freedom.measure * work[0] / load, freedom.total * work[0])
+
+
+def _problems(friction: bool) -> dict[str, ContactProblem]:
+    xi = np.zeros((5, 5))
+    xi[:3, :3] = 2e-12 * np.array([[1.2, 0.0, 0.0], [0.0, 1.1, 0.0], [0.0, 0.0, 1.0]])
+    xi[2, 3:] = xi[3:, 2] = 2e-3, 2e-6
+    xi[3:, 3:] = [[-2e7, 3e3], [3e3, -1e3]]
+    system = half_space_system(xi, 5e-3, 10)
+    x, y, _ = system.points.T
+    offset = np.column_stack([4e-4 * x, -3e-4 * y, 2e-3 * x - 1e-3 * y, 1e6 * x, -2e3 * y])
+    prestressed = replace(system, offset=offset)
+    height = (x**2 + 1.3 * y**2) / 0.2
+    perfect, finite = (np.inf, np.inf), (1e-5, 0.4)
+    problems = {
+        "insulated": indentation_problem(prestressed, height, 5e-5),
+        "hole": indentation_problem(system, np.where(height < 4e-6, np.inf, height), 5e-5),
+        "conducting": indentation_problem(prestressed, height, 5e-5, Signorini(), perfect, (1e4, -20.0)),
+        "resistive": indentation_problem(system, height, 5e-5, Signorini(), finite),
+    }
+    if friction:
+        law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
+        problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)
+    return problems
+
+
+def _solved(
+    problem: ContactProblem, solver: Solver, limits: Limits, name: str, start: ContactState | None = None
+) -> ContactSolution:
+    """The solution of a problem that stays as it is; all conditions hold."""
+    kept = _copied(problem)
+    solution = solve(problem, solver, limits, start)
+    changed = [part for part, array in kept.items() if not np.array_equal(array, _arrays(problem)[part])]
+    require(not changed, f"{name}: changes the problem", changed)
+    found = violations(problem, solution.state)
+    worst = max(found, key=lambda condition: found[condition])
+    text = f"{name}: {solution.message}; the worst condition is {worst!r}"
+    require(solution.status is Status.CONVERGED, text, found[worst])
+    value = residual(problem, solution.state)
+    require(value <= 10.0 * limits.tolerance, f"{name}: residual of the state handed over", value)
+    require(found[worst] <= 100.0 * limits.tolerance, f"{name}: converged, but the {worst} is wrong", found[worst])
+    return solution
+
+
+def _arrays(problem: ContactProblem) -> dict[str, Array]:
+    system = problem.system
+    matrix = system.dense()
+    return {
+        "gap": problem.gap,
+        "translation": problem.translation,
+        "potentials": problem.potentials,
+        "offset": system.offset,
+        "weights": system.weights,
+        "matrix": np.zeros(0) if matrix is None else matrix,
+    }
+
+
+def _copied(problem: ContactProblem) -> dict[str, Array]:
+    return {name: array.copy() for name, array in _arrays(problem).items()}
+
+
+def _check_pure(solver: Solver, problem: ContactProblem, state: ContactState, name: str) -> None:
+    """init and step change no argument; a step from the same iterate leads to the same."""
+    start = _copy_of(state)
+    iterate = solver.init(problem, start)
+    require(_same(start, state), f"{name}: init changes its argument", name)
+    other = solver.init(problem, None)
+    kept = _copy_of(other)
+    first = solver.step(problem, other)
+    require(_same(other, kept), f"{name}: step changes its argument", name)
+    once = _copy_of(first)
+    solver.step(problem, iterate)
+    second = solver.step(problem, other)
+    require(_same(second, once), f"{name}: step depends on earlier calls", name)
+    require(_same(first, once), f"{name}: step changes what it gave before", name)
+
+
+def _copy_of(record: Record) -> Record:
+    """A copy with arrays of its own."""
+    return replace(record, **{name: array.copy() for name, array in _parts(record).items()})
+
+
+def _same(one: Record, other: Record) -> bool:
+    """Whether the arrays of two records are equal."""
+    return all(np.array_equal(array, _parts(other)[name], equal_nan=True) for name, array in _parts(one).items())
+
+
+def _parts(record: Iterate | ContactState) -> dict[str, Array]:
+    values = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+def _check_units(solver: Solver, problem: ContactProblem, limits: Limits, solution: ContactSolution, name: str) -> None:
+    for displacement, load in ((1e-9, 1e9), (1e9, 1e-9), (1e6, 1e6)):
+        displacements = displacement * np.array([1.0, 1.0, 1.0, 1e-7, 1e5])
+        loads = load * np.array([1.0, 1.0, 1.0, 1e6, 1e-8])
+        other = _solved(rescaled(problem, displacements, loads), solver, limits, f"{name}: in other units")
+        change = abs(other.iterations - solution.iterations)
+        require(change <= solver.stride, f"{name}: the number of iterations depends on units", change)
+        # at round-off a grazing node may settle a step earlier or later, so that answers agree to the tolerance only
+        error = np.abs(other.state.load / loads - solution.state.load).max(axis=0)
+        largest = np.maximum(np.abs(solution.state.load).max(axis=0), np.finfo(float).tiny)
+        agrees = bool((error <= 1e3 * limits.tolerance * largest).all())
+        require(agrees, f"{name}: the answer depends on units", error / largest)
