@@ -13,10 +13,11 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Iterate, Solver, augmented_traction
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.fields import Array
 from meeframe.solvers.elimination import Conductors
-from meeframe.solvers.gradient import Conduction, Ground, start_load, traction_of
+from meeframe.solvers.free_motion import start_motion
+from meeframe.solvers.gradient import Conduction, Ground, Slope, start_load, traction_of
 from meeframe.solvers.spectrum import Spectrum
 
 PLAIN_STEP: Final = 1.6
@@ -109,15 +110,14 @@ class BarzilaiBorwein(Solver):
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One projected step; its length is that of the last change of tractions over that of the gap."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
-        memory, gap, flux, plain = _measured(memory, iterate, traction)
-        law = problem.contact_law
-        guard = memory.guard.next(_violation(law, traction, gap, plain))
+        memory, slope, plain, violation = _measured(memory, iterate, traction)
+        guard = memory.guard.next(violation)
         r = plain * guard.shortening
         if guard.plain == 0 and memory.gap is not None:
-            change = traction - memory.base, memory.gap - gap
-            r = _secant_step(law.tangential_scaling(), *change, memory.turn % 2 == 1, r)
-        memory = replace(memory, guard=guard, base=traction, gap=gap, turn=memory.turn + 1)
-        return _stepped(memory, traction, traction, gap, flux, r)[0]
+            change = traction - memory.base, memory.gap - slope.gap
+            r = _secant_step(problem.contact_law.tangential_scaling(), *change, memory.turn % 2 == 1, r)
+        memory = replace(memory, guard=guard, base=traction, gap=slope.gap, turn=memory.turn + 1)
+        return _stepped(memory, traction, traction, slope, r)[0]
 
 
 @final
@@ -139,12 +139,11 @@ class Nesterov(Solver):
         """One projected step from the extrapolated tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ahead = memory.base
-        memory, gap, flux, plain = _measured(memory, iterate, ahead)
-        violation = _violation(problem.contact_law, ahead, gap, plain)
+        memory, slope, plain, violation = _measured(memory, iterate, ahead)
         rises = bool(memory.guard.seen) and violation > memory.guard.seen[-1]
         guard = memory.guard.next(violation)
         r = guard.shortening * plain / PLAIN_STEP
-        stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, gap, flux, r)
+        stepped, moved = _stepped(replace(memory, guard=guard), traction, ahead, slope, r)
         momentum, weight = 1.0, 0.0
         overshoots = float(((ahead - moved) * (moved - traction)).sum()) > 0.0
         if guard.plain == 0 and not overshoots and not rises:
@@ -158,7 +157,7 @@ def _init(problem: ContactProblem, start: ContactState | None, wary: bool) -> It
     n = len(problem.gap)
     conduction, load = Conduction.of(start, n), start_load(start, n)
     memory = _Memory(Ground.of(problem), conduction, traction_of(load), guard=_Guard(wary=wary))
-    return Iterate(load, conduction.closed, memory)
+    return Iterate(load, conduction.closed, memory, start_motion(problem, start))
 
 
 def _memory(iterate: Iterate) -> _Memory:
@@ -167,30 +166,32 @@ def _memory(iterate: Iterate) -> _Memory:
     return iterate.memory
 
 
-def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Array, Array, float]:
-    """Memory with what belongs to the present contact; gap (n, 3) and flux (n, 2) at tractions (n, 3); plain step."""
+def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:
+    """Memory with what belongs to the present contact; slope at tractions (n, 3); plain step; violation there.
+
+    The slope is that with the motions of a plain step. Changes of gaps are then those of the compliance less their part
+    that is a free motion: with it, a secant would be that of a body that the indenter cannot follow. The violation is
+    the size of the plain step [Pa].
+    """
     ground = memory.ground
     conductors = ground.conductors(traction_of(iterate.load), iterate.closed, memory.conductors)
-    slope = ground.slope(traction, conductors, iterate.load[:, 3:])
+    slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
     touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
     spectrum = ground.spectrum(touching, conductors, memory.spectrum)
-    plain = PLAIN_STEP / spectrum.largest if spectrum.largest > 0.0 else 1.0
-    return replace(memory, conductors=conductors, spectrum=spectrum), slope.gap, slope.flux, plain
+    plain = PLAIN_STEP / ground.largest(spectrum)
+    step = ground.projected(traction, slope, (plain, plain))
+    violation = float(np.linalg.norm(traction - step.traction))
+    return replace(memory, conductors=conductors, spectrum=spectrum), step.slope, plain, violation
 
 
-def _stepped(memory: _Memory, traction: Array, base: Array, gap: Array, flux: Array, r: float) -> tuple[Iterate, Array]:
-    """The iterate after a step of length r from a base (n, 3) with its gap (n, 3), and its tractions (n, 3)."""
-    law = memory.ground.problem.contact_law
-    trial = augmented_traction(law, base, gap, r, r)
-    moved = law.project(trial)
-    conduction = memory.conduction.next(traction[:, 2], moved[:, 2], trial[:, 2], memory.ground.scales)
-    load = np.concatenate([moved, flux], axis=1)
-    return Iterate(load, conduction.closed, replace(memory, conduction=conduction)), moved
-
-
-def _violation(law: ContactLaw, traction: Array, gap: Array, r: float) -> float:
-    """Size of the plain step from tractions (n, 3) [Pa]."""
-    return float(np.linalg.norm(traction - law.project(augmented_traction(law, traction, gap, r, r))))
+def _stepped(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
+    """The iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
+    step = memory.ground.projected(base, slope, (r, r))
+    moved = step.traction
+    conduction = memory.conduction.next(traction[:, 2], moved[:, 2], step.trial[:, 2], memory.ground.scales)
+    load = np.concatenate([moved, slope.flux], axis=1)
+    iterate = Iterate(load, conduction.closed, replace(memory, conduction=conduction), step.slope.motion)
+    return iterate, moved
 
 
 def _secant_step(scaling: Array, change: Array, response: Array, short: bool, plain: float) -> float:

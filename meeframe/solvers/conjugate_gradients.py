@@ -10,6 +10,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
+from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import Conduction, Ground, start_load
 
 REFRESH: Final = 0.1
@@ -33,6 +34,7 @@ class _Memory:
     weight: Array
     gap: Array
     flux: Array
+    motion: Array
     direction: Array
     residual: Array
     free: Mask
@@ -65,7 +67,7 @@ class ProjectedCG(Solver):
         n = len(problem.gap)
         load, conduction = start_load(start, n), Conduction.of(start, n)
         conductors = ground.conductors(load[:, :3], conduction.closed, None)
-        slope = ground.slope(load[:, :3], conductors, load[:, 3:])
+        slope = ground.slope(load[:, :3], conductors, load[:, 3:], start_motion(problem, start))
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
         nothing = np.zeros(n)
@@ -76,6 +78,7 @@ class ProjectedCG(Solver):
             weight,
             slope.gap[:, 2],
             slope.flux,
+            slope.motion,
             nothing,
             nothing,
             np.zeros(n, bool),
@@ -101,7 +104,7 @@ class ProjectedCG(Solver):
         if (clipped == moved).all():
             gap, flux = memory.gap - length * response, memory.flux - length * flux
         else:
-            slope = memory.ground.slope(_traction(clipped), memory.conductors, memory.flux)
+            slope = memory.ground.slope(_traction(clipped), memory.conductors, memory.flux, memory.motion)
             gap, flux = slope.gap[:, 2], slope.flux
         memory = replace(memory, gap=gap, flux=flux)
         violation = _violation(memory, clipped)
@@ -130,7 +133,7 @@ class ProjectedCG(Solver):
         conduction = memory.conduction.next(touched, -pressure, trial, ground.scales)
         conductors = ground.conductors(traction, conduction.closed, memory.conductors)
         same = conductors is memory.conductors
-        slope = ground.slope(traction, conductors, memory.flux)
+        slope = ground.slope(traction, conductors, memory.flux, memory.motion)
         memory = replace(
             memory, conduction=conduction, conductors=conductors, gap=slope.gap[:, 2], flux=slope.flux, age=0
         )
@@ -171,10 +174,8 @@ def _traction(pressure: Array) -> Array:
 
 def _response(memory: _Memory, pressure: Array) -> tuple[Array, Array]:
     """Opening (n,) of the gap and flux (n, 2) due to a pressure (n,) alone."""
-    flux, moved = memory.ground.elimination.respond(
-        _traction(pressure), memory.conductors, np.zeros((len(pressure), 2))
-    )
-    return -moved[:, 2], flux
+    response = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros((len(pressure), 2)))
+    return -response.displacement[:, 2], response.flux
 
 
 def _violation(memory: _Memory, pressure: Array) -> float:

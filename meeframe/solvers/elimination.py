@@ -4,6 +4,8 @@ On the set A of (node, potential) pairs that conduct, flux density f and potenti
     (C_AA + R) f = -(potential_o + offset)_A - C_Am p;
 the displacement is then offset_m + C_mm p + C_mA f. A perfect conductor is R = 0 exactly; insulated pairs are not in A.
 C_AA has a positive-definite symmetric part, so that the system is regular for any R >= 0.
+
+Potentials of the indenter that follow from prescribed totals are unknowns besides (meeframe.solvers.floating).
 """
 
 from abc import ABC, abstractmethod
@@ -17,22 +19,35 @@ from scipy.sparse.linalg import LinearOperator, gmres
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import Mask, own_response
+from meeframe.solvers.floating import POTENTIALS, Floating
 
 KRYLOV_TOLERANCE: Final = 1e-13
-POTENTIALS: Final = slice(3, 5)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What tractions alone cause: flux (n, 2), displacement (n, 3), and change of the floating potentials (j,)."""
+
+    flux: Array
+    displacement: Array
+    potential: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Conductors:
     """The contact with given resistances, prepared for repeated responses.
 
-    resistance: (n, 2) 1/kappa, inf where insulated; flux: (n, 2) and displacement: (n, 3) without tractions, due to the
-    offset and the indenter's potentials; parts: what the elimination that made it wants to find again.
+    resistance: (n, 2) 1/kappa, inf where insulated; flux: (n, 2), displacement: (n, 3) and potential: (j,) of the
+    floating conductors without tractions, due to the offset, the indenter's potentials and prescribed totals; floating:
+    see there; parts: what else the elimination that made it wants to find again.
     """
 
     resistance: Array
     flux: Array
     displacement: Array
+    potential: Array
+    floating: Floating
     parts: Any
 
 
@@ -47,8 +62,8 @@ class Elimination(ABC):
         """Conductors of the resistances (n, 2); those of `previous` are used again as far as they fit."""
 
     @abstractmethod
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> tuple[Array, Array]:
-        """Flux (n, 2) and displacement (n, 3) due to tractions (n, 3) alone; guess: (n, 2), a flux near the answer.
+    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
+        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer.
 
         Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above.
         Displacements that no contact condition asks for may be left zero.
@@ -114,28 +129,33 @@ class DenseElimination(Elimination):
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
         factor = self._factor(resistance, None if previous is None else previous.parts)
-        flux, moved, difference = np.zeros((3, *self.problem.system.offset.shape))
+        conducts = np.isfinite(resistance)
+        floating = Floating.of(self.problem, conducts, factor.solve if factor else np.zeros_like)
+        flux, moved = np.zeros((2, *self.problem.system.offset.shape))
+        potential = np.zeros(0)
         if factor is not None:
-            blocks = factor.blocks
-            difference[:, POTENTIALS] = _difference(self.problem)
-            flux.flat[blocks.pairs] = factor.solve(difference.flat[blocks.pairs])
-            moved.flat[self.dofs] = blocks.from_flux @ flux.flat[blocks.pairs]
+            alone = factor.solve(_difference(self.problem)[conducts])
+            balanced, potential = floating.balance(alone, floating.totals)
+            flux.flat[factor.blocks.pairs] = balanced
+            moved.flat[self.dofs] = factor.blocks.from_flux @ balanced
         moved += self.problem.system.offset
-        return Conductors(resistance, flux[:, POTENTIALS], moved[:, MECHANICAL], factor)
+        return Conductors(resistance, flux[:, POTENTIALS], moved[:, MECHANICAL], potential, floating, factor)
 
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> tuple[Array, Array]:
+    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
         """See Elimination. The guess is not used."""
         factor: _Factor | None = conductors.parts
+        potential = np.zeros(0)
         load, flux, moved = np.zeros((3, len(traction), N_FIELDS))
         load[:, MECHANICAL] = traction
         active = load.flat[self.dofs]
         response = self.mechanical @ active
         if factor is not None:
-            solved = factor.solve(-(factor.blocks.to_flux @ active))
-            flux.flat[factor.blocks.pairs] = solved
-            response += factor.blocks.from_flux @ solved
+            alone = factor.solve(-(factor.blocks.to_flux @ active))
+            balanced, potential = conductors.floating.balance(alone, 0.0)
+            flux.flat[factor.blocks.pairs] = balanced
+            response += factor.blocks.from_flux @ balanced
         moved.flat[self.dofs] = response
-        return flux[:, POTENTIALS], moved[:, MECHANICAL]
+        return Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
 
     def _factor(self, resistance: Array, previous: _Factor | None) -> _Factor | None:
         full = np.full(self.problem.system.offset.shape, np.inf)
@@ -167,46 +187,59 @@ class KrylovElimination(Elimination):
         """See Elimination."""
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
-        system = self.problem.system
-        blocks = system.diagonal_blocks()
-        own = np.stack([blocks[:, 3, 3], blocks[:, 4, 4]], axis=1)
         guess = np.zeros_like(resistance) if previous is None else previous.flux
-        flux = self._solve(_difference(self.problem), resistance, own, guess)
-        moved = system.offset + self._apply(np.zeros((len(flux), 3)), flux)
-        return Conductors(resistance, flux, moved[:, MECHANICAL], own)
+        conducts = np.isfinite(resistance)
+        own = own_response(self.problem)
 
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> tuple[Array, Array]:
+        def solve(difference: Array, near: Array) -> Array:
+            return self._solve(difference, resistance[conducts], own[conducts], conducts, near)
+
+        floating = Floating.of(self.problem, conducts, lambda mode: solve(mode, np.zeros_like(mode)))
+        alone = solve(_difference(self.problem)[conducts], guess[conducts])
+        balanced, potential = floating.balance(alone, floating.totals)
+        flux = _filled(conducts, balanced)
+        moved = self.problem.system.offset + self._apply(np.zeros((len(flux), 3)), flux)
+        return Conductors(resistance, flux, moved[:, MECHANICAL], potential, floating, solve)
+
+    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
         """See Elimination."""
         unloaded = np.zeros_like(traction)
+        conducts = np.isfinite(conductors.resistance)
         moved = self._apply(traction, np.zeros_like(guess))
-        flux = self._solve(-moved[:, POTENTIALS], conductors.resistance, conductors.parts, guess)
+        alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts])
+        balanced, potential = conductors.floating.balance(alone, 0.0)
+        flux = _filled(conducts, balanced)
         if flux.any():
             moved += self._apply(unloaded, flux)
-        return flux, moved[:, MECHANICAL]
+        return Response(flux, moved[:, MECHANICAL], potential)
 
     def _apply(self, traction: Array, flux: Array) -> Array:
         return self.problem.system.apply(np.concatenate([traction, flux], axis=1))
 
-    def _solve(self, difference: Array, resistance: Array, own: Array, guess: Array) -> Array:
-        """Flux (n, 2) with (C + R) flux = difference (n, 2) where the resistance is finite, zero elsewhere."""
-        active = np.isfinite(resistance)
-        flux = np.zeros_like(resistance)
-        if not active.any():
-            return flux
-        scale = (own[active] + resistance[active]) ** -0.5
+    def _solve(self, difference: Array, resistance: Array, own: Array, conducts: Mask, guess: Array) -> Array:
+        """Flux (a,) on the pairs (n, 2) that conduct with (C + R) flux = difference (a,); resistance, own: (a,)."""
+        if difference.size == 0:
+            return np.zeros(0)
+        scale = (own + resistance) ** -0.5
+        unloaded = np.zeros((len(conducts), 3))
 
         def equations(scaled: Array) -> Array:
-            trial = np.zeros_like(flux)
-            trial[active] = scale * scaled
-            potentials = self._apply(np.zeros((len(flux), 3)), trial)[:, POTENTIALS]
-            left: Array = scale * (potentials[active] + resistance[active] * trial[active])
+            trial = scale * scaled
+            raised = self._apply(unloaded, _filled(conducts, trial))[:, POTENTIALS]
+            left: Array = scale * (raised[conducts] + resistance * trial)
             return left
 
         operator = LinearOperator((len(scale), len(scale)), matvec=equations, dtype=np.float64)
-        start = guess[active] / scale
-        solved, _ = gmres(operator, scale * difference[active], start, rtol=KRYLOV_TOLERANCE, restart=60, maxiter=20)
-        flux[active] = scale * solved
-        return flux
+        start = guess / scale
+        solved, _ = gmres(operator, scale * difference, start, rtol=KRYLOV_TOLERANCE, restart=60, maxiter=20)
+        return np.asarray(scale * solved)
+
+
+def _filled(conducts: Mask, flux: Array) -> Array:
+    """Flux (n, 2) of the pairs (n, 2) that conduct (a of them), zero elsewhere."""
+    filled = np.zeros(conducts.shape)
+    filled[conducts] = flux
+    return filled
 
 
 def _difference(problem: ContactProblem) -> Array:

@@ -19,8 +19,10 @@ from meeframe.core.fields import MECHANICAL, Array
 MAX_ITERATIONS: Final = 60
 ROUND_OFF: Final = 1e-14
 """Of a resultant, relative to what the tractions add up to without regard to sign."""
-REGULARISATION: Final = (0.0, 1e-6, 1e-3, 1.0)
+REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 """Of the equations, in parts of the resistance of the whole zone: none while there is contact that resists."""
+FARTHEST: Final = 4.0
+"""One step moves the indenter so many times its largest distance from the body: where all slips nothing would stop it."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 
 
@@ -123,12 +125,15 @@ def _better(
     scaled = jacobian / unit[:, None] / unit
     weight = np.where(whole > 0.0, 1.0 / unit, 0.0)
     norm = np.linalg.norm(weight * here.unbalance)
+    r = data[2][0]
+    finite = np.isfinite(here.trial[:, 2])
+    distance = max(np.abs(here.trial[finite]).max(initial=0.0) / r, (np.abs(weight**2 * here.unbalance) * sizes).max())
     for share in REGULARISATION:
         try:
             step = np.linalg.solve(scaled + share * np.eye(len(unit)), -weight * here.unbalance) / unit
         except np.linalg.LinAlgError:
             continue
-        if not np.isfinite(step).all():
+        if not (np.abs(step) * sizes).max() <= FARTHEST * distance:
             continue
         for fraction in FRACTIONS:
             there = _Point.at(problem, freedoms, *data, here.motion + fraction * step)

@@ -8,20 +8,32 @@ from meeframe.core.contact import ContactProblem, ContactState, contact_gap
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.solvers.conduction import Mask, Switches, own_response, resistances
 from meeframe.solvers.elimination import Conductors, Elimination, eliminate
+from meeframe.solvers.free_motion import balanced_projection, motions
 from meeframe.solvers.scales import Scales, problem_scales
 from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
 
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """The gap at given tractions, and what was needed for it.
+    """The gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, 2); conductors: with which both were computed.
+    gap: (n, 3) as of contact_gap; flux: (n, 2); motion: (m,) of the freedoms, potentials as the flux equations have them
+    and motions as they were given.
     """
 
     gap: Array
     flux: Array
-    conductors: Conductors
+    motion: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A projected step: tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before it, with
+    the motions by which the resultants of those after it balance."""
+
+    traction: Array
+    trial: Array
+    slope: Slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +54,36 @@ class Ground:
         """Conductors of tractions (n, 3) and closed fractions (n,)."""
         return self.elimination.prepare(resistances(self.problem, traction[:, 2], closed, self.own), previous)
 
-    def slope(self, traction: Array, conductors: Conductors, flux: Array) -> Slope:
-        """The gap at tractions (n, 3); flux: (n, 2) near that to be found."""
-        extra, moved = self.elimination.respond(traction, conductors, flux - conductors.flux)
-        gap = contact_gap(self.problem, moved + conductors.displacement)
-        return Slope(gap, extra + conductors.flux, conductors)
+    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
+        """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
+        response = self.elimination.respond(traction, conductors, flux - conductors.flux)
+        floating = conductors.floating.numbers
+        if floating.size:
+            motion = motion.copy()
+            motion[floating] = conductors.potential + response.potential
+        gap = contact_gap(self.problem, response.displacement + conductors.displacement, motion)
+        return Slope(gap, response.flux + conductors.flux, motion)
 
-    def spectrum(self, touching: Mask, conductors: Conductors, previous: Spectrum | None) -> Spectrum:
-        """The largest eigenvalue where nodes touch (n,); the previous one if it still holds."""
+    def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> "Step":
+        """Tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and the slope there."""
+        balanced = balanced_projection(self.problem, traction, slope.gap, r)
+        moving = motions(self.problem)
+        if moving.size == 0:
+            return Step(balanced.traction, balanced.trial, slope)
+        motion, gap = slope.motion.copy(), slope.gap.copy()
+        motion[moving] += balanced.motion
+        for number, amount in zip(moving, balanced.motion, strict=True):
+            gap += amount * self.problem.freedoms[number].mode[:, MECHANICAL]
+        return Step(balanced.traction, balanced.trial, replace(slope, gap=gap, motion=motion))
+
+    def largest(self, spectrum: Spectrum | None) -> float:
+        """The largest eigenvalue [m/Pa], expected if there has been no contact yet."""
+        return self.scales.normal_compliance if spectrum is None else spectrum.largest
+
+    def spectrum(self, touching: Mask, conductors: Conductors, previous: Spectrum | None) -> Spectrum | None:
+        """The largest eigenvalue where nodes touch (n,); the previous one if it still holds or none do."""
+        if not touching.any():
+            return previous
         exposure = contact_exposure(touching, conductors.resistance, self.scales)
         if previous is not None and previous.holds(exposure):
             return previous

@@ -60,8 +60,8 @@ def largest_eigenvalue(
     largest, norm = 0.0, float(np.linalg.norm(vector))
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm
-        guess, moved = elimination.respond(vector @ root, conductors, guess)
-        vector = weight * (moved @ root)
+        response = elimination.respond(vector @ root, conductors, guess)
+        guess, vector = response.flux, weight * (response.displacement @ root)
         previous, norm = largest, float(np.linalg.norm(vector))
         largest = norm
         if abs(largest - previous) <= TOLERANCE * largest:

@@ -5,14 +5,14 @@ from typing import Annotated, Any, ClassVar, Final, Literal, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, augmented_traction, contact_gap
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.fields import Array
 from meeframe.core.quantities import Quantity
-from meeframe.solvers.conduction import Switches, own_response, resistances
-from meeframe.solvers.elimination import Conductors, Elimination, eliminate
-from meeframe.solvers.scales import Scales, problem_scales
-from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
+from meeframe.solvers.elimination import Conductors
+from meeframe.solvers.free_motion import start_motion
+from meeframe.solvers.gradient import Conduction, Ground, start_load, traction_of
+from meeframe.solvers.spectrum import Spectrum
 
 STEP_FRACTION: Final = 1.6
 """The automatic step times the largest eigenvalue; the limit of stability is 2."""
@@ -25,16 +25,13 @@ _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """elimination, own, scales: see there, fixed; conductors, spectrum, switches: of the last step; damping: of the
-    automatic step, 1 at first; change, streak: last relative change of the tractions and how many times in succession
-    it has grown."""
+    """ground, conduction: see there; conductors, spectrum: of the last step; damping: of the automatic step, 1 at first;
+    change, streak: last relative change of the tractions and how many times in succession it has grown."""
 
-    elimination: Elimination
-    own: Array
-    scales: Scales
-    conductors: Conductors | None
-    spectrum: Spectrum | None
-    switches: Switches
+    ground: Ground
+    conduction: Conduction
+    conductors: Conductors | None = None
+    spectrum: Spectrum | None = None
     damping: float = 1.0
     change: float = np.inf
     streak: int = 0
@@ -72,52 +69,28 @@ class Uzawa(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
-        memory = _Memory(
-            elimination=eliminate(problem),
-            own=own_response(problem),
-            scales=problem_scales(problem),
-            conductors=None,
-            spectrum=None,
-            switches=Switches.unused(n),
-        )
-        if start is None:
-            return Iterate(np.zeros((n, 5)), np.zeros(n), memory)
-        return Iterate(start.load, start.closed, memory)
+        conduction = Conduction.of(start, n)
+        memory = _Memory(Ground.of(problem), conduction)
+        return Iterate(start_load(start, n), conduction.closed, memory, start_motion(problem, start))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
-        memory = _memory(iterate)
-        traction = iterate.load[:, MECHANICAL]
-        resistance = resistances(problem, traction[:, 2], iterate.closed, memory.own)
-        conductors = memory.elimination.prepare(resistance, memory.conductors)
-        flux, moved = memory.elimination.respond(traction, conductors, iterate.load[:, 3:] - conductors.flux)
-        gap = contact_gap(problem, moved + conductors.displacement)
-        memory = self._measured(replace(memory, conductors=conductors), problem, traction, gap)
-        r_normal, r_tangential = self._steps(memory)
-        trial = augmented_traction(problem.contact_law, traction, gap, r_normal, r_tangential)
-        load = np.concatenate([problem.contact_law.project(trial), flux + conductors.flux], axis=1)
-        switches = memory.switches.next(traction[:, 2] < 0.0, load[:, 2] < 0.0, trial[:, 2])
-        closed = switches.closed(iterate.closed, load[:, 2] < 0.0, trial[:, 2], memory.scales.pressure)
-        return Iterate(load, closed, _watched(replace(memory, switches=switches), load[:, MECHANICAL] - traction))
-
-    def _measured(self, memory: _Memory, problem: ContactProblem, traction: Array, gap: Array) -> _Memory:
-        """Memory with a spectrum that fits the contact, if an automatic step needs one."""
-        if "auto" not in (self.step_normal, self.step_tangential) or memory.conductors is None:
-            return memory
-        touching = (traction[:, 2] < 0.0) | (gap[:, 2] < 0.0)
-        if not touching.any():
-            return memory
-        exposure = contact_exposure(touching, memory.conductors.resistance, memory.scales)
-        if memory.spectrum is not None and memory.spectrum.holds(exposure):
-            return memory
-        scaling = problem.contact_law.tangential_scaling()
-        start = None if memory.spectrum is None else memory.spectrum.vector
-        spectrum = largest_eigenvalue(memory.elimination, memory.conductors, exposure, scaling, start)
-        return replace(memory, spectrum=spectrum)
+        memory, traction = _memory(iterate), traction_of(iterate.load)
+        ground = memory.ground
+        conductors = ground.conductors(traction, iterate.closed, memory.conductors)
+        slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
+        memory = replace(memory, conductors=conductors)
+        if "auto" in (self.step_normal, self.step_tangential):
+            touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
+            memory = replace(memory, spectrum=ground.spectrum(touching, conductors, memory.spectrum))
+        step = ground.projected(traction, slope, self._steps(memory))
+        conduction = memory.conduction.next(traction[:, 2], step.traction[:, 2], step.trial[:, 2], ground.scales)
+        memory = _watched(replace(memory, conduction=conduction), step.traction - traction)
+        load = np.concatenate([step.traction, slope.flux], axis=1)
+        return Iterate(load, conduction.closed, memory, step.slope.motion)
 
     def _steps(self, memory: _Memory) -> tuple[float, float]:
-        largest = memory.spectrum.largest if memory.spectrum is not None else memory.scales.normal_compliance
-        auto = STEP_FRACTION * memory.damping / largest
+        auto = STEP_FRACTION * memory.damping / memory.ground.largest(memory.spectrum)
         normal = auto if self.step_normal == "auto" else float(self.step_normal)
         tangential = auto if self.step_tangential == "auto" else float(self.step_tangential)
         return normal, tangential
@@ -131,7 +104,7 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _watched(memory: _Memory, change: Array) -> _Memory:
     """Memory after a change (n, 3) of the tractions: a change that grows and grows means that the step is too long."""
-    size = float(np.abs(change).max(initial=0.0)) / memory.scales.pressure
+    size = float(np.abs(change).max(initial=0.0)) / memory.ground.scales.pressure
     streak = memory.streak + 1 if size > memory.change else 0
     if streak < STREAK:
         return replace(memory, change=size, streak=streak)
