@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Freedom, augmented_traction
+from meeframe.core.contact import ContactProblem, ContactState, augmented_traction
 from meeframe.core.fields import MECHANICAL, Array
 
 MAX_ITERATIONS: Final = 60
@@ -22,14 +22,14 @@ ROUND_OFF: Final = 1e-14
 REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 """Of the equations, in parts of the resistance of the whole zone: none while there is contact that resists."""
 FARTHEST: Final = 4.0
-"""One step moves the indenter so many times its largest distance from the body: where all slips nothing would stop it."""
+"""A step moves the indenter at most so many times its distance from the body: where all slips nothing would stop it."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """Tractions (n, 3) projected by the law, the trial (n, 3) that was projected, and the motions (k,) of the mechanical
-    freedoms that balance them."""
+    """Tractions (n, 3) projected by the law, the trial (n, 3) that was, and the motions (k,) of the mechanical freedoms
+    that balance them."""
 
     traction: Array
     trial: Array
@@ -58,22 +58,12 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
     gap: with the motion from which the returned one counts; r: normal and tangential step [Pa/m]. Resultants that
     cannot be reached are left unbalanced as little as could be found.
     """
-    freedoms = [problem.freedoms[i] for i in motions(problem)]
-    here = _Point.at(problem, freedoms, traction, gap, r, np.zeros(len(freedoms)))
-    if not freedoms:
-        return Balanced(here.traction, here.trial, here.motion)
-    modes = np.stack([freedom.mode[:, MECHANICAL] for freedom in freedoms])
-    modes[:, ~np.isfinite(gap[:, 2])] = 0.0
-    measures = np.stack([freedom.measure[:, MECHANICAL] for freedom in freedoms])
-    whole = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
+    balance = _Balance.of(problem, traction, gap, r)
+    here = balance.at(np.zeros(len(balance.totals)))
     for _ in range(MAX_ITERATIONS):
         if (np.abs(here.unbalance) <= ROUND_OFF * here.size).all():
             break
-        step = np.eye(3) * r[0]
-        step[:2, :2] = problem.contact_law.tangential_scaling() * r[1]
-        tangent = problem.contact_law.tangent(here.trial) @ step
-        jacobian = np.einsum("kni,nij,lnj->kl", measures, tangent, modes)
-        there = _better(problem, freedoms, here, jacobian, whole, (traction, gap, r))
+        there = balance.better(here)
         if there is None:
             break
         here = there
@@ -90,53 +80,75 @@ class _Point:
     unbalance: Array
     size: Array
 
+
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """The equations. modes, measures: (k, n, 3) and totals: (k,) of the mechanical freedoms; whole: (k,) resistance of
+    the whole zone [N/m] against each."""
+
+    problem: ContactProblem
+    traction: Array
+    gap: Array
+    r: tuple[float, float]
+    modes: Array
+    measures: Array
+    totals: Array
+    whole: Array
+
     @classmethod
-    def at(
-        cls,
-        problem: ContactProblem,
-        freedoms: list[Freedom],
-        traction: Array,
-        gap: Array,
-        r: tuple[float, float],
-        motion: Array,
-    ) -> "_Point":
-        moved = gap.copy()
-        for freedom, amount in zip(freedoms, motion, strict=True):
-            moved += amount * freedom.mode[:, MECHANICAL]
-        trial = augmented_traction(problem.contact_law, traction, moved, *r)
-        projected = problem.contact_law.project(trial)
-        parts = [freedom.measure[:, MECHANICAL] * projected for freedom in freedoms]
-        totals = [freedom.total for freedom in freedoms]
-        found = np.array([part.sum() for part in parts])
-        size = np.array([np.abs(part).sum() for part in parts])
-        return cls(motion, trial, projected, found - totals, np.maximum(size, np.abs(totals)))
+    def of(cls, problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> "_Balance":
+        freedoms = [problem.freedoms[i] for i in motions(problem)]
+        modes, measures = np.zeros((2, len(freedoms), *gap.shape))
+        for k, freedom in enumerate(freedoms):
+            modes[k], measures[k] = freedom.mode[:, MECHANICAL], freedom.measure[:, MECHANICAL]
+        modes[:, ~np.isfinite(gap[:, 2])] = 0.0
+        totals = np.array([freedom.total for freedom in freedoms])
+        whole = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
+        return cls(problem, traction, gap, r, modes, measures, totals, whole)
 
+    def at(self, motion: Array) -> _Point:
+        """The tractions at a motion (k,)."""
+        moved = self.gap + np.tensordot(motion, self.modes, axes=1)
+        trial = augmented_traction(self.problem.contact_law, self.traction, moved, *self.r)
+        projected = self.problem.contact_law.project(trial)
+        parts = self.measures * projected
+        size = np.maximum(np.abs(parts).sum(axis=(1, 2)), np.abs(self.totals))
+        return _Point(motion, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
 
-def _better(
-    problem: ContactProblem,
-    freedoms: list[Freedom],
-    here: _Point,
-    jacobian: Array,
-    whole: Array,
-    data: tuple[Array, Array, tuple[float, float]],
-) -> _Point | None:
-    """A point with a smaller unbalance, by damped Newton steps, more and more regularised; None if there is none."""
-    unit = np.sqrt(np.where(whole > 0.0, whole, 1.0))
-    scaled = jacobian / unit[:, None] / unit
-    weight = np.where(whole > 0.0, 1.0 / unit, 0.0)
-    norm = np.linalg.norm(weight * here.unbalance)
-    r = data[2][0]
-    finite = np.isfinite(here.trial[:, 2])
-    distance = max(np.abs(here.trial[finite]).max(initial=0.0) / r, (np.abs(weight**2 * here.unbalance) * sizes).max())
-    for share in REGULARISATION:
-        try:
-            step = np.linalg.solve(scaled + share * np.eye(len(unit)), -weight * here.unbalance) / unit
-        except np.linalg.LinAlgError:
-            continue
-        if not (np.abs(step) * sizes).max() <= FARTHEST * distance:
-            continue
-        for fraction in FRACTIONS:
-            there = _Point.at(problem, freedoms, *data, here.motion + fraction * step)
-            if np.linalg.norm(weight * there.unbalance) < norm:
-                return there
-    return None
+    def better(self, here: _Point) -> _Point | None:
+        """A point with less unbalance, by damped Newton steps, more and more regularised; None if there is none."""
+        weight = np.divide(1.0, np.sqrt(self.whole), out=np.zeros_like(self.whole), where=self.whole > 0.0)
+        scaled = weight[:, None] * self._jacobian(here) * weight
+        right = -weight * here.unbalance
+        farthest = FARTHEST * self._distance(here, weight**2)
+        for share in REGULARISATION:
+            try:
+                step = weight * np.linalg.solve(scaled + share * np.eye(len(weight)), right)
+            except np.linalg.LinAlgError:
+                continue
+            reach = self._reach(step)
+            if not 0.0 < reach < np.inf or (share == 0.0 and reach > farthest):
+                continue
+            step *= min(1.0, farthest / reach)
+            for fraction in FRACTIONS:
+                there = self.at(here.motion + fraction * step)
+                if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(right):
+                    return there
+        return None
+
+    def _jacobian(self, here: _Point) -> Array:
+        """Change of the resultants with the motion, (k, k)."""
+        step = np.eye(3) * self.r[0]
+        step[:2, :2] = self.problem.contact_law.tangential_scaling() * self.r[1]
+        tangent = self.problem.contact_law.tangent(here.trial) @ step
+        return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, tangent, self.modes))
+
+    def _distance(self, here: _Point, compliance: Array) -> float:
+        """Largest one between body and indenter, or of the motions that the unbalance causes in the whole zone [m]."""
+        finite = np.isfinite(here.trial[:, 2])
+        apart = float(np.abs(here.trial[finite]).max(initial=0.0)) / self.r[0]
+        return max(apart, self._reach(compliance * here.unbalance))
+
+    def _reach(self, motion: Array) -> float:
+        """Largest displacement of the indenter by a motion (k,) [m]."""
+        return float((np.abs(motion) * np.abs(self.modes).max(axis=(1, 2), initial=0.0)).max(initial=0.0))
