@@ -1,0 +1,234 @@
+"""Reduced systems are found again by content: bit for bit, by nothing else, and never from a damaged file."""
+
+from dataclasses import dataclass, replace
+
+import h5py
+import numpy as np
+import pytest
+
+from meeframe.case import cache
+from meeframe.case.cache import cached_reduce, system_key
+from meeframe.case.load import load_case
+from meeframe.core.body import BoundaryCondition
+from meeframe.core.errors import ResultError
+from meeframe.core.formulation import Formulation, ReducedSystem
+from meeframe.core.mesh import ElementBlock
+from meeframe.elements import Quad8
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.fundamental import LineIntegral, Tabulated
+from meeframe.geometry import FlatPunch, block_mesh
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.materials import library_material
+from meeframe.solvers import Auto, Limits
+
+ARRAYS = ("points", "frames", "weights", "offset")
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(), registry)
+
+
+@pytest.fixture
+def reductions(monkeypatch):
+    """Counts them."""
+    made = []
+    original = cache.reduce
+    monkeypatch.setattr(cache, "reduce", lambda *given: made.append(1) or original(*given))
+    return made
+
+
+def assert_same(found, expected):
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), strict=True)
+    np.testing.assert_array_equal(found.dense(), expected.dense(), strict=True)
+    assert [name for name, _ in found.cells] == [name for name, _ in expected.cells]
+    for (_, nodes), (_, others) in zip(found.cells, expected.cells, strict=True):
+        np.testing.assert_array_equal(nodes, others, strict=True)
+
+
+def test_the_second_time_it_is_read_bit_for_bit(case, tmp_path, reductions):
+    case = replace(case, formulation=DenseBEM(quadrature_tolerance=1e-2))
+    made = cached_reduce(case, tmp_path / "cache")
+    assert len(reductions) == 1
+    found = cached_reduce(case, tmp_path / "cache")
+    assert len(reductions) == 1
+    assert_same(found, made)
+    assert [path.name for path in (tmp_path / "cache").iterdir()] == [f"{system_key(case)}.h5"]
+
+
+def test_recovery_reduces_again_once_and_gives_the_same_fields(case, tmp_path, reductions):
+    made = cached_reduce(case, tmp_path)
+    found = cached_reduce(case, tmp_path)
+    load = np.random.default_rng(1).normal(size=made.offset.shape)
+    expected = made.recover(load)
+    for _ in range(2):
+        fields = found.recover(load)
+        np.testing.assert_array_equal(fields.values, expected.values)
+        np.testing.assert_array_equal(fields.fluxes, expected.fluxes)
+    assert len(reductions) == 2
+
+
+def moved(mesh):
+    points = mesh.points.copy()
+    points[0, 0] = np.nextafter(points[0, 0], np.inf)
+    return replace(mesh, points=points)
+
+
+def renumbered(mesh):
+    first = mesh.blocks[0]
+    block = ElementBlock(first.element, np.roll(first.connectivity, 1, axis=1), first.groups)
+    return replace(mesh, blocks=(block, *mesh.blocks[1:]))
+
+
+def regrouped(mesh):
+    first = mesh.blocks[0]
+    groups = first.groups.copy()
+    groups[np.flatnonzero(groups == mesh.group("side_x-"))[0]] = mesh.group("side_x+")
+    return replace(mesh, blocks=(replace(first, groups=groups), *mesh.blocks[1:]))
+
+
+INGREDIENTS = {
+    "stiffness": lambda case: {"material": library_material("pzt-4")},
+    "point, by one bit": lambda case: {"mesh": moved(case.mesh)},
+    "connectivity": lambda case: {"mesh": renumbered(case.mesh)},
+    "face groups": lambda case: {"mesh": regrouped(case.mesh)},
+    "elements": lambda case: {"mesh": block_mesh(0.05, 0.12, 0.005, 4, 2, 1, Quad8())},
+    "value of a condition": lambda case: {"conditions": (replace(case.conditions[0], data=1e-9), *case.conditions[1:])},
+    "kind of a condition": lambda case: {"conditions": (*case.conditions, BoundaryCondition("top", 0, "flux", 0.0))},
+    "formulation": lambda case: {"formulation": DenseBEM()},
+    "its number": lambda case: {"formulation": replace(case.formulation, stiffness=2e14)},
+}
+
+
+@pytest.mark.parametrize("ingredient", INGREDIENTS)
+def test_a_changed_ingredient_is_another_key(case, ingredient):
+    assert system_key(replace(case, **INGREDIENTS[ingredient](case))) != system_key(case)
+
+
+def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
+    variants = [
+        replace(case, formulation=formulation)
+        for formulation in (
+            DenseBEM(),
+            DenseBEM(quadrature_tolerance=1e-4),
+            DenseBEM(LineIntegral()),
+            DenseBEM(Tabulated(1e-7)),
+        )
+    ]
+    free = replace(case, conditions=tuple(c for c in case.conditions if c.group == "base"))
+    variants += [free, replace(free, zone="top")]
+    keys = [system_key(variant) for variant in variants]
+    assert keys[-2] == system_key(case)  # the same conditions, made anew
+    assert len(set(keys)) == len(keys)
+
+
+@pytest.mark.parametrize("what", ["_ROOMS", "_LIBRARIES", "version"])
+def test_code_and_versions_are_in_the_key(case, monkeypatch, what):
+    before = system_key(case)
+    if what == "version":
+        monkeypatch.setattr(cache.meeframe, "__version__", "99")
+    else:
+        monkeypatch.setattr(cache, what, getattr(cache, what)[1:])
+    cache._sources.cache_clear()
+    try:
+        assert system_key(case) != before
+    finally:
+        monkeypatch.undo()
+        cache._sources.cache_clear()
+
+
+def test_loads_laws_and_solvers_share_one_system(case):
+    later = {
+        "indenter": FlatPunch(1e-3),
+        "contact_law": IsotropicCoulomb(0.3),
+        "electric_law": StepConductivity(1.0),
+        "magnetic_law": StepConductivity(1.0),
+        "solver": Auto(),
+        "limits": Limits(tolerance=1e-6),
+        "title": "another",
+        "text": "another",
+    }
+    for name, value in later.items():
+        assert system_key(replace(case, **{name: value})) == system_key(case), name
+
+
+def flipped(path):
+    """One bit of the matrix."""
+    with h5py.File(path) as file:
+        offset = file["matrix"].id.get_chunk_info(0).byte_offset
+    data = bytearray(path.read_bytes())
+    data[offset + 8] ^= 1
+    path.write_bytes(data)
+
+
+DAMAGES = {
+    "cut short": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
+    "empty": lambda path: path.write_bytes(b""),
+    "not HDF5": lambda path: path.write_text("nothing of the kind"),
+    "one bit": flipped,
+    "another's": lambda path: h5py.File(path, "r+").attrs.__setitem__("key", "0"),
+    "without its matrix": lambda path: h5py.File(path, "r+").__delitem__("matrix"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_file_is_made_anew(case, tmp_path, reductions, damage):
+    made = cached_reduce(case, tmp_path)
+    (path,) = tmp_path.glob("*.h5")
+    DAMAGES[damage](path)
+    for _ in range(2):
+        assert_same(cached_reduce(case, tmp_path), made)
+    assert len(reductions) == 2
+
+
+def test_an_interrupted_write_leaves_nothing(case, tmp_path, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5py.Group, "create_dataset", stop)
+        with pytest.raises(KeyboardInterrupt):
+            cached_reduce(case, tmp_path)
+    assert not list(tmp_path.glob("*.h5"))
+    assert not list(tmp_path.glob(".*.h5"))
+
+
+def test_a_folder_that_cannot_be_made(case, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ResultError, match="cannot be made"):
+        cached_reduce(case, tmp_path / "file")
+
+
+@dataclass(frozen=True)
+class WithoutMatrix(Formulation):
+    inner: Formulation
+
+    def check(self, body):
+        self.inner.check(body)
+
+    def reduce(self, body, progress=lambda *_: None):
+        system = self.inner.reduce(body, progress)
+        return OperatorOnly(system.points, system.frames, system.weights, system.cells, system.offset)
+
+
+class OperatorOnly(ReducedSystem):
+    def apply(self, load):
+        return load
+
+    def diagonal_blocks(self):
+        return np.tile(np.eye(5), (len(self.points), 1, 1))
+
+    def dense(self):
+        return None
+
+    def recover(self, load):
+        raise NotImplementedError
+
+
+def test_a_system_without_a_matrix_is_computed_each_time(case, tmp_path, reductions):
+    case = replace(case, formulation=WithoutMatrix(case.formulation))
+    for _ in range(2):
+        assert cached_reduce(case, tmp_path / "cache").dense() is None
+    assert len(reductions) == 2
+    assert not list(tmp_path.glob("cache/*"))
