@@ -12,6 +12,7 @@ from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import Conduction, Ground, start_load
+from meeframe.solvers.normal_modes import NormalModes
 
 REFRESH: Final = 0.1
 """The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
@@ -23,12 +24,14 @@ RENEWAL: Final = 50
 class _Memory:
     """What the iteration remembers.
 
-    ground, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the inner
-    product; gap: (n,) normal gap and flux: (n, 2) at the iterate; direction, residual: (n,) of the last step; free:
-    (n,) nodes that it moved; start: violation when the conduction was brought up to date; age: steps since.
+    ground, modes, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the
+    inner product; gap: (n,) normal gap, flux: (n, 2) and motion: (m,) at the iterate, the indenter at rest; direction,
+    residual: (n,) of the last step; free: (n,) nodes that it moved; start: violation when the conduction was brought up
+    to date; age: steps since.
     """
 
     ground: Ground
+    modes: NormalModes
     conduction: Conduction
     conductors: Conductors
     weight: Array
@@ -52,6 +55,9 @@ class ProjectedCG(Solver):
     weighted by the nodes' areas, in which a compliance by reciprocity is symmetric; it need not be exactly so, as the
     directions are those of Polak and Ribiere. When the violation has fallen to a tenth the conduction follows.
 
+    Where resultants of the pressure are prescribed, directions have none, the motions of the indenter take the mean out
+    of the gaps, and where pressure was lost the nearest balanced one is found.
+
     Source: Polonsky and Keer, Wear 231 (1999) 206; Dostal, Optimal Quadratic Programming Algorithms (2009), chapter 5.
     """
 
@@ -60,31 +66,27 @@ class ProjectedCG(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all.
 
-        Raises CaseError if the contact law is not that of frictionless unilateral contact.
+        Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of.
         """
-        ground = Ground.of(problem)
+        ground, modes = Ground.of(problem), NormalModes.of(problem)
         _check(problem.contact_law, ground.scales.pressure)
         n = len(problem.gap)
         load, conduction = start_load(start, n), Conduction.of(start, n)
         conductors = ground.conductors(load[:, :3], conduction.closed, None)
         slope = ground.slope(load[:, :3], conductors, load[:, 3:], start_motion(problem, start))
+        if modes.numbers.size:
+            # the tractions of one step bear the resultants; from there on every direction keeps them
+            r = 1.0 / ground.scales.normal_compliance
+            step = ground.projected(load[:, :3], slope, (r, r))
+            slope = ground.slope(step.traction, conductors, slope.flux, step.slope.motion)
+            load = np.concatenate([step.traction, slope.flux], axis=1)
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
-        nothing = np.zeros(n)
-        memory = _Memory(
-            ground,
-            conduction,
-            conductors,
-            weight,
-            slope.gap[:, 2],
-            slope.flux,
-            slope.motion,
-            nothing,
-            nothing,
-            np.zeros(n, bool),
-            np.inf,
-        )
-        return Iterate(load, conduction.closed, memory)
+        still = np.zeros(n)
+        gap, motion = modes.rested(-load[:, 2], slope.gap[:, 2], slope.motion)
+        mechanics = (ground, modes, conduction, conductors, weight)
+        memory = _Memory(*mechanics, gap, slope.flux, motion, still, still, np.zeros(n, bool), np.inf)
+        return Iterate(load, conduction.closed, memory, motion)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; before it, if it is time, the conduction is brought up to date."""
@@ -93,24 +95,24 @@ class ProjectedCG(Solver):
         free = (pressure > 0.0) | (memory.gap < 0.0)
         residual = np.where(free, memory.gap, 0.0)
         memory = self._conjugate(memory, residual, free)
-        response, flux = _response(memory, memory.direction)
-        curvature = float(memory.weight @ (memory.direction * response))
+        response = _response(memory, memory.direction)
+        # the indenter follows, so that only what it cannot follow resists
+        curvature = float(memory.weight @ (memory.direction * memory.modes.without(response.gap, free)))
         if curvature <= 0.0:
             return self._refreshed(memory, pressure)
         length = float(memory.weight @ (residual * memory.direction)) / curvature
         moved = pressure - length * memory.direction
-        clipped = np.maximum(moved, 0.0)
         memory = replace(memory, age=memory.age + 1)
-        if (clipped == moved).all():
-            gap, flux = memory.gap - length * response, memory.flux - length * flux
+        if (moved >= 0.0).all():
+            change = (length * response.gap, length * response.flux, length * response.motion)
+            memory = _placed(memory, moved, memory.gap - change[0], memory.flux - change[1], memory.motion - change[2])
         else:
-            slope = memory.ground.slope(_traction(clipped), memory.conductors, memory.flux, memory.motion)
-            gap, flux = slope.gap[:, 2], slope.flux
-        memory = replace(memory, gap=gap, flux=flux)
-        violation = _violation(memory, clipped)
+            moved = memory.modes.balanced(moved, free)
+            memory = _renewed(memory, moved)
+        violation = _violation(memory, moved)
         if violation <= REFRESH * memory.start or memory.age >= RENEWAL:
-            return self._refreshed(memory, clipped)
-        return _iterate(memory, clipped)
+            return self._refreshed(memory, moved)
+        return _iterate(memory, moved)
 
     def _conjugate(self, memory: _Memory, residual: Array, free: Mask) -> _Memory:
         """Memory with the next direction: steepest descent if nodes came in, else that of Polak and Ribiere."""
@@ -118,7 +120,7 @@ class ProjectedCG(Solver):
         share = 0.0
         if norm > 0.0 and not (free & ~memory.free).any():
             share = max(float(memory.weight @ (residual * (residual - memory.residual))) / norm, 0.0)
-        direction = np.where(free, residual + share * memory.direction, 0.0)
+        direction = memory.modes.without(residual + share * memory.direction, free)
         if float(memory.weight @ (direction * residual)) <= 0.0:
             direction = residual
         return replace(memory, direction=direction, residual=residual, free=free)
@@ -133,10 +135,7 @@ class ProjectedCG(Solver):
         conduction = memory.conduction.next(touched, -pressure, trial, ground.scales)
         conductors = ground.conductors(traction, conduction.closed, memory.conductors)
         same = conductors is memory.conductors
-        slope = ground.slope(traction, conductors, memory.flux, memory.motion)
-        memory = replace(
-            memory, conduction=conduction, conductors=conductors, gap=slope.gap[:, 2], flux=slope.flux, age=0
-        )
+        memory = _renewed(replace(memory, conduction=conduction, conductors=conductors, age=0), pressure)
         if not same:
             memory = replace(memory, residual=np.zeros_like(pressure), direction=np.zeros_like(pressure))
         return _iterate(replace(memory, start=_violation(memory, pressure)), pressure)
@@ -162,7 +161,7 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _iterate(memory: _Memory, pressure: Array) -> Iterate:
     load = np.concatenate([_traction(pressure), memory.flux], axis=1)
-    return Iterate(load, memory.conduction.closed, memory)
+    return Iterate(load, memory.conduction.closed, memory, memory.motion)
 
 
 def _traction(pressure: Array) -> Array:
@@ -172,10 +171,32 @@ def _traction(pressure: Array) -> Array:
     return traction
 
 
-def _response(memory: _Memory, pressure: Array) -> tuple[Array, Array]:
-    """Opening (n,) of the gap and flux (n, 2) due to a pressure (n,) alone."""
-    response = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros((len(pressure), 2)))
-    return -response.displacement[:, 2], response.flux
+@dataclass(frozen=True, eq=False)
+class _Response:
+    """What a pressure alone causes: opening (n,) of the gap, flux (n, 2), change of the motion (m,)."""
+
+    gap: Array
+    flux: Array
+    motion: Array
+
+
+def _response(memory: _Memory, pressure: Array) -> _Response:
+    response = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros_like(memory.flux))
+    motion = np.zeros_like(memory.motion)
+    motion[memory.conductors.floating.numbers] = response.potential
+    return _Response(-response.displacement[:, 2], response.flux, motion)
+
+
+def _renewed(memory: _Memory, pressure: Array) -> _Memory:
+    """Memory at a pressure (n,), without accumulated round-off."""
+    slope = memory.ground.slope(_traction(pressure), memory.conductors, memory.flux, memory.motion)
+    return _placed(memory, pressure, slope.gap[:, 2], slope.flux, slope.motion)
+
+
+def _placed(memory: _Memory, pressure: Array, gap: Array, flux: Array, motion: Array) -> _Memory:
+    """Memory at a pressure (n,) with its gap (n,), flux (n, 2) and motion (m,), after the indenter has come to rest."""
+    gap, motion = memory.modes.rested(pressure, gap, motion)
+    return replace(memory, gap=gap, flux=flux, motion=motion)
 
 
 def _violation(memory: _Memory, pressure: Array) -> float:

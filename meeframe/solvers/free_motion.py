@@ -15,6 +15,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, augmented_traction
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.mesh import Indices
 
 MAX_ITERATIONS: Final = 60
 ROUND_OFF: Final = 1e-14
@@ -36,14 +37,14 @@ class Balanced:
     motion: Array
 
 
-def motions(problem: ContactProblem) -> Array:
+def motions(problem: ContactProblem) -> Indices:
     """Numbers of the freedoms that are motions, (k,)."""
-    return np.array([i for i, freedom in enumerate(problem.freedoms) if not freedom.electromagnetic], int)
+    return np.array([i for i, freedom in enumerate(problem.freedoms) if not freedom.electromagnetic], np.int64)
 
 
-def potentials(problem: ContactProblem) -> Array:
+def potentials(problem: ContactProblem) -> Indices:
     """Numbers of the freedoms that are potentials, (j,)."""
-    return np.array([i for i, freedom in enumerate(problem.freedoms) if freedom.electromagnetic], int)
+    return np.array([i for i, freedom in enumerate(problem.freedoms) if freedom.electromagnetic], np.int64)
 
 
 def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:

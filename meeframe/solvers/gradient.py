@@ -17,8 +17,8 @@ from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenv
 class Slope:
     """The gap at given tractions.
 
-    gap: (n, 3) as of contact_gap; flux: (n, 2); motion: (m,) of the freedoms, potentials as the flux equations have them
-    and motions as they were given.
+    gap: (n, 3) as of contact_gap; flux: (n, 2); motion: (m,) of the freedoms, potentials as the flux equations have
+    them and motions as they were given.
     """
 
     gap: Array
@@ -28,8 +28,8 @@ class Slope:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A projected step: tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before it, with
-    the motions by which the resultants of those after it balance."""
+    """A projected step: tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before it,
+    with the motions by which the resultants of those after it balance."""
 
     traction: Array
     trial: Array

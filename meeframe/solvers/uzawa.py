@@ -25,8 +25,8 @@ _STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """ground, conduction: see there; conductors, spectrum: of the last step; damping: of the automatic step, 1 at first;
-    change, streak: last relative change of the tractions and how many times in succession it has grown."""
+    """ground, conduction: see there; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
+    first; change, streak: last relative change of the tractions and how many times in succession it has grown."""
 
     ground: Ground
     conduction: Conduction
