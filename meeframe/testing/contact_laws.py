@@ -43,8 +43,8 @@ def check_contact_law(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> 
     beyond = np.column_stack([trial[:, :2], np.full(_SAMPLES, np.inf)])
     require(not law.project(beyond).any(), "traction where there is no indenter above", law.project(beyond))
     close(law.project(traction), traction, pressure, "project is not idempotent")
-    order = random.permutation(_SAMPLES)
-    close(law.project(trial[order]), traction[order], pressure, "project depends on other nodes")
+    some = random.permutation(_SAMPLES)[: _SAMPLES // 3]
+    close(law.project(trial[some]), traction[some], pressure, "project depends on other nodes")
     _check_non_expansive(law, trial, pressure, random)
     _check_rests(law, pressure, random)
     _check_tangent(law, trial, beyond)
@@ -116,10 +116,9 @@ def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: in
     kappa = _pure(law.conductivity, traction, "conductivity")
     require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
     require(bool((kappa >= 0.0).all()), "conductivity is negative or NaN", kappa)
-    order = random.permutation(len(traction))
-    require(
-        np.array_equal(law.conductivity(traction[order]), kappa[order]), "conductivity depends on other nodes", kappa
-    )
+    some = random.permutation(len(traction))[: _SAMPLES // 3]
+    alone = law.conductivity(traction[some])
+    require(np.array_equal(alone, kappa[some]), "conductivity depends on other nodes", kappa)
     nearby = law.conductivity(traction * (1.0 + 1e-9))
     bounded = np.isfinite(kappa)
     require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
@@ -134,9 +133,9 @@ def _pure(function: Callable[[Array], Array], argument: Array, name: str) -> Arr
     require(np.array_equal(argument, kept), f"{name} changes its argument", argument)
     first = value.copy()
     function(0.5 * kept[::-1])
+    require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
     again = function(kept)
     require(np.array_equal(again, first, equal_nan=True), f"{name} depends on earlier calls", again)
-    require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
     return first
 
 
