@@ -67,7 +67,8 @@ class _Trend:
     def fraction(self, tolerance: float) -> float:
         """How much of the way from the first value to the tolerance is done, in decades."""
         decades = np.log(self.first[1] / tolerance)
-        return float(np.clip(np.log(self.first[1] / self.best[1]) / decades, 0.0, 1.0)) if decades > 0.0 else 1.0
+        done = np.log(self.first[1] / max(self.best[1], tolerance))  # a residual may be zero
+        return float(np.clip(done / decades, 0.0, 1.0)) if decades > 0.0 else 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,14 +183,15 @@ def _rest(law: ContactLaw, pressure: float, random: np.random.Generator, step: f
     slip = pressure * np.column_stack([np.cos(angle), np.sin(angle)])
     normal = -pressure * random.uniform(0.1, 1.0, _SAMPLES)
     traction = np.column_stack([np.zeros((_SAMPLES, 2)), normal])
-    half = before = traction
-    for count in range(_REST_STEPS):
-        half = traction if count == _REST_STEPS // 2 else half
-        before = traction
-        traction = law.project(np.column_stack([before[:, :2] + step * slip @ law.tangential_scaling(), normal]))
-    size = np.linalg.norm(traction[:, :2], axis=1)
-    settled = np.linalg.norm(traction - before, axis=1) <= _SETTLED * (size + ROUND_OFF * pressure)
-    sticks = size > 1.5 * np.linalg.norm(half[:, :2], axis=1)
+    history = [traction]
+    for _ in range(_REST_STEPS):
+        trial = np.column_stack([history[-1][:, :2] + step * slip @ law.tangential_scaling(), normal])
+        history.append(law.project(trial))
+    traction = history[-1]
+    last, halfway = (np.linalg.norm(history[k] - history[k - 1], axis=1) for k in (-1, _REST_STEPS // 2))
+    size, size_halfway = (np.linalg.norm(history[k][:, :2], axis=1) for k in (-1, _REST_STEPS // 2))
+    settled = last <= _SETTLED * (size + ROUND_OFF * pressure)
+    sticks = (last >= 0.99 * halfway) & (size > size_halfway)
     require(bool((settled | sticks).all()), "traction under slip comes to no rest", traction[~(settled | sticks)])
     return _Rest(slip, normal, traction, settled)
 
