@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from meeframe.case.load import load_case as load_case
     from meeframe.case.run import run as run
     from meeframe.case.solve import solve_case as solve_case
+    from meeframe.case.step import Step as Step
     from meeframe.core.body import BoundaryCondition as BoundaryCondition
     from meeframe.core.errors import MeeframeError as MeeframeError
-    from meeframe.core.result import Loading as Loading
     from meeframe.core.result import Result as Result
     from meeframe.core.result import resultants as resultants
     from meeframe.io.results import read_result as read_result
@@ -30,9 +30,9 @@ _HOMES = {
     "load_case": "meeframe.case.load",
     "run": "meeframe.case.run",
     "solve_case": "meeframe.case.solve",
+    "Step": "meeframe.case.step",
     "BoundaryCondition": "meeframe.core.body",
     "MeeframeError": "meeframe.core.errors",
-    "Loading": "meeframe.core.result",
     "Result": "meeframe.core.result",
     "resultants": "meeframe.core.result",
     "read_result": "meeframe.io.results",

@@ -13,7 +13,7 @@ from meeframe.core.contact import Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.formulation import Formulation, NodalFields, silent
 from meeframe.core.quantities import Quantity
-from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone
+from meeframe.core.result import Loading, Provenance, Region, Result, StepResult, Zone
 from meeframe.geometry import zone_frames
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.hookspecs import Record
@@ -126,20 +126,29 @@ def zone() -> Zone:
     return Zone(points, np.tile(np.eye(3), (SIDE**2, 1, 1)), weights, (("quad", quads),))
 
 
-def step(approach: float, status: Status = Status.CONVERGED) -> StepResult:
-    """A step with pressure 1e6 Pa x approach / 1 um inside a circle of 1.5 mm, and a tangential pull."""
+def step(approach: float, status: Status = Status.CONVERGED, number: int = 1, increment: int = 1) -> StepResult:
+    """A step with pressure 1e6 Pa x approach / 1 um inside a circle of 1.5 mm, and a tangential pull that makes it slip
+    by 10 nm except at its centre."""
     place = zone()
     inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
     pressure = 1e12 * approach * inside
     n = len(inside)
+    slipping = inside & place.points.any(axis=1)
+    slip = np.column_stack([1e-8 * slipping, np.zeros(n)])
+    prescribed = {"tangential_force": np.array([0.1 * pressure.sum() * 1e-6, 0.0])}
     return StepResult(
-        loading=Loading(approach, (1e-7, 0.0), 3.0, -2.0),
+        loading=Loading(approach, np.array([1e-7, 0.0]), np.array([1e-3, -2e-3]), 0.01, 3.0, -2.0, prescribed),
+        step=number,
+        increment=increment,
         initial_gap=np.where(inside, -approach, np.inf),
         traction=np.column_stack([0.1 * pressure, np.zeros(n), -pressure]),
         displacement=np.column_stack([np.zeros(n), np.zeros(n), -approach * inside]),
         potentials=np.column_stack([-5.0 * inside, 7.0 * inside]),
         fluxes=np.column_stack([2.0 * inside, -3.0 * inside]),
         closed=inside.astype(float),
+        slip=slip,
+        total_slip=2.0 * slip,
+        region=np.where(inside, np.where(slipping, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64),
         status=status,
         iterations=12,
         residual=1e-9,

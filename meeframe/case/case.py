@@ -3,19 +3,20 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
+from meeframe.case.step import Step, check_first, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
-from meeframe.core.indenter import Indenter
+from meeframe.core.indenter import Indenter, motion_modes
 from meeframe.core.mesh import SurfaceMesh
-from meeframe.core.result import Loading
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import Placement, check_contact_zone, initial_gap, zone_frames
 from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material
-from meeframe.solvers import Limits, Uzawa
+from meeframe.solvers import Auto, Limits
 
 
 @dataclass(frozen=True)
@@ -31,25 +32,28 @@ class Case:
     """One contact problem with its load steps, checked when it is made.
 
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
-    contact; steps: load steps, each a state of the indenter; text: the case file, verbatim, kept with the result.
+    contact; steps: load steps, each a state of the indenter; potentials: electric [V] and magnetic [A] potential of the
+    indenter from the beginning; text: the case file, verbatim, kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
-    fixes), an indenter that is nowhere above the zone.
+    fixes), an indenter that is nowhere above the zone, a first step that neither moves nor presses it, a
+    resultant that the laws cannot resist.
     """
 
     material: Material
     mesh: SurfaceMesh
     conditions: tuple[BoundaryCondition, ...]
     indenter: Indenter
-    steps: tuple[Loading, ...]
+    steps: tuple[Step, ...]
     placement: Placement = field(default_factory=Placement)
+    potentials: tuple[float, float] = (0.0, 0.0)
     zone: str = "contact"
     contact_law: ContactLaw = field(default_factory=Signorini)
     electric_law: ConductivityLaw = field(default_factory=Insulating)
     magnetic_law: ConductivityLaw = field(default_factory=Insulating)
     formulation: Formulation = field(default_factory=DenseBEM)
-    solver: Solver = field(default_factory=Uzawa)
+    solver: Solver = field(default_factory=Auto)
     limits: Limits = field(default_factory=Limits)
     output: Output = field(default_factory=Output)
     title: str = ""
@@ -61,14 +65,33 @@ class Case:
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
+        check_first(self.steps[0])
+        resists = resistance(
+            self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
+        )
+        for step in self.steps:
+            check_resisted(step, resists)
 
     @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
 
+    @property
+    def n_increments(self) -> int:
+        """Increments of all load steps together."""
+        return sum(step.increments for step in self.steps)
+
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
     """Raises CaseError unless a part of the indenter lies above the contact zone."""
     if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
+
+
+def resistance(
+    placement: Placement, mesh: SurfaceMesh, zone: str, laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw]
+) -> NDArray[np.bool_]:
+    """Which of the indenter's motions the laws of contact, electric and magnetic conductivity may resist, (8,)."""
+    place = zone_frames(mesh, zone)
+    return resisted(motion_modes(place.points, place.frames, placement.base, placement.reference(place.points)), *laws)

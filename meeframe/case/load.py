@@ -10,18 +10,10 @@ from pydantic import ValidationError
 
 from meeframe.case.case import Case, Output
 from meeframe.case.locate import locate
-from meeframe.case.schema import (
-    CaseTable,
-    FileTable,
-    HalfSpaceTable,
-    IndenterTable,
-    MeshTable,
-    StepTable,
-)
+from meeframe.case.schema import CaseTable, FileTable, HalfSpaceTable, MeshTable
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
-from meeframe.core.result import Loading
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
@@ -100,8 +92,9 @@ def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, text: str
         mesh=mesh,
         conditions=tuple(condition for boundary in table.boundary for condition in boundary.conditions()),
         indenter=table.indenter.named,
-        steps=tuple(_loading(step, table.indenter) for step in table.steps),
+        steps=tuple(step.step() for step in table.steps),
         placement=table.indenter.record,
+        potentials=(table.indenter.electric_potential, table.indenter.magnetic_potential),
         zone=table.contact.zone,
         contact_law=table.contact.law,
         electric_law=table.conductivity.electric,
@@ -150,14 +143,4 @@ def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
         table.layers,
         table.element,
         Grading(table.first_ring, table.layer_growth),
-    )
-
-
-def _loading(step: StepTable, indenter: IndenterTable) -> Loading:
-    electric, magnetic = step.electric_potential, step.magnetic_potential
-    return Loading(
-        approach=step.approach,
-        translation=step.translation,
-        electric_potential=indenter.electric_potential if electric is None else electric,
-        magnetic_potential=indenter.magnetic_potential if magnetic is None else magnetic,
     )

@@ -5,8 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
-from meeframe.case.case import check_reach
+from meeframe.case.case import check_reach, resistance
 from meeframe.case.schema import CaseTable
+from meeframe.case.step import check_first, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone
@@ -45,4 +46,11 @@ def _checks(table: CaseTable, body: Body) -> Iterator[tuple[Problem, Callable[[]
         body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
         yield Problem(("boundary", number), ""), partial(check_conditions, body)
     yield Problem(("boundary",), ""), partial(check_supports, body)
-    yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, table.indenter.record, body.mesh, zone)
+    placement = table.indenter.record
+    yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
+    steps = [step.step() for step in table.steps]
+    yield Problem(("steps", 0), ""), partial(check_first, steps[0])
+    laws = table.contact.law, table.conductivity.electric, table.conductivity.magnetic
+    resists = resistance(placement, body.mesh, zone, laws)
+    for number, step in enumerate(steps):
+        yield Problem(("steps", number), ""), partial(check_resisted, step, resists)

@@ -38,7 +38,7 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
 
 def _run(case: Case, folder: Path, clock: Clock) -> Result:
     system = reduce(case, clock)
-    result = Result(provenance(case), zone_of(system), len(case.steps))
+    result = Result(provenance(case), zone_of(system), case.n_increments)
     try:
         for step in solve_steps(case, system, clock):
             clock("writing", 0.0)

@@ -18,9 +18,11 @@ from pydantic import (
     model_validator,
 )
 
+from meeframe.case.step import Step
 from meeframe.core.body import BoundaryCondition
 from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
 from meeframe.core.element import SurfaceElement
+from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter
 from meeframe.core.quantities import Quantity
@@ -37,11 +39,16 @@ Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand a side is m
 Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
 Length = Annotated[float, Quantity("m", **_FINITE)]
 Angle = Annotated[float, Quantity("rad", **_FINITE)]
+Force = Annotated[float, Quantity("N", **_FINITE)]
+Moment = Annotated[float, Quantity("N m", **_FINITE)]
 Pressure = Annotated[float, Quantity("Pa", **_FINITE)]
 ElectricPotential = Annotated[float, Quantity("V", **_FINITE)]
 MagneticPotential = Annotated[float, Quantity("A", **_FINITE)]
 ElectricFlux = Annotated[float, Quantity("C/m^2", **_FINITE)]
 MagneticFlux = Annotated[float, Quantity("Wb/m^2", **_FINITE)]
+Charge = Annotated[float, Quantity("C", **_FINITE)]
+TotalMagneticFlux = Annotated[float, Quantity("Wb", **_FINITE)]
+Ratio = Annotated[float, Quantity("", **_FINITE)]
 
 _FREE: Final = BeforeValidator(lambda value: None if value == "free" else value)
 FreeLength = Annotated[Length | None, _FREE]
@@ -231,12 +238,68 @@ class SolverTable(Table):
 
 
 class StepTable(Table):
-    """[[steps]]: what one load step prescribes; potentials that are not given are those of [indenter]."""
+    """[[steps]]: what one load step prescribes, key by key as in meeframe.case.step.Step.
 
-    approach: Length
-    translation: tuple[Length, Length] = (0.0, 0.0)
+    direction: angle from e1 to e2 of those entries across the axis that are one number instead of two components.
+    """
+
+    approach: Length | None = None
+    normal_force: Annotated[float, Quantity("N", ge=0, lt=math.inf)] | None = None
+    translation: tuple[Length, Length] | None = None
+    tangential_force: tuple[Force, Force] | None = None
+    force_ratio: tuple[Ratio, Ratio] | None = None
+    direction: Angle | None = None
+    tilt: tuple[Angle, Angle] | None = None
+    moment: tuple[Moment, Moment] | None = None
+    twist: Angle | None = None
+    torque: Moment | None = None
     electric_potential: ElectricPotential | None = None
+    charge: Charge | None = None
     magnetic_potential: MagneticPotential | None = None
+    magnetic_flux: TotalMagneticFlux | None = None
+    increments: Count = 1
+
+    @model_validator(mode="before")
+    @classmethod
+    def _directed(cls, value: Any) -> Any:
+        """Sizes along `direction` become components."""
+        if not isinstance(value, Mapping):
+            return value
+        sizes = {
+            key: Quantity(unit, **_FINITE)
+            for key, unit in (("translation", "m"), ("tangential_force", "N"), ("force_ratio", ""))
+            if key in value and not isinstance(value[key], list | tuple)
+        }
+        if "direction" in value and not sizes:
+            text = "needs the size of a translation, tangential_force or force_ratio; components have their direction"
+            raise TableError(Problem(("direction",), text, value["direction"]))
+        components = {}
+        for key, size in sizes.items():
+            if "direction" not in value:
+                text = "should be a list of two components, or one number beside a direction"
+                raise TableError(Problem((key,), text, value[key]))
+            length, angle = _checked(key, size, value), _checked("direction", Quantity("rad", **_FINITE), value)
+            components[key] = (length * math.cos(angle), length * math.sin(angle))
+        return {**value, **components}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "StepTable":
+        try:
+            self.step()
+        except CaseError as error:
+            raise TableError(Problem((), str(error))) from None
+        return self
+
+    def step(self) -> Step:
+        """The load step."""
+        return Step(**self.model_dump(exclude={"direction"}))
+
+
+def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
+    try:
+        return quantity.check(table[key])
+    except ValueError as error:
+        raise TableError(Problem((key,), str(error), table[key])) from None
 
 
 class OutputTable(Table):
@@ -257,6 +320,6 @@ class CaseTable(Table):
     conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
     indenter: IndenterTable
     formulation: Annotated[Formulation, _by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
-    solver: SolverTable = Field(default="uzawa", validate_default=True)
+    solver: SolverTable = Field(default="auto", validate_default=True)
     steps: tuple[StepTable, ...] = Field(min_length=1)
     output: OutputTable = OutputTable()

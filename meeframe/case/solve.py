@@ -1,8 +1,9 @@
-"""From a case to its result in memory: one reduced system, then one contact problem for each load step."""
+"""From a case to its result in memory: one reduced system, then one contact problem for each increment of a load."""
 
 import platform
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from importlib import metadata
 
 import numba
@@ -10,13 +11,13 @@ import numpy as np
 
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
-from meeframe.core.contact import ContactProblem, ContactSolution, Status
+from meeframe.case.history import Controls, Converged, at_rest, held, ramped
+from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of
+from meeframe.core.contact import ContactSolution, Status, indenter_position
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, corners, split_displacement, split_load
-from meeframe.geometry import ContactZone, initial_gap
 from meeframe.plugin import registry as plugins
 from meeframe.solvers import solve
 
@@ -29,7 +30,7 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
     clock = Clock(progress)
     system = reduce(case, clock)
     steps = tuple(solve_steps(case, system, clock))
-    return Result(provenance(case), zone_of(system), len(case.steps), steps, clock.timings(), peak_memory_mb())
+    return Result(provenance(case), zone_of(system), case.n_increments, steps, clock.timings(), peak_memory_mb())
 
 
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
@@ -50,28 +51,49 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
 def solve_steps(
     case: Case, system: ReducedSystem, clock: Progress = silent, boundary: bool = True
 ) -> Iterator[StepResult]:
-    """The load steps of a case one after the other, each started from the last one that converged.
+    """The increments of a case's load steps one after the other, each from the last one that converged.
 
-    Slip is measured from that state too (notes, section 7): the first step, from the undeformed body, is the paper's.
-    boundary: recover the fields on the whole boundary too, which a study of the contact zone does not need.
+    Slip is measured from that state too (notes, section 7): a single increment, from the undeformed body, is the
+    paper's. What a step names goes linearly there from the state in which the step begins.
+    boundary: recover the fields on the whole boundary too, at the end of each step, which a study of the contact zone
+    does not need.
     """
-    start, slipped = None, np.zeros((len(system.points), 2))
-    for number, loading in enumerate(case.steps):
-        problem = _problem(case, system, loading, slipped)
+    mechanism = Mechanism(case, system)
+    here = at_rest(case.potentials, len(system.points))
+    controls, count = held(here, {}), 0
+    for number, step in enumerate(case.steps, 1):
+        begin, before = here, controls
+        for increment in range(1, step.increments + 1):
+            controls = ramped(before, begin, step.given, increment / step.increments)
+            share = partial(_share, clock, count, case.n_increments)
+            here, result = _solve(mechanism, controls, here, (number, increment), share)
+            count += 1
+            if boundary and increment == step.increments:
+                clock("boundary fields", 0.0)
+                result = replace(result, boundary=system.recover(result.load))
+            yield result
 
-        def show(stage: str, fraction: float, number: int = number) -> None:
-            clock(stage, (number + fraction) / len(case.steps))
 
-        show("contact", 0.0)
-        solution = solve(problem, case.solver, case.limits, start, show)
-        if solution.status is Status.CONVERGED:
-            start = solution.state
-            slipped = slipped + problem.translation - start.displacement[:, :2]
-        result = _step_result(system, problem, loading, solution)
-        if boundary:
-            clock("boundary fields", 0.0)
-            result = replace(result, boundary=system.recover(solution.state.load))
-        yield result
+def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float) -> None:
+    """Progress of one increment as that of all."""
+    clock(stage, (done + fraction) / planned)
+
+
+def _solve(
+    mechanism: Mechanism, controls: Controls, here: Converged, numbers: tuple[int, int], progress: Progress
+) -> tuple[Converged, StepResult]:
+    """The state after an increment, or the one before if it does not converge, and its result.
+
+    numbers: of the step and the increment.
+    """
+    progress("contact", 0.0)
+    increment = mechanism.increment(controls, here)
+    # free motions count from the converged state
+    start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
+    solution = solve(increment.problem, mechanism.case.solver, mechanism.case.limits, start, progress)
+    reached = mechanism.reached(increment, solution.state, here)
+    result = _step_result(mechanism, increment, reached, solution, numbers)
+    return (reached if solution.status is Status.CONVERGED else here), result
 
 
 def zone_of(system: ReducedSystem) -> Zone:
@@ -87,43 +109,40 @@ def provenance(case: Case) -> Provenance:
     return Provenance(case.title, case.text, versions, numba.get_num_threads())
 
 
-def _problem(case: Case, system: ReducedSystem, loading: Loading, slipped: Array) -> ContactProblem:
-    """The contact problem of a load step; slipped: (n, 2) how far the indenter has slipped over the body before [m]."""
-    zone = ContactZone(system.points, system.frames, system.weights, system.cells, np.arange(len(system.points)))
-    translation = system.frames @ (np.array(loading.translation) @ case.placement.base[:2])
-    # where the zone is not parallel to the plane of translation the indenter also moves along the normal
-    gap = initial_gap(case.indenter, zone, case.placement, loading.approach) + translation[:, 2]
-    potentials = np.tile([loading.electric_potential, loading.magnetic_potential], (len(gap), 1))
-    laws = case.contact_law, case.electric_law, case.magnetic_law
-    return ContactProblem(system, *laws, gap, translation[:, :2] - slipped, potentials)
-
-
 def _step_result(
-    system: ReducedSystem, problem: ContactProblem, loading: Loading, solution: ContactSolution
+    mechanism: Mechanism, increment: Increment, reached: Converged, solution: ContactSolution, numbers: tuple[int, int]
 ) -> StepResult:
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials = split_displacement(state.displacement)
     return StepResult(
-        loading=loading,
-        initial_gap=problem.gap,
+        loading=Loading.of(reached.motion, increment.prescribed, mechanism.reference, mechanism.case.placement.base),
+        step=numbers[0],
+        increment=numbers[1],
+        initial_gap=indenter_position(increment.problem, state.motion)[:, 2],
         traction=traction,
         displacement=displacement,
         potentials=potentials,
         fluxes=fluxes,
         closed=state.closed,
+        slip=slip_of(increment, state),
+        total_slip=reached.total_slip,
+        region=regions(increment, solution),
         status=solution.status,
         iterations=solution.iterations,
         residual=solution.residual,
         history=solution.history,
-        message=solution.message + _remark(system, solution),
+        message=solution.message + _remark(mechanism.system, solution),
     )
 
 
 def _remark(system: ReducedSystem, solution: ContactSolution) -> str:
-    """A remark if nothing touches or if the contact reaches the edge of its zone, where it is cut off; else ""."""
+    """What follows if it did not converge; or a remark if nothing touches, or if the contact reaches the edge of its
+    zone, where it is cut off; else ""."""
     touching = solution.state.load[:, 2] < 0
-    if solution.status is Status.CONVERGED and not touching.any():
+    if solution.status is not Status.CONVERGED:
+        return "; the next increment starts from the last one that converged"
+    if not touching.any():
         return "; the indenter does not touch the body"
     count = int(touching[_border_sides(system.cells)].all(axis=1).sum())
     return f"; the contact reaches the edge of its zone at {count} element sides" if count else ""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from meeframe.core.contact import Status
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import NodalFields
+from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
 from meeframe.core.mesh import Indices
 
 
@@ -31,38 +32,74 @@ class Zone:
     cells: tuple[tuple[str, Indices], ...]
 
 
-@dataclass(frozen=True)
-class Loading:
-    """What one load step prescribes to the indenter.
+class Region(IntEnum):
+    """What a node of the contact zone does."""
 
-    approach: along its axis into the body [m]; translation: in the plane across its axis [m];
-    electric_potential [V], magnetic_potential [A]: of its surface, where the laws conduct.
+    OPEN = 0
+    SLIP = 1
+    STICK = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """Where the indenter is in one increment, and which resultants held it there.
+
+    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
+    tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; electric_potential [V], magnetic_potential
+    [A]: of its surface, where the laws conduct. All from where it just touched, and found ones where they were free.
+    prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
+    reference: its lowest point where it just touched, about which it turns, (3,) in global axes [m]; axes: rows e1, e2,
+    axis of its place, (3, 3).
     """
 
     approach: float
-    translation: tuple[float, float] = (0.0, 0.0)
+    translation: Array = field(default_factory=lambda: np.zeros(2))
+    tilt: Array = field(default_factory=lambda: np.zeros(2))
+    twist: float = 0.0
     electric_potential: float = 0.0
     magnetic_potential: float = 0.0
+    prescribed: Mapping[str, Array] = field(default_factory=dict)
+    reference: Array = field(default_factory=lambda: np.zeros(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    @classmethod
+    def of(cls, motion: Array, prescribed: Mapping[str, Array], reference: Array, axes: Array) -> "Loading":
+        """Of the eight motions of an indenter, (8,)."""
+        approach, *_, twist, electric, magnetic = (float(value) for value in motion)
+        translation, tilt = motion[MOTIONS["translation"]], motion[MOTIONS["tilt"]]
+        return cls(approach, translation, tilt, twist, electric, magnetic, prescribed, reference, axes)
+
+    @property
+    def motion(self) -> Array:
+        """All motions of the indenter, (8,), at the places of MOTIONS."""
+        return np.concatenate([np.atleast_1d(getattr(self, name)) for name in MOTIONS])
 
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
-    """One load step.
+    """One increment of a load step.
 
-    initial_gap: (n,) gap between the undeformed body and the indenter in its position at this step [m], inf where there
-    is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0 in compression; displacement: (n, 3) along e1,
-    e2, nu [m]; potentials: (n, 2) electric [V] and magnetic [A]; fluxes: (n, 2) electric [C/m^2] and magnetic [Wb/m^2],
-    outward; closed: (n,) as in ContactState; iterations, residual, history, message as in ContactSolution; boundary:
-    fields on the whole boundary.
+    step, increment: their numbers, from 1; initial_gap: (n,) gap between the undeformed body and the indenter in its
+    position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
+    in compression; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2) electric [V] and magnetic [A]; fluxes:
+    (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in ContactState; slip: (n, 2) tangential
+    motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
+    beginning, both also where the contact is open [m]; region: (n,) numbers of Region; iterations, residual, history,
+    message as in ContactSolution; boundary: fields on the whole boundary.
     """
 
     loading: Loading
+    step: int
+    increment: int
     initial_gap: Array
     traction: Array
     displacement: Array
     potentials: Array
     fluxes: Array
     closed: Array
+    slip: Array
+    total_slip: Array
+    region: Indices
     status: Status
     iterations: int
     residual: float
@@ -76,15 +113,27 @@ class StepResult:
         gap: Array = self.initial_gap - self.displacement[:, 2]
         return gap
 
+    @property
+    def load(self) -> Array:
+        """The load on the contact zone as in ReducedSystem, (n, 5)."""
+        return np.concatenate([self.traction, self.fluxes], axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class Resultants:
-    """Numbers that sum a step up; see `resultants`."""
+    """Numbers that sum an increment up; see `resultants`."""
 
     force: Array
+    normal_force: float
+    tangential_force: Array
+    moment: Array
+    torque: float
     charge: float
     magnetic_flux: float
+    dissipated_energy: float
     contact_area: float
+    stick_area: float
+    slip_area: float
     max_pressure: float
     max_abs_electric_potential: float
     max_abs_magnetic_potential: float
@@ -93,22 +142,42 @@ class Resultants:
 def resultants(zone: Zone, step: StepResult) -> Resultants:
     """Resultants and maxima over the contact zone.
 
-    force: (3,) on the body, global axes [N]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
-    contact_area: sum over the elements of their area times the share of their nodes in compression [m^2] (the weights
-    of nodes will not do: those of quad8's corners are negative, those of tri6's zero); max_pressure [Pa]; largest
-    absolute potentials of the body's surface in the contact zone [V], [A].
+    force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
+    normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
+    through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
+    dissipated_energy: work of the tangential tractions on the slip of this increment, >= 0 [J];
+    contact_area, stick_area, slip_area: sum over the elements of their area times the share of their nodes in
+    compression, and in either region [m^2] (the weights of nodes will not do: those of quad8's corners are negative,
+    those of tri6's zero); max_pressure [Pa]; largest absolute potentials of the body's surface in the contact zone [V],
+    [A].
     """
     pressure = 0.0 - step.traction[:, 2]  # and not a mere sign change, which would make -0.0 of 0.0
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
+    totals = _on_motions(zone, step)
     return Resultants(
         force=zone.weights @ np.einsum("na,nai->ni", step.traction, zone.frames),
-        charge=float(zone.weights @ step.fluxes[:, 0]),
-        magnetic_flux=float(zone.weights @ step.fluxes[:, 1]),
-        contact_area=_contact_area(zone, pressure > 0.0),
+        normal_force=float(totals["normal_force"][0]),
+        tangential_force=totals["tangential_force"],
+        moment=totals["moment"],
+        torque=float(totals["torque"][0]),
+        charge=float(totals["charge"][0]),
+        magnetic_flux=float(totals["magnetic_flux"][0]),
+        dissipated_energy=float(zone.weights @ (step.traction[:, :2] * step.slip).sum(axis=1)),
+        contact_area=_area(zone, pressure > 0.0),
+        stick_area=_area(zone, step.region == Region.STICK),
+        slip_area=_area(zone, step.region == Region.SLIP),
         max_pressure=float(pressure.max()),
         max_abs_electric_potential=float(electric.max()),
         max_abs_magnetic_potential=float(magnetic.max()),
     )
+
+
+def _on_motions(zone: Zone, step: StepResult) -> dict[str, Array]:
+    """Resultants that work on the motions of the indenter, by key, (1,) or (2,)."""
+    place = step.loading
+    modes = motion_modes(zone.points, zone.frames, place.axes, place.reference)
+    totals = np.einsum("kni,ni->k", motion_measures(modes, zone.weights), step.load) + 0.0  # no -0.0
+    return {key: totals[columns] for key, columns in RESULTANTS.items()}
 
 
 def corners(cells: tuple[tuple[str, Indices], ...]) -> list[Indices]:
@@ -116,13 +185,13 @@ def corners(cells: tuple[tuple[str, Indices], ...]) -> list[Indices]:
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 
 
-def _contact_area(zone: Zone, compressed: NDArray[np.bool_]) -> float:
+def _area(zone: Zone, chosen: NDArray[np.bool_]) -> float:
     areas, shares = [], []
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
         points = zone.points[outline]
         centred = points - points.mean(axis=1, keepdims=True)
         areas.append(np.linalg.norm(np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1), axis=1) / 2)
-        shares.append(compressed[nodes].mean(axis=1))
+        shares.append(chosen[nodes].mean(axis=1))
     area = np.concatenate(areas)
     # straight sides miss a little of curved elements: the whole zone in contact has its whole area
     return float(area @ np.concatenate(shares) * (zone.weights.sum() / area.sum()))
@@ -140,9 +209,9 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A run: its zone and its finished steps.
+    """A run: its zone and the finished increments of its load steps.
 
-    planned_steps: how many steps the case asks for; timings: seconds by stage; peak_memory_mb: of the process.
+    planned_steps: how many increments the case asks for; timings: seconds by stage; peak_memory_mb: of the process.
     """
 
     provenance: Provenance
@@ -154,7 +223,7 @@ class Result:
 
     @property
     def status(self) -> RunStatus:
-        """CONVERGED only if every planned step did."""
+        """CONVERGED only if every planned increment did."""
         if any(step.status is not Status.CONVERGED for step in self.steps):
             return RunStatus.NOT_CONVERGED
         return RunStatus.CONVERGED if len(self.steps) == self.planned_steps else RunStatus.UNFINISHED

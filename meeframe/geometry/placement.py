@@ -58,6 +58,15 @@ class Placement:
         turn: Array = _about(0, self.tilt_1) @ _about(1, self.tilt_2) @ _about(2, self.rotation)
         return turn
 
+    def lowest(self, points: Array) -> Array:
+        """Where the lowest point stands, just touching a contact zone of points (n, 3), (3,) along base's rows [m]."""
+        return np.array([self.x, self.y, np.max(points @ self.base[2])])
+
+    def reference(self, points: Array) -> Array:
+        """The same point in global axes, (3,) [m]."""
+        reference: Array = self.lowest(points) @ self.base
+        return reference
+
 
 def initial_gap(
     indenter: Indenter, zone: ContactZone, placement: Placement | None = None, approach: float = 0.0
@@ -70,7 +79,7 @@ def initial_gap(
     """
     placement = placement or Placement()
     base, turn = placement.base, placement.turn
-    lowest = np.array([placement.x, placement.y, np.max(zone.points @ base[2]) - approach])
+    lowest = placement.lowest(zone.points) - np.array([0.0, 0.0, approach])
     # rays along the normals in coordinates of the shape
     start = (zone.points @ base.T - lowest) @ turn
     along = zone.frames[:, 2] @ base.T @ turn

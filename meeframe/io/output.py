@@ -17,6 +17,8 @@ FIGURE_FILES: Final = (
     "electric_potential.png",
     "magnetic_potential.png",
     "sections.png",
+    "stick_slip.png",
+    "history.png",
 )
 OUTPUT_FILES: Final = (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, *FIGURE_FILES)
 

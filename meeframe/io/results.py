@@ -1,7 +1,7 @@
 """The result file: self-describing HDF5, written step by step so that an interrupted run keeps its finished steps.
 
 Layout (docs/results.md): attributes of the root say what made the file; /zone is the contact zone; /boundary the points
-and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one load step each. Every dataset has `units`.
+and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has `units`.
 """
 
 import json
@@ -19,11 +19,12 @@ from meeframe.core.contact import Status
 from meeframe.core.errors import ResultError
 from meeframe.core.fields import FLUX_UNITS, VALUE_UNITS
 from meeframe.core.formulation import NodalFields
+from meeframe.core.indenter import MOTIONS, RESULTANTS, UNITS
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, resultants
+from meeframe.core.result import Loading, Provenance, Region, Result, StepResult, Zone, resultants
 from meeframe.io.output import RESULT_FILE, replacing
 
-FORMAT: Final = "meeframe-result 1"
+FORMAT: Final = "meeframe-result 2"
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = {
@@ -36,16 +37,23 @@ _STEP_UNITS: Final = {
     "electric_flux": "C/m^2",
     "magnetic_flux": "Wb/m^2",
     "closed": "1",
+    "slip": "m",
+    "total_slip": "m",
+    "region": "1",
+    "step": "1",
+    "increment": "1",
     "history": "1",
     "residual": "1",
     "iterations": "1",
 }
-_LOADING_UNITS: Final = {"approach": "m", "translation": "m", "electric_potential": "V", "magnetic_potential": "A"}
+_LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": "m", "axes": "1"}
 RESULTANT_UNITS: Final = {
     "force": "N",
-    "charge": "C",
-    "magnetic_flux": "Wb",
+    **{name: UNITS[name] for name in RESULTANTS},
+    "dissipated_energy": "J",
     "contact_area": "m^2",
+    "stick_area": "m^2",
+    "slip_area": "m^2",
     "max_pressure": "Pa",
     "max_abs_electric_potential": "V",
     "max_abs_magnetic_potential": "A",
@@ -58,7 +66,7 @@ _BOUNDARY_UNITS: Final = {
 
 
 def create_result(folder: Path, result: Result) -> None:
-    """Write the result file with the steps that are finished so far."""
+    """Write the result file with the increments that are finished so far."""
     with replacing(folder / RESULT_FILE) as path, h5py.File(path, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["title"] = result.provenance.title
@@ -77,7 +85,7 @@ def create_result(folder: Path, result: Result) -> None:
 
 
 def append_step(folder: Path, zone: Zone, step: StepResult) -> None:
-    """Add one step to the result file."""
+    """Add one increment to the result file."""
     with _changing(folder) as file:
         _put_step(file, zone, step)
 
@@ -133,9 +141,16 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     steps = file["steps"]
     group = steps.create_group(f"{len(steps) + 1:04d}")
     group.attrs.update({"status": str(step.status), "message": step.message})
-    group.attrs["note"] = "traction, displacement: along e1, e2, nu of the zone's frames; fluxes: outward"
+    group.attrs["note"] = (
+        "traction, displacement, slip: along e1, e2, nu of the zone's frames; fluxes: outward; "
+        + "region: "
+        + ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
+    )
     _put_all(group, _STEP_UNITS, _step_values(step))
-    _put_all(group.create_group("loading"), _LOADING_UNITS, asdict(step.loading))
+    loading = group.create_group("loading")
+    _put_all(loading, _LOADING_UNITS, asdict(step.loading))
+    prescribed = step.loading.prescribed
+    _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
     _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
     if step.boundary is not None:
         _put_boundary(file, group, step.boundary)
@@ -184,7 +199,6 @@ def _read(file: Any) -> Result:
 
 
 def _get_step(file: Any, group: Any) -> StepResult:
-    loading = {name: group["loading"][name][()] for name in _LOADING_UNITS}
     pairs = {
         name: np.stack([group[f"electric_{name}"][()], group[f"magnetic_{name}"][()]], axis=1)
         for name in ("potential", "flux")
@@ -195,18 +209,18 @@ def _get_step(file: Any, group: Any) -> StepResult:
         shared = file["boundary"]
         boundary = NodalFields(shared["points"][()], _get_cells(shared), own["values"][()], own["fluxes"][()])
     return StepResult(
-        loading=Loading(
-            approach=float(loading["approach"]),
-            translation=(float(loading["translation"][0]), float(loading["translation"][1])),
-            electric_potential=float(loading["electric_potential"]),
-            magnetic_potential=float(loading["magnetic_potential"]),
-        ),
+        loading=_get_loading(group["loading"]),
+        step=int(group["step"][()]),
+        increment=int(group["increment"][()]),
         initial_gap=group["initial_gap"][()],
         traction=group["traction"][()],
         displacement=group["displacement"][()],
         potentials=pairs["potential"],
         fluxes=pairs["flux"],
         closed=group["closed"][()],
+        slip=group["slip"][()],
+        total_slip=group["total_slip"][()],
+        region=group["region"][()],
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
         residual=float(group["residual"][()]),
@@ -214,6 +228,12 @@ def _get_step(file: Any, group: Any) -> StepResult:
         message=group.attrs["message"],
         boundary=boundary,
     )
+
+
+def _get_loading(group: Any) -> Loading:
+    motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
+    prescribed = {key: own[()] for key, own in group["prescribed"].items()}
+    return Loading.of(motion, prescribed, group["reference"][()], group["axes"][()])
 
 
 def _get_cells(group: Any) -> tuple[tuple[str, Indices], ...]:

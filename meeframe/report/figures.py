@@ -1,21 +1,19 @@
-"""Figures of the last finished step: maps over the contact zone and sections through its centre."""
+"""Figures of the last finished increment: maps over the contact zone, sections through its centre; and its history."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.result import Result, StepResult
+from meeframe.core.result import Region, Result, StepResult, resultants
+from meeframe.report.canvas import LINE_COLOURS, MAP_COLOURS, head, prefixed, sheet
+from meeframe.report.history import history, name_of
 from meeframe.report.picture import Picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
-_LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73")  # of the Okabe-Ito palette
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,10 @@ _QUANTITIES: Final = (
 
 
 def figures(result: Result) -> "dict[str, Figure]":
-    """Figures of the last finished step by file name; none if there is no step or nothing in it is finite."""
+    """Figures of the last finished increment by file name; none if there is none or if not all in it is finite.
+
+    With several increments that converged, their history besides.
+    """
     if not result.steps:
         return {}
     step = result.steps[-1]
@@ -50,7 +51,9 @@ def figures(result: Result) -> "dict[str, Figure]":
     picture = Picture.of(result.zone)
     title = _title(result)
     drawn = {f"{q.file}.png": _map(q, step, picture, title) for q in _QUANTITIES}
-    return drawn | {"sections.png": _sections(step, picture, title)}
+    drawn |= {"sections.png": _sections(step, picture, title), "stick_slip.png": _regions(result, picture, title)}
+    past = history(result)
+    return drawn if past is None else drawn | {"history.png": past}
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
@@ -59,26 +62,43 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 
 def _title(result: Result) -> str:
-    """Title of the case, and the step where there are several."""
-    number = len(result.steps)
-    step = f"step {number} of {result.planned_steps}, approach {result.steps[-1].loading.approach * 1e6:.6g} µm"
+    """Title of the case, and the increment where there are several."""
+    step = f"{name_of(result, result.steps[-1])}, approach {result.steps[-1].loading.approach * 1e6:.6g} µm"
     parts = [result.provenance.title, step if result.planned_steps > 1 else ""]
     return ", ".join(filter(None, parts))
 
 
 def _map(quantity: _Quantity, step: StepResult, picture: Picture, title: str) -> "Figure":
     values = quantity.values(step)
-    factor, unit = _prefixed(values, quantity.unit)
-    figure = _figure((5.6, 4.6))
+    factor, unit = prefixed(values, quantity.unit)
+    figure = sheet((5.6, 4.6))
     axes = figure.subplots()
     shown = picture.values(values / factor)
-    drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=_MAP_COLOURS)
+    drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
     touching = step.traction[:, 2] < 0.0
     if touching.any() and not touching.all():  # the edge of the contact, half way between nodes
         axes.tricontour(picture.triangulation, picture.values(touching.astype(float)), [0.5], colors="white")
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-    _head(axes, quantity.label, title)
+    head(axes, quantity.label, title)
+    return figure
+
+
+def _regions(result: Result, picture: Picture, title: str) -> "Figure":
+    """Where the contact sticks and where it slips; edges half way between nodes."""
+    step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
+    figure = sheet((5.6, 4.6))
+    axes = figure.subplots()
+    shown = (
+        (step.region != Region.OPEN, "slip", totals.slip_area),
+        (step.region == Region.STICK, "stick", totals.stick_area),
+    )
+    for (inside, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
+        axes.fill([], [], color=colour, label=f"{name}, {area * 1e6:.4g} mm²")
+        axes.tricontourf(picture.triangulation, picture.values(inside.astype(float)), [0.5, 1.5], colors=[colour])
+    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    axes.legend(loc="upper right")
+    head(axes, "stick and slip", title)
     return figure
 
 
@@ -88,39 +108,17 @@ def _sections(step: StepResult, picture: Picture, title: str) -> "Figure":
     flat = picture.triangulation
     x = np.linspace(flat.x.min(), flat.x.max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(flat.y)
-    figure = _figure((6.0, 7.2))
+    figure = sheet((6.0, 7.2))
     rows = figure.subplots(len(_QUANTITIES), sharex=True)
-    for axes, quantity, colour in zip(rows, _QUANTITIES, _LINE_COLOURS, strict=True):
+    for axes, quantity, colour in zip(rows, _QUANTITIES, LINE_COLOURS, strict=True):
         values = quantity.values(step)
-        factor, unit = _prefixed(values, quantity.unit)
+        factor, unit = prefixed(values, quantity.unit)
         section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))
         axes.plot(x, section, color=colour, linewidth=1.8)
         axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
         axes.set_ylabel(f"{quantity.label}\n[{unit}]")
         axes.grid(alpha=0.3)
     rows[-1].set_xlabel("x [mm]")
-    _head(rows[0], "sections y = 0", title)
+    head(rows[0], "sections y = 0", title)
     figure.align_ylabels(rows)
     return figure
-
-
-def _figure(size: tuple[float, float]) -> "Figure":
-    # the object interface: no global state, no display, and half the start-up time of pyplot
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _head(axes: Any, what: str, title: str) -> None:
-    axes.set_title(f"{title}\n{what}" if title else what, fontsize=10)
-
-
-def _prefixed(values: Array, unit: str) -> tuple[float, str]:
-    """Factor and unit with the SI prefix that brings the largest value between 1 and 1000."""
-    largest = float(np.abs(values).max())
-    exponent = 3 * int(np.floor(np.log10(largest) / 3)) if largest > 0 else 0
-    exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
-    return 10.0**exponent, _PREFIXES[exponent] + unit

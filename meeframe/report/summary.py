@@ -10,7 +10,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from meeframe.core.contact import Status
+from meeframe.core.indenter import MOTIONS
 from meeframe.core.result import Result, RunStatus, StepResult, Zone, resultants
+from meeframe.report.history import name_of
 
 
 def summary(result: Result) -> dict[str, Any]:
@@ -37,11 +40,12 @@ def summary_json(result: Result) -> str:
 
 def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
     totals = resultants(zone, step)
+    loading = step.loading
     return {
-        "approach": step.loading.approach,
-        "translation": list(step.loading.translation),
-        "electric_potential": step.loading.electric_potential,
-        "magnetic_potential": step.loading.magnetic_potential,
+        "step": step.step,
+        "increment": step.increment,
+        **{name: getattr(loading, name) for name in MOTIONS},
+        "prescribed": dict(loading.prescribed),
         **vars(totals),
         "iterations": step.iterations,
         "residual": step.residual,
@@ -61,33 +65,46 @@ def _plain(value: Any) -> Any:
 
 
 def summary_table(result: Result) -> RenderableType:
-    """The summary for the terminal: a line on the run and a table with a column for each step."""
+    """The summary for the terminal: a line on the run and a table with a column for each step, at its end."""
     table = Table(title=result.provenance.title or None, title_justify="left")
     table.add_column("")
     table.add_column("unit")
-    for number in range(len(result.steps)):
-        table.add_column(f"step {number + 1}", justify="right")
-    totals = [resultants(result.zone, step) for step in result.steps]
+    shown = [step for step, after in zip(result.steps, (*result.steps[1:], None), strict=True) if _ends(step, after)]
+    for step in shown:
+        table.add_column(name_of(result, step), justify="right")
+    totals = [resultants(result.zone, step) for step in shown]
     rows: list[tuple[str, str, list[Any]]] = [
-        ("approach", "m", [step.loading.approach for step in result.steps]),
+        ("approach", "m", [step.loading.approach for step in shown]),
         *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
         ("charge", "C", [total.charge for total in totals]),
         ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
+        ("dissipated energy", "J", _dissipated(result, shown)),
         ("contact area", "m^2", [total.contact_area for total in totals]),
+        ("sticking area", "m^2", [total.stick_area for total in totals]),
         ("largest pressure", "Pa", [total.max_pressure for total in totals]),
         ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
         ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
-        ("iterations", "", [step.iterations for step in result.steps]),
-        ("residual", "", [step.residual for step in result.steps]),
-        ("status", "", [str(step.status) for step in result.steps]),
+        ("iterations", "", [step.iterations for step in shown]),
+        ("residual", "", [step.residual for step in shown]),
+        ("status", "", [str(step.status) for step in shown]),
     ]
     for label, unit, values in rows:
         table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
-    return Group(table, *(_message(n, step) for n, step in enumerate(result.steps) if step.message), _headline(result))
+    told = [step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)]
+    messages = [Text(f"{name_of(result, step)}: {step.message}") for step in told]
+    return Group(table, *messages, _headline(result))
 
 
-def _message(number: int, step: StepResult) -> Text:
-    return Text(f"step {number + 1}: {step.message}")
+def _ends(step: StepResult, after: StepResult | None) -> bool:
+    """Whether an increment is the last one of its step so far."""
+    return after is None or after.step != step.step
+
+
+def _dissipated(result: Result, shown: list[StepResult]) -> list[float]:
+    """Energy that friction dissipates in the whole of each step [J]; increments that did not converge do not count."""
+    done = [step for step in result.steps if step.status is Status.CONVERGED]
+    energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
+    return [float(sum(energy for number, energy in energies if number == step.step)) for step in shown]
 
 
 def _headline(result: Result) -> Text:

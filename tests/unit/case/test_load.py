@@ -80,7 +80,7 @@ electric_flux = 1e-6
     assert (case.output.figures, case.output.vtu) == (False, True)
     assert case.mesh.blocks[0].element.name == Quad9().name
     (step,) = case.steps
-    assert (step.translation, step.electric_potential) == ((pytest.approx(1e-6), 0.0), -5.0)
+    assert (step.translation, case.potentials[0]) == ((pytest.approx(1e-6), 0.0), -5.0)
     assert step.magnetic_potential == pytest.approx(3e-3)
     side = {(c.field, c.kind): c.data for c in case.conditions if c.group == "side_x+"}
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}

@@ -26,6 +26,10 @@ def assert_equal(first, second):
         assert type(first) is type(second)
         for field in dataclasses.fields(first):
             assert_equal(getattr(first, field.name), getattr(second, field.name))
+    elif isinstance(first, dict):
+        assert first.keys() == second.keys()
+        for key in first:
+            assert_equal(first[key], second[key])
     elif isinstance(first, tuple):
         assert len(first) == len(second)
         for one, other in zip(first, second, strict=True):
@@ -37,7 +41,7 @@ def assert_equal(first, second):
 
 
 def test_round_trip(tmp_path, synthetic):
-    result = synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, Status.CYCLING), planned=3)
+    result = synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, Status.CYCLING, 1, 2), planned=3)
     write(tmp_path, result)
     assert_equal(files.read_result(tmp_path), result)
 

@@ -60,7 +60,7 @@ def test_numbers_that_are_not_finite_stay_json(synthetic):
 
 
 def test_table_shows_every_step_and_its_message(synthetic):
-    stalled = dataclasses.replace(synthetic.step(2e-6, Status.STALLED), message="the residual stays at 1e-3")
+    stalled = dataclasses.replace(synthetic.step(2e-6, Status.STALLED, 2), message="the residual stays at 1e-3")
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(summary_table(synthetic.result(synthetic.step(1e-6), stalled)))
     text = console.export_text()
@@ -71,7 +71,9 @@ def test_table_shows_every_step_and_its_message(synthetic):
 
 def test_figures_are_drawn(tmp_path, synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
-    assert set(drawn) == {"pressure.png", "electric_potential.png", "magnetic_potential.png", "sections.png"}
+    assert set(drawn) == {
+        "pressure.png", "electric_potential.png", "magnetic_potential.png", "sections.png", "stick_slip.png",
+    }  # fmt: skip
     for name, figure in drawn.items():
         save_figure(figure, tmp_path / name)
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
@@ -88,8 +90,8 @@ def test_figures_carry_the_numbers_with_units(synthetic):
 
 
 def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
-    drawn = figures(synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6), planned=3))
-    assert drawn["pressure.png"].axes[0].get_title() == "a title, step 2 of 3, approach 2 µm\ncontact pressure"
+    drawn = figures(synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, number=2), planned=3))
+    assert drawn["pressure.png"].axes[0].get_title() == "a title, step 2, approach 2 µm\ncontact pressure"
     edge = drawn["electric_potential.png"].axes[0].collections[1].get_paths()[0].vertices
     # nodes of the contact lie within 1.5 mm, the next ones at 2 mm: the line goes half way between, as drawn in mm
     assert np.abs(edge).max() == pytest.approx(1.5)

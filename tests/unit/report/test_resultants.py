@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from meeframe.core.result import Zone, resultants
+from meeframe.core.result import Region, Zone, resultants
 from meeframe.elements import ELEMENTS
 from meeframe.geometry import half_space_mesh, zone_frames
 
@@ -22,7 +22,8 @@ def flat_zone(name):
 def contact_area(zone, compressed, template):
     n = len(zone.points)
     traction = np.column_stack([np.zeros((n, 2)), np.where(compressed, -1e6, 0.0)])
-    step = dataclasses.replace(template, traction=traction, potentials=np.zeros((n, 2)), fluxes=np.zeros((n, 2)))
+    pairs = dict.fromkeys(("potentials", "fluxes", "slip", "total_slip"), np.zeros((n, 2)))
+    step = dataclasses.replace(template, traction=traction, region=np.where(compressed, Region.STICK, 0), **pairs)
     return resultants(zone, step).contact_area
 
 

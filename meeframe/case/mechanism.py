@@ -1,0 +1,121 @@
+"""How the indenter of a case moves over the contact zone: the contact problem of an increment, and what it leads to."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.case.case import Case
+from meeframe.case.history import Controls, Converged
+from meeframe.case.step import resisted
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
+from meeframe.core.mesh import Indices
+from meeframe.core.result import Region
+from meeframe.geometry import ContactZone, initial_gap
+from meeframe.solvers.scales import problem_scales
+
+_STUCK: Final = 1e-6
+"""Slip that would cause less than this fraction of the characteristic pressure is none ..."""
+_UNCERTAIN: Final = 10.0
+"""... nor is slip within so many times the residual of the solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class Increment:
+    """One increment. problem: of contact; base: (8,) motions of the indenter from which its freedoms count; free: (m,)
+    numbers of those that are free; prescribed: as in Loading."""
+
+    problem: ContactProblem
+    base: Array
+    free: Indices
+    prescribed: Controls
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """The indenter of a case on the reduced system of its body."""
+
+    case: Case
+    system: ReducedSystem
+
+    @cached_property
+    def reference(self) -> Array:
+        """The point about which it turns, (3,) [m]."""
+        return self.case.placement.reference(self.system.points)
+
+    @cached_property
+    def modes(self) -> Array:
+        """Of its motions, (8, n, 5), as of motion_modes."""
+        return motion_modes(self.system.points, self.system.frames, self.case.placement.base, self.reference)
+
+    @cached_property
+    def measures(self) -> Array:
+        """Of the resultants that work on its motions, (8, n, 5)."""
+        return motion_measures(self.modes, self.system.weights)
+
+    @cached_property
+    def resists(self) -> NDArray[np.bool_]:
+        """Which of its motions anything may resist, (8,)."""
+        return resisted(self.modes, self.case.contact_law, self.case.electric_law, self.case.magnetic_law)
+
+    def increment(self, controls: Controls, start: Converged) -> Increment:
+        """The increment from a converged state to where the controls are in force.
+
+        Slip is measured from that state. Motions are small except the approach, at which the gap is found anew; free
+        ones count from the converged state, and those that nothing can resist stay there.
+        """
+        base = start.motion.copy()
+        for key in controls.keys() & MOTIONS.keys():
+            base[COLUMNS[key]] = controls[key]
+        prescribed = {key: value for key, value in controls.items() if key not in MOTIONS}
+        freedoms = self._freedoms(prescribed)
+        points, system = self.system.points, self.system
+        zone = ContactZone(points, system.frames, system.weights, system.cells, np.arange(len(points)))
+        approached = initial_gap(self.case.indenter, zone, self.case.placement, float(base[0]))
+        # where the zone is not parallel to the plane of translation the indenter also moves along the normal
+        gap = approached + np.einsum("k,kn->n", base[1:6], self.modes[1:6, :, 2])
+        tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
+        potentials = np.tile(base[6:], (len(points), 1))
+        laws = self.case.contact_law, self.case.electric_law, self.case.magnetic_law
+        translation = tangential - start.total_slip
+        problem = ContactProblem(system, *laws, gap, translation, potentials, tuple(freedoms.values()))
+        return Increment(problem, base, np.array(list(freedoms), int), prescribed)
+
+    def _freedoms(self, prescribed: Controls) -> dict[int, Freedom]:
+        """Free motions that something may resist, by their number."""
+        freedoms = {}
+        for key, totals in prescribed.items():
+            numbers = range(*COLUMNS[key].indices(len(self.modes)))
+            for number, total in zip(numbers, totals, strict=True):
+                measure = self.measures[number]
+                if key == FORCE_RATIO:
+                    measure, total = measure - total * self.measures[COLUMNS["normal_force"]][0], 0.0
+                if self.resists[number]:
+                    freedoms[number] = Freedom(self.modes[number], measure, float(total))
+        return dict(sorted(freedoms.items()))
+
+    def reached(self, increment: Increment, state: ContactState, start: Converged) -> Converged:
+        """A state of the contact zone as one to go on from."""
+        motion = increment.base.copy()
+        motion[increment.free] += state.motion
+        totals = np.einsum("kni,ni->k", self.measures, state.load)
+        return Converged(motion, totals, start.total_slip + slip_of(increment, state), state)
+
+
+def slip_of(increment: Increment, state: ContactState) -> Array:
+    """Tangential motion of the indenter over the body since the last converged state, (n, 2) [m]."""
+    return contact_gap(increment.problem, state.displacement, state.motion)[:, :2]
+
+
+def regions(increment: Increment, solution: ContactSolution) -> Indices:
+    """Numbers of Region, (n,): sticking is pressed and slips by less than the contact law notices."""
+    scales = problem_scales(increment.problem)
+    slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)
+    noticed = max(_STUCK, _UNCERTAIN * solution.residual) * scales.pressure * scales.normal_compliance
+    pressed = solution.state.load[:, 2] < 0.0
+    return np.where(pressed, np.where(slip > noticed, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)

@@ -1,0 +1,101 @@
+"""A load step: what it prescribes to the indenter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.core.contact import ConductivityLaw, ContactLaw
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
+from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
+
+_LEAST_PART: Final = 1e-9
+"""Of a motion that is along the normal: less is round-off of the frames."""
+_PRESSURES: Final = -np.logspace(-3, 15, 19)
+"""Normal tractions [Pa] at which a law that insulates at all of them is taken to insulate."""
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one load step prescribes, in SI units; what it does not name stays as the step before left it.
+
+    For each of the indenter's motions either the motion, from where it just touched, or the resultant that works on it:
+    approach [m] or normal_force [N], >= 0 in compression; translation (2,) [m], tangential_force (2,) [N] or
+    force_ratio (2,), the tangential over the normal force; tilt (2,) [rad] or moment (2,) [N m]; twist [rad] or torque
+    [N m]; electric_potential [V] or charge [C]; magnetic_potential [A] or magnetic_flux [Wb]. Axes, signs and reference
+    point as in Loading and `resultants`. increments: in how many equal parts it is applied.
+    Raises CaseError if two of them name the same motion or a number is not allowed.
+    """
+
+    approach: float | None = None
+    normal_force: float | None = None
+    translation: Pair | None = None
+    tangential_force: Pair | None = None
+    force_ratio: Pair | None = None
+    tilt: Pair | None = None
+    moment: Pair | None = None
+    twist: float | None = None
+    torque: float | None = None
+    electric_potential: float | None = None
+    charge: float | None = None
+    magnetic_potential: float | None = None
+    magnetic_flux: float | None = None
+    increments: int = 1
+
+    def __post_init__(self) -> None:
+        for key, value in self.given.items():
+            columns = COLUMNS[key]
+            if value.shape != (columns.stop - columns.start,) or not np.isfinite(value).all():
+                count = "one finite number" if columns.stop - columns.start == 1 else "two finite numbers"
+                raise CaseError(f"{key} = {getattr(self, key)!r}; allowed: {count} [{UNITS[key]}]")
+        for one, other in combinations(self.given, 2):
+            if COLUMNS[one] == COLUMNS[other]:
+                raise CaseError(
+                    f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
+                )
+        if self.normal_force is not None and self.normal_force < 0:
+            raise CaseError(f"normal_force = {self.normal_force!r}; allowed: numbers >= 0 [N], pressing on the body")
+        if not isinstance(self.increments, int) or self.increments < 1:
+            raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
+
+    @property
+    def given(self) -> Mapping[str, Array]:
+        """What it prescribes by key, (1,) or (2,)."""
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name in COLUMNS}
+        return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
+
+
+def check_first(step: Step) -> None:
+    """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
+    if step.approach is None and step.normal_force is None:
+        raise CaseError("the first load step gives neither approach nor normal_force; allowed: one of them")
+
+
+def check_resisted(step: Step, resists: NDArray[np.bool_]) -> None:
+    """Raises CaseError if a resultant is asked of a motion that nothing resists; resists: (8,) as of `resisted`."""
+    for key, value in step.given.items():
+        if key not in MOTIONS and np.any((value != 0.0) & ~resists[COLUMNS[key]]):
+            why = "insulate" if key in ("charge", "magnetic_flux") else "admit no traction that resists this motion"
+            shown = ", ".join(f"{component:g}" for component in value)
+            raise CaseError(f"{key} = {shown} [{UNITS[key]}]: the laws of the contact {why}; allowed: 0, or other laws")
+
+
+def resisted(
+    modes: Array, contact: ContactLaw, electric: ConductivityLaw, magnetic: ConductivityLaw
+) -> NDArray[np.bool_]:
+    """Which motions of the indenter, of modes (8, n, 5), the laws may resist, (8,).
+
+    By normal tractions, or by tangential ones that the law admits in that direction; potentials if their law conducts.
+    """
+    moving = modes[:6, :, :3]
+    size = np.abs(moving).max(axis=(1, 2))
+    held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
+    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
+    conducting = [bool((law.conductivity(_PRESSURES) > 0.0).any()) for law in (electric, magnetic)]
+    return np.concatenate([mechanical, conducting])
