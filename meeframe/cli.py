@@ -1,4 +1,4 @@
-"""The command line: meeframe run, check, show, plugins, reproduce."""
+"""The command line: meeframe run, check, show, plugins, new-plugin, compare, reproduce."""
 
 import sys
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ from meeframe.core.errors import MeeframeError
 
 if TYPE_CHECKING:
     from meeframe.core.formulation import Progress
+    from meeframe.plugin.registry import Registry
 
 CONVERGED: Final = 0
 NOT_CONVERGED: Final = 1
@@ -26,7 +27,13 @@ app = typer.Typer(
     help="Three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
 )
 
+plugins_app = typer.Typer()
+app.add_typer(plugins_app, name="plugins")
+
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
+PluginFiles = Annotated[
+    list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")
+]
 
 
 def main() -> None:
@@ -39,31 +46,32 @@ def run(
     case: CaseFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results that DIR holds.")] = False,
+    plugin: PluginFiles = None,
 ) -> None:
     """Solve a case and write result.h5, summary.json, fields.vtu and figures.
 
     Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with _exit_status(NOT_CONVERGED, f"nothing was written to {out}"):
+        from meeframe.case.load import load_case
         from meeframe.case.run import run as run_case
         from meeframe.core.result import RunStatus
         from meeframe.report.summary import summary_table
 
-        _warn_of_broken_plugins()
+        registry = _registry(plugin)
         with _progress() as progress:
-            result = run_case(case, out, overwrite, progress)
+            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
         _console().print(summary_table(result))
         raise typer.Exit(CONVERGED if result.status is RunStatus.CONVERGED else NOT_CONVERGED)
 
 
 @app.command()
-def check(case: CaseFile) -> None:
+def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Validate a case without running it."""
     with _exit_status():
         from meeframe.case.load import load_case
 
-        _warn_of_broken_plugins()
-        checked = load_case(case)
+        checked = load_case(case, _registry(plugin))
         steps = len(checked.steps)
         print(
             f"{case}: ok: material {checked.material.name}, {checked.mesh.n_elements} elements, "
@@ -81,25 +89,29 @@ def show(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a
         _console().print(summary_table(read_result(folder)))
 
 
-@app.command()
-def plugins() -> None:
-    """List everything that has a name in case files, with who provides it."""
+@plugins_app.callback(invoke_without_command=True)
+def plugins(context: typer.Context, plugin: PluginFiles = None) -> None:
+    """List everything that has a name in case files, with who provides it; `plugins show NAME` says more."""
+    if context.invoked_subcommand is not None:
+        context.obj = plugin
+        return
     with _exit_status():
-        from rich.table import Table
+        from meeframe.report.plugins import plugin_list
 
-        from meeframe.plugin.registry import load
+        _console().print(plugin_list(_registry(plugin)))
 
-        registry = load()
-        table = Table(box=None, pad_edge=False, header_style="bold")
-        for title in ("kind", "name", "provider", "version"):
-            table.add_column(title, no_wrap=True)
-        table.add_column("summary")
-        table.add_column("source")
-        for entry in registry.entries:
-            record, provider = entry.record, entry.provider
-            table.add_row(entry.kind, record.name, provider.name, provider.version, record.summary, record.source)
-        _console().print(table)
-        _warn_of_broken_plugins()
+
+@plugins_app.command("show")
+def show_plugin(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As written in case files.")],
+    plugin: PluginFiles = None,
+) -> None:
+    """Print the parameters of what has this name, with units, bounds and defaults, its formula and its source."""
+    with _exit_status():
+        from meeframe.report.plugins import plugin_page
+
+        _console().print(plugin_page(_registry([*(context.obj or ()), *(plugin or ())]), name))
 
 
 @app.command()
@@ -116,7 +128,7 @@ def reproduce(
     with _exit_status(NOT_CONVERGED):
         from meeframe.study.reproduce import reproduce as reproduce_figures
 
-        _warn_of_broken_plugins()
+        _registry(None)
         missed: list[str] = []
         with _progress() as progress:
             for study in reproduce_figures(figures, validation, out, progress):
@@ -173,11 +185,14 @@ def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 240)
 
 
-def _warn_of_broken_plugins() -> None:
+def _registry(files: list[Path] | None) -> "Registry":
+    """Everything registered, with plugins from files; warns of broken plugins."""
     from meeframe.plugin.registry import load
 
-    for broken in load().broken:
+    registry = load(*(files or ()))
+    for broken in registry.broken:
         print(f"warning: {broken}", file=sys.stderr)
+    return registry
 
 
 @contextmanager

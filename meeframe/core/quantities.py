@@ -63,10 +63,12 @@ class Quantity:
         number = self.convert(value)
         holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
         if not all(holds[name](bound) for name, bound in self.bounds.items()):
-            raise ValueError(f"must be {self._range()}; expected {self.expected}")
+            raise ValueError(f"must be {self.range}; expected {self.expected}")
         return number
 
-    def _range(self) -> str:
+    @property
+    def range(self) -> str:
+        """The bounds in words, "" if there are none."""
         signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
         finite = {name: bound for name, bound in self.bounds.items() if abs(bound) != math.inf}
         parts = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]

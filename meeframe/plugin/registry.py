@@ -17,6 +17,7 @@ from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
+from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
 from meeframe.plugin.validation import Problem, TableError, build, choices
 
 
@@ -48,15 +49,9 @@ CONTRACTS: Final[Mapping[type, Kind]] = {
 }
 
 
-@dataclass(frozen=True)
-class Provider:
-    """Who registers: name and version of the distribution."""
-
-    name: str
-    version: str
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.version}".strip()
+def contract_of(kind: Kind) -> type:
+    """The abstract class of a kind."""
+    return next(contract for contract, its_kind in CONTRACTS.items() if its_kind is kind)
 
 
 @dataclass(frozen=True)
@@ -66,17 +61,6 @@ class Entry:
     kind: Kind
     record: Record[Any]
     provider: Provider
-
-
-@dataclass(frozen=True)
-class Broken:
-    """A plugin, or one hook of it, that failed."""
-
-    provider: Provider
-    reason: str
-
-    def __str__(self) -> str:
-        return f"plugin {self.provider} is broken: {self.reason}"
 
 
 @dataclass(frozen=True)
@@ -97,19 +81,12 @@ class Registry:
 
         Plugins that fail are recorded as broken. Raises PluginError if two of them register the same name.
         """
-        failed = list(broken)
         entries: list[Entry] = []
+        failed = list(broken)
         for provider, plugin in plugins:
-            try:
-                hooks = _hooks(plugin)
-            except (Exception, SystemExit) as error:
-                failed.append(_broken(provider, error))
-                continue
-            for kind in Kind:
-                try:
-                    entries += _collect(hooks, kind, provider)
-                except (Exception, SystemExit) as error:
-                    failed.append(_broken(provider, error, f"{kind.hook}: "))
+            found, faults = _collect(provider, plugin)
+            entries += found
+            failed += faults
         _refuse_duplicates(entries)
         return cls(tuple(entries), tuple(failed))
 
@@ -135,8 +112,7 @@ class Registry:
         Objects of the kind itself pass through. other_keys: as of meeframe.plugin.validation.build. Raises TableError
         with located problems.
         """
-        contract = next(contract for contract, its_kind in CONTRACTS.items() if its_kind is kind)
-        if isinstance(table, contract):
+        if isinstance(table, contract_of(kind)):
             return table
         if isinstance(table, str):
             table = {"name": table}
@@ -180,16 +156,44 @@ def _hooks(plugin: object) -> Any:
     return manager.hook
 
 
-def _collect(hooks: Any, kind: Kind, provider: Provider) -> list[Entry]:
-    records = [record for answer in getattr(hooks, kind.hook)() for record in answer]
-    for record in records:
-        if not (isinstance(record, Record) and isinstance(record.name, str) and callable(record.factory)):
-            raise TypeError(f"a hook returns records, not {record!r}")
-    return [Entry(kind, record, provider) for record in records]
+def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Broken]]:
+    """What a plugin registers, and what of it is broken; the one does not keep the other from being used."""
+    file = getattr(plugin, "__file__", None)
+    entries: list[Entry] = []
+    broken: list[Broken] = []
+    try:
+        hooks = _hooks(plugin)
+    except (Exception, SystemExit) as error:
+        return [], [Broken(provider, reason(error), line_in(error, file))]
+    for kind in Kind:
+        try:
+            records = [record for answer in getattr(hooks, kind.hook)() for record in answer]
+        except (Exception, SystemExit) as error:
+            broken.append(Broken(provider, f"{kind.hook}: {reason(error)}", line_in(error, file)))
+            continue
+        for record in records:
+            fault = _fault(kind, record)
+            if fault:
+                broken.append(Broken(provider, f"{kind.hook}: {fault}"))
+            else:
+                entries.append(Entry(kind, record, provider))
+    return entries, broken
 
 
-def _broken(provider: Provider, error: BaseException, where: str = "") -> Broken:
-    return Broken(provider, f"{where}{type(error).__name__}: {error}")
+def _fault(kind: Kind, record: Any) -> str:
+    """What is wrong with what a hook returned, or ''."""
+    if not (isinstance(record, Record) and isinstance(record.name, str) and callable(record.factory)):
+        return f"a hook returns records, not {record!r}"
+    factory, contract = record.factory, contract_of(kind)
+    if not isinstance(factory, type):
+        return ""
+    if not issubclass(factory, contract):
+        return f"{kind} {record.name!r}: class {factory.__name__} is no {contract.__module__}.{contract.__name__}"
+    missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
+    if missing:
+        version = metadata.version(PROJECT)
+        return f"{kind} {record.name!r}: class {factory.__name__} lacks {missing}, which {PROJECT} {version} asks for"
+    return ""
 
 
 def _refuse_duplicates(entries: list[Entry]) -> None:
@@ -199,28 +203,26 @@ def _refuse_duplicates(entries: list[Entry]) -> None:
         if key in seen:
             raise PluginError(
                 f"{entry.kind} {entry.record.name!r} is provided twice: by {seen[key].provider} and by "
-                f"{entry.provider}; uninstall one of them"
+                f"{entry.provider}; rename or uninstall one of them"
             )
         seen[key] = entry
 
 
-def _installed() -> tuple[list[tuple[Provider, object]], list[Broken]]:
-    plugins: list[tuple[Provider, object]] = []
-    broken: list[Broken] = []
-    for point in metadata.entry_points(group=PROJECT):
-        provider = Provider(point.dist.name, point.dist.version) if point.dist else Provider(point.name, "")
-        try:
-            plugins.append((provider, point.load()))
-        except (Exception, SystemExit) as error:
-            broken.append(_broken(provider, error))
-    return plugins, broken
+@lru_cache(maxsize=4)
+def load(*files: Path) -> Registry:
+    """The registry of the built-ins, of installed plugins (entry points of the group 'meeframe') and of local files.
 
-
-@lru_cache(maxsize=1)
-def load() -> Registry:
-    """The registry of the built-ins and of all installed plugins (entry points of the group 'meeframe')."""
+    Installed plugins that fail are recorded as broken; whoever names a file wants it: raises PluginError that names the
+    file, the line and the cause if a file fails, and if two plugins register the same name.
+    """
     from meeframe.plugin import builtins
 
-    plugins, broken = _installed()
+    plugins, broken = installed()
     own = Provider(PROJECT, metadata.version(PROJECT))
-    return Registry.from_plugins([(own, builtins), *plugins], broken)
+    local = [load_file(file) for file in dict.fromkeys(files)]
+    registry = Registry.from_plugins([(own, builtins), *plugins, *local], broken)
+    asked_for = [provider for provider, _ in local]
+    for fault in registry.broken:
+        if fault.provider in asked_for:
+            raise PluginError(file_fault(fault.provider.name, fault.reason, fault.line))
+    return registry

@@ -192,7 +192,8 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
         if isinstance(key, str):
             field = current.model_fields.get(key) if _is_model(current) else None
             current = _model_within(field.annotation) if field is not None else None
-    keys = [*(current.model_fields if _is_model(current) else ()), *other_keys]
+    fields = current.model_fields if _is_model(current) else {}
+    keys = [*(field.alias or key for key, field in fields.items()), *other_keys]
     return f"unknown key; {choices(str(location[-1]), keys) if keys else 'no keys are taken here'}"
 
 

@@ -1,0 +1,117 @@
+"""Where plugins come from: installed distributions by their entry points, and local files that the user names."""
+
+import hashlib
+import linecache
+import sys
+import traceback
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+
+from packaging.requirements import InvalidRequirement, Requirement
+
+from meeframe.core.errors import PluginError
+from meeframe.plugin.hookspecs import PROJECT
+
+
+@dataclass(frozen=True)
+class Provider:
+    """Who registers: name and version of the distribution; or path of a local file, version its SHA-256, shortened."""
+
+    name: str
+    version: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}".strip()
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A plugin, or one part of it, that failed. line: of the plugin's own module where it did, if it can be told."""
+
+    provider: Provider
+    reason: str
+    line: int | None = None
+
+    def __str__(self) -> str:
+        return f"plugin {self.provider} is broken: {self.reason}"
+
+
+Plugins = tuple[list[tuple[Provider, object]], list[Broken]]
+"""Modules with who provides them, and those that failed."""
+
+
+def installed() -> Plugins:
+    """Plugins of all distributions with entry points of the group 'meeframe'; what one of them raises breaks it alone."""
+    plugins: list[tuple[Provider, object]] = []
+    broken: list[Broken] = []
+    for point in metadata.entry_points(group=PROJECT):
+        provider = Provider(point.dist.name, point.dist.version) if point.dist else Provider(point.name, "")
+        outdated = _unmet((point.dist.requires if point.dist else None) or ())
+        if outdated:
+            broken.append(Broken(provider, outdated))
+            continue
+        try:
+            plugins.append((provider, point.load()))
+        except (Exception, SystemExit) as error:
+            broken.append(Broken(provider, reason(error)))
+    return plugins, broken
+
+
+def load_file(path: Path) -> tuple[Provider, ModuleType]:
+    """The module of a local file, run now.
+
+    Raises PluginError that names the file, the line and the cause if it cannot be read or fails.
+    """
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise PluginError(f"plugin file {path} cannot be read: {error.strerror or error}") from None
+    digest = hashlib.sha256(source).hexdigest()
+    name = f"{PROJECT}_file_{path.stem}_{digest[:12]}"
+    module = ModuleType(name)
+    module.__file__ = str(path.resolve())
+    linecache.checkcache(module.__file__)
+    sys.modules[name] = module  # annotations are looked up there
+    try:
+        exec(compile(source, module.__file__, "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise PluginError(file_fault(path, reason(error), line_in(error, module.__file__))) from None
+    return Provider(str(path), f"sha256:{digest[:12]}"), module
+
+
+def file_fault(path: Path | str, cause: str, line: int | None) -> str:
+    """'plugin file laws.py, line 3: cause'."""
+    return f"plugin file {path}{'' if line is None else f', line {line}'}: {cause}"
+
+
+def reason(error: BaseException) -> str:
+    """An exception in words."""
+    text = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}"
+    missing = error.name if isinstance(error, ImportError) else None
+    if missing and missing.partition(".")[0] == PROJECT:
+        text += f"; it is written for another version of {PROJECT} than {metadata.version(PROJECT)}"
+    return text
+
+
+def line_in(error: BaseException, file: str | None) -> int | None:
+    """The last line of a file through which an exception came, or where its syntax is wrong."""
+    if isinstance(error, SyntaxError) and error.filename == file:
+        return error.lineno
+    return next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == file), None)
+
+
+def _unmet(requirements: Iterable[str]) -> str:
+    """Which version of meeframe is required if it is not this one, else ''."""
+    version = metadata.version(PROJECT)
+    for text in requirements:
+        try:
+            required = Requirement(text)
+        except InvalidRequirement:
+            continue
+        if required.name == PROJECT and required.marker is None and not required.specifier.contains(version, True):
+            return f"outdated: it needs {PROJECT}{required.specifier}, this is {PROJECT} {version}"
+    return ""
