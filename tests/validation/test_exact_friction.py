@@ -1,0 +1,84 @@
+"""Friction against closed forms on coarser grids than docs/validation/exact_friction.md: the short validation."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "validation" / "exact_friction"
+EXACT, COUPLED = (0.0, True), (0.5, False)
+
+
+def load_study():
+    spec = importlib.util.spec_from_file_location("exact_friction_study", FOLDER / "study.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+study = load_study()
+
+
+@pytest.mark.parametrize("body", [EXACT, COUPLED])
+def test_partial_slip_on_32_x_32_cells(body):
+    """The issue's bounds: stick radius within 2 %, traction within 3 % of its maximum."""
+    for row, _ in study.cattaneo(*body, 32, (0.2, 0.4, 0.6, 0.8)):
+        assert abs(row.stick_radius) < 0.02
+        assert row.traction < 0.03
+        assert abs(row.load) < 0.003
+
+
+def test_a_full_reversal_and_its_dissipation():
+    coarse, fine = (study.hysteresis(*EXACT, cells, 0.9, 8) for cells in (8, 24))
+    assert fine.curve < 0.01
+    assert abs(fine.dissipation - 1) < 0.02
+    assert abs(fine.area - fine.dissipation) < 0.005
+    assert fine.curve < coarse.curve / 2
+    assert abs(fine.dissipation - 1) < abs(coarse.dissipation - 1) / 2
+    assert fine.force[-1] == pytest.approx(fine.force[0], rel=1e-8), "the loop closes"
+    np.testing.assert_allclose(fine.force[8], -fine.force[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.4])
+def test_a_bonded_flat_punch_carries_c_times_the_load(poisson):
+    coarse, fine = (study.bonded_punch(poisson, cells) for cells in (8, 16))
+    assert fine.factor > 1.009
+    assert abs(fine.difference) < 0.05 * (fine.factor - 1) + 1e-4
+    assert abs(fine.difference) < abs(coarse.difference)
+    limit = 2 * fine.ratio - coarse.ratio
+    assert abs(limit / fine.factor - 1) < 0.015 * (fine.factor - 1) + 1e-4
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.4])
+def test_contact_stiffness_under_full_stick(poisson, power):
+    coarse, fine = (study.full_stick(power, poisson, cells, cells) for cells in (8, 16))
+    assert abs(fine.stiffness_difference) < 0.01
+    assert abs(fine.force_difference) < 0.01
+    assert abs(fine.stiffness_difference) < abs(coarse.stiffness_difference)
+    assert abs(fine.force_difference) < abs(coarse.force_difference)
+
+
+def test_torsion_of_a_sphere():
+    for row, _ in study.torsion(*COUPLED, 24, (0.8, 0.6)):
+        assert abs(row.load) < 0.005
+        assert abs(row.stick_radius) < 0.03
+        assert row.traction < 0.03
+    assert abs(study.twist_stiffness(*COUPLED, 24)) < 0.04
+
+
+def test_partial_slip_on_boundary_elements():
+    drag, _ = study.drag_on_elements(12)
+    assert abs(drag.normal_force) < 0.01
+    assert abs(drag.row.load) < 0.01
+    assert abs(drag.turned_force) < 0.01
+    assert abs(drag.row.stick_radius) < 0.03
+    assert abs(drag.dissipation) < 0.03
+
+
+def test_a_bonded_punch_on_boundary_elements():
+    row = study.punch_on_elements(12)
+    assert abs(row.difference) < 0.1 * (row.factor - 1)

@@ -1,0 +1,391 @@
+"""Friction against closed forms: partial slip and hysteresis, full stick, torsion; on cells and boundary elements."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+import meeframe
+from meeframe.case.case import Case
+from meeframe.case.solve import reduce, solve_steps, zone_of
+from meeframe.core.contact import ContactLaw, Status
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.result import StepResult, resultants
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.testing.closed_forms_friction import (
+    FullStick,
+    HertzContact,
+    PartialSlip,
+    SphereTorsion,
+    bonding_factor,
+    contact_modulus,
+)
+from meeframe.testing.elastic_half_space import elastic_half_space
+from meeframe.testing.load_path import PathStep, Position, follow
+
+HERE = Path(__file__).parent
+YOUNG, RADIUS, APPROACH, FRICTION = 200e9, 0.1, 5e-5, 0.5
+SPHERE_POISSON, PUNCH_POISSON = 0.49, 0.2
+"""Of sphere.toml and punch.toml, which repeat the numbers above."""
+ZONE = 2.1
+"""Side of the square of cells over the contact radius."""
+TIP = 5e-2
+"""Approach of cone and sphere under full stick over their contact radius, about; all is linear in it."""
+STICKS = 1e-9
+"""A cell sticks if its traction is below Coulomb's bound by more than this fraction."""
+
+
+@lru_cache(maxsize=1)
+def cells_under(radius: float, poisson: float, cells: int, goodman: bool, zone: float = ZONE) -> DenseSystem:
+    """The elastic half space, cells x cells of them on a square of side zone x radius."""
+    return elastic_half_space(YOUNG, poisson, zone * radius, cells, goodman)
+
+
+def distance(system: DenseSystem) -> Array:
+    """From the axis, (n,) [m]."""
+    return np.hypot(system.points[:, 0], system.points[:, 1])
+
+
+def uniform(system: DenseSystem, gap: Array, along_x: float) -> Position:
+    """The indenter moved along x [m]."""
+    return Position(gap, np.tile([along_x, 0.0], (len(gap), 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class SlipState:
+    """Nodes of a contact in partial slip: r (n,) [m] from the axis, traction (n, 3) [Pa], its part along the load (n,)
+    and the exact one (n,), weights (n,) [m^2], size [m] of cells or elements, exact contact and stick radius [m]."""
+
+    r: Array
+    traction: Array
+    along: Array
+    exact: Array
+    weights: Array
+    size: float
+    contact_radius: float
+    stick_radius: float
+    friction: float
+
+    @property
+    def sticking(self) -> Array:
+        """(n,) bool: in contact and below Coulomb's bound."""
+        bound = self.friction * np.maximum(-self.traction[:, 2], 0.0)
+        return np.hypot(self.traction[:, 0], self.traction[:, 1]) < (1.0 - STICKS) * bound
+
+    def stick_difference(self) -> float:
+        """Radius of the circle whose area is that of the sticking cells, relative to the exact stick radius."""
+        return float(np.sqrt(self.weights[self.sticking].sum() / np.pi) / self.stick_radius - 1.0)
+
+    def traction_differences(self) -> tuple[float, float]:
+        """Largest difference over the largest exact traction: one cell either side of contact and stick radius left
+        out, where the exact traction has vertical tangents; and root mean square over all of the contact."""
+        error = np.abs(self.along - self.exact) / self.exact.max()
+        smooth = np.abs(self.r[:, None] - [self.contact_radius, self.stick_radius]).min(axis=1) > self.size
+        inside = self.r < self.contact_radius
+        return float(error[smooth].max()), float(np.sqrt(np.mean(error[inside] ** 2)))
+
+
+@dataclass(frozen=True)
+class SlipRow:
+    """Partial slip at one load; differences to the closed form, relative. share: of the force (of the radius in
+    torsion: that which sticks); load: force or torque."""
+
+    poisson: float
+    goodman: bool
+    cells: int
+    share: float
+    load: float
+    stick_radius: float
+    traction: float
+    traction_rms: float
+
+
+def _slip_row(state: SlipState, share: float, load: float, poisson: float, goodman: bool, cells: int) -> SlipRow:
+    return SlipRow(poisson, goodman, cells, share, load, state.stick_difference(), *state.traction_differences())
+
+
+def cattaneo(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) -> list[tuple[SlipRow, SlipState]]:
+    """Tangential loading of a sphere to displacements at which Q = share mu P."""
+    exact = PartialSlip(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
+    a = exact.hertz.contact_radius
+    system = cells_under(a, poisson, cells, goodman)
+    r = distance(system)
+    gap = r**2 / (2 * RADIUS) - APPROACH
+    forces = [share * exact.limit_force for share in shares]
+    path = [uniform(system, gap, exact.displacement(force)) for force in (0.0, *forces)]
+    found = []
+    for share, force, step in zip(shares, forces, list(follow(system, _law(), path))[1:], strict=True):
+        traction = step.state.load[:, :3]
+        state = SlipState(
+            r,
+            traction,
+            traction[:, 0],
+            exact.traction(r, force),
+            system.weights,
+            ZONE * a / cells,
+            a,
+            exact.stick_radius(force),
+            FRICTION,
+        )
+        found.append((_slip_row(state, share, step.force[0] / force - 1.0, poisson, goodman, cells), state))
+    return found
+
+
+def _law() -> ContactLaw:
+    return IsotropicCoulomb(FRICTION)
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A full reversal between displacements of one size: displacement, force, exact force (m,) over the limits
+    d_M and mu P, from the turning point on; area of the loop and dissipation by slip in it, both over
+    the exact dissipation."""
+
+    poisson: float
+    goodman: bool
+    cells: int
+    displacement: Array
+    force: Array
+    exact: Array
+    area: float
+    dissipation: float
+
+    @property
+    def curve(self) -> float:
+        """Largest difference of the force over its largest value."""
+        return float(np.abs(self.force - self.exact).max() / np.abs(self.exact).max())
+
+
+def hysteresis(poisson: float, goodman: bool, cells: int, share: float, increments: int) -> Loop:
+    """Load to Q = share mu P, back to the opposite displacement, and forth again, each in so many increments."""
+    exact = PartialSlip(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
+    system = cells_under(exact.hertz.contact_radius, poisson, cells, goodman)
+    gap = distance(system) ** 2 / (2 * RADIUS) - APPROACH
+    turning = exact.displacement(share * exact.limit_force)
+    places = turning * np.cos(np.pi * np.arange(2 * increments + 1) / increments)
+    _, *steps = follow(system, _law(), [uniform(system, gap, place) for place in (0.0, *places)])
+    force = np.array([step.force[0] for step in steps])
+    back = np.array([exact.turned_force(place, turning) for place in places[: increments + 1]])
+    true = exact.loop_dissipation(share * exact.limit_force)
+    # trapezoidal rule in the phase, of high order on a closed loop, where a polygon would cut the corners
+    phase = np.pi * np.arange(1, 2 * increments + 1) / increments
+    area = -turning * np.pi / increments * float(force[1:] @ np.sin(phase))
+    return Loop(
+        poisson,
+        goodman,
+        cells,
+        places / exact.limit_displacement,
+        force / exact.limit_force,
+        np.concatenate([back, -back[1:]]) / exact.limit_force,
+        area / true,
+        sum(step.dissipation for step in steps[1:]) / true,
+    )
+
+
+@dataclass(frozen=True)
+class BondedRow:
+    """A flat punch: load over that without friction, relative to c, and load without friction to the exact one."""
+
+    poisson: float
+    cells: int
+    factor: float
+    ratio: float
+    frictionless: float
+
+    @property
+    def difference(self) -> float:
+        """Of the ratio to c."""
+        return self.ratio / self.factor - 1.0
+
+
+def bonded_punch(poisson: float, cells: int) -> BondedRow:
+    """The cells whose centres lie under a punch of unit radius, pressed in with mu = inf and with mu = 0."""
+    system = cells_under(1.0, poisson, cells, False, zone=2.0)
+    gap = np.where(distance(system) < 1.0, -1e-3, np.inf)
+    bonded, free = (
+        -next(follow(system, law, [uniform(system, gap, 0.0)])).force[2]
+        for law in (IsotropicCoulomb(np.inf), Signorini())
+    )
+    exact = 2.0 * contact_modulus(YOUNG, poisson) * 1e-3
+    return BondedRow(poisson, cells, bonding_factor(poisson), bonded / free, free / exact - 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """Sphere or cone under full stick, pressed in little by little to a unit contact radius.
+
+    approach, force (m,) [m], [N] after each increment; exact: closed form.
+    """
+
+    exact: FullStick
+    cells: int
+    approach: Array
+    force: Array
+
+    @property
+    def force_difference(self) -> float:
+        """Of the last force, relative."""
+        return float(self.force[-1] / self.exact.force(self.approach[-1]) - 1.0)
+
+    @property
+    def stiffness(self) -> tuple[Array, Array]:
+        """Approaches (m - 2,) and dP/dg (m - 2,) there, by differences over two increments."""
+        middle = (self.approach[2:] + self.approach[:-2]) / 2
+        return middle, (self.force[2:] - self.force[:-2]) / (self.approach[2:] - self.approach[:-2])
+
+    @property
+    def stiffness_difference(self) -> float:
+        """Mean dP/dg over the second half of the path, relative to 2 c E* a's."""
+        half = len(self.approach) // 2
+        exact = [self.exact.force(self.approach[i]) for i in (half, -1)]
+        return float((self.force[-1] - self.force[half]) / (exact[1] - exact[0]) - 1.0)
+
+
+def full_stick(power: int, poisson: float, cells: int, increments: int) -> Pressed:
+    """Cone (power 1) or sphere (power 2); the contact radius grows by equal increments."""
+    exact = FullStick(YOUNG, poisson, power, TIP / 2 if power == 2 else TIP)
+    system = cells_under(1.0, poisson, cells, False)
+    height = exact.coefficient * distance(system) ** power
+    approach = exact.approach_factor * (np.arange(1, increments + 1) / increments) ** power
+    path = [uniform(system, height - g, 0.0) for g in approach]
+    force = np.array([-step.force[2] for step in follow(system, IsotropicCoulomb(np.inf), path)])
+    return Pressed(exact, cells, approach, force)
+
+
+def torsion(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) -> list[tuple[SlipRow, SlipState]]:
+    """A sphere twisted until only `share` of the contact radius sticks (Lubkin)."""
+    exact = SphereTorsion(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
+    a = exact.hertz.contact_radius
+    system = cells_under(a, poisson, cells, goodman)
+    r = distance(system)
+    twists = [exact.twist(share) for share in shares]
+    found = []
+    for share, twist, step in zip(shares, twists, _twisted(system, _law(), twists), strict=True):
+        around = _around(system, step)
+        state = SlipState(
+            r,
+            step.state.load[:, :3],
+            around,
+            exact.traction(r, twist),
+            system.weights,
+            ZONE * a / cells,
+            a,
+            share * a,
+            FRICTION,
+        )
+        torque = float(system.weights @ (r * around)) / exact.torque(twist)
+        found.append((_slip_row(state, share, torque - 1.0, poisson, goodman, cells), state))
+    return found
+
+
+def twist_stiffness(poisson: float, goodman: bool, cells: int) -> float:
+    """Torque over twist of a sphere that sticks everywhere, relative to 16 G a^3/3."""
+    exact = SphereTorsion(HertzContact(YOUNG, poisson, RADIUS, APPROACH), np.inf)
+    system = cells_under(exact.hertz.contact_radius, poisson, cells, goodman)
+    (step,) = _twisted(system, IsotropicCoulomb(np.inf), [1e-4])
+    return float(system.weights @ (distance(system) * _around(system, step)) / exact.torque(1e-4)) - 1.0
+
+
+def _twisted(system: DenseSystem, law: ContactLaw, twists: list[float]) -> list[PathStep]:
+    """The sphere is pressed in first, then turned about its axis."""
+    gap = distance(system) ** 2 / (2 * RADIUS) - APPROACH
+    across = np.column_stack([-system.points[:, 1], system.points[:, 0]])
+    return list(follow(system, law, [Position(gap, twist * across) for twist in (0.0, *twists)]))[1:]
+
+
+def _around(system: DenseSystem, step: PathStep) -> Array:
+    """Traction along the circles about the axis, (n,) [Pa]; no cell has its centre on the axis."""
+    x, y, _ = system.points.T
+    return np.asarray((x * step.state.load[:, 1] - y * step.state.load[:, 0]) / np.hypot(x, y))
+
+
+def load(name: str, divisions: int) -> Case:
+    """A case file on boundary elements, with so many elements along a side of the zone."""
+    case = meeframe.load_case(HERE / f"{name}.toml")
+    rings = round(10 * (divisions / 24) ** 0.5)
+    return replace(case, mesh=half_space_mesh(0.1, 0.005, divisions, rings, Quad4()))
+
+
+@dataclass(frozen=True)
+class DragRow:
+    """Cattaneo-Mindlin on boundary elements. per_radius: elements in a contact radius;
+    normal_force: relative difference; row: at the first turning point; turned_force: relative difference at the
+    opposite one; dissipation: by slip in the loop, relative difference."""
+
+    per_radius: float
+    normal_force: float
+    row: SlipRow
+    turned_force: float
+    dissipation: float
+
+
+def drag_on_elements(divisions: int) -> tuple[DragRow, SlipState]:
+    """sphere.toml: to a displacement, to the opposite one, and forth again."""
+    case = load("sphere", divisions)
+    system = reduce(case)
+    pressed, *turns = solve_steps(case, system)
+    check_converged(pressed, *turns)
+    exact = PartialSlip(HertzContact(YOUNG, SPHERE_POISSON, RADIUS, APPROACH), FRICTION)
+    turning = turns[0].loading.translation[0]
+    force = exact.force(turning)
+    a, r = exact.hertz.contact_radius, np.hypot(system.points[:, 0], system.points[:, 1])
+    # the frames of a flat zone are the global axes turned about the normal
+    traction = np.einsum("na,nai->ni", turns[0].traction, system.frames)
+    state = SlipState(
+        r,
+        traction,
+        traction[:, 0],
+        exact.traction(r, force),
+        system.weights,
+        0.005 / divisions,
+        a,
+        exact.stick_radius(force),
+        FRICTION,
+    )
+    forces = [resultants(zone_of(system), step).force for step in (pressed, *turns)]
+    row = _slip_row(state, force / exact.limit_force, forces[1][0] / force - 1.0, SPHERE_POISSON, False, divisions)
+    dissipated = sum(_dissipation(system, *pair) for pair in pairwise(turns)) / exact.loop_dissipation(force)
+    drag = DragRow(
+        a * divisions / 0.005,
+        -forces[0][2] / exact.hertz.force - 1.0,
+        row,
+        -forces[2][0] / force - 1.0,
+        dissipated - 1.0,
+    )
+    return drag, state
+
+
+def _dissipation(system: ReducedSystem, before: StepResult, after: StepResult) -> float:
+    """Work of a step's tractions on the slip in it [J]."""
+    moved = np.subtract(after.loading.translation, before.loading.translation)
+    translation = system.frames[:, :2, :2] @ moved
+    slip = translation - (after.displacement[:, :2] - before.displacement[:, :2])
+    return float(system.weights @ (after.traction[:, :2] * slip).sum(axis=1))
+
+
+def punch_on_elements(divisions: int) -> BondedRow:
+    """punch.toml with mu = inf and with mu = 0."""
+    case = load("punch", divisions)
+    system = reduce(case)
+    (bonded,) = solve_steps(case, system)
+    (free,) = solve_steps(replace(case, contact_law=Signorini()), system)
+    check_converged(bonded, free)
+    forces = [-resultants(zone_of(system), step).force[2] for step in (bonded, free)]
+    exact = 2.0 * contact_modulus(YOUNG, PUNCH_POISSON) * case.indenter.radius * bonded.loading.approach
+    return BondedRow(
+        PUNCH_POISSON, divisions, bonding_factor(PUNCH_POISSON), forces[0] / forces[1], forces[1] / exact - 1.0
+    )
+
+
+def check_converged(*steps: StepResult) -> None:
+    """Raises RuntimeError for a step that is not a solution."""
+    for step in steps:
+        if step.status is not Status.CONVERGED:
+            raise RuntimeError(f"{step.loading}: {step.status}: {step.message}")
