@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 _MARKERS: Final = "osD^vPX*"
 _MAP_COLOURS: Final = "cividis"
-_ARROWS: Final = 12
+_ARROWS: Final = 9
 """Arrows along a side of a map, at most."""
+_STILL: Final = 1e-3
+"""Of the largest modulus: less has no arrow."""
+_TINY: Final = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +96,7 @@ def study_figure(study: Study) -> "Figure":
     from matplotlib.figure import Figure
 
     draw, width, height = {
-        "curves": (_curves, 5.0 * len(study.panels), 4.0),
+        "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
         "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
         "maps": (_maps, 2.9 * sum(len(p.runs) for p in study.panels) + 1.2, 2.7 * _rows(study) + 0.5),
     }[study.kind]
@@ -117,7 +120,7 @@ def _label(name: str) -> str:
 
 
 def _curves(figure: "Figure", study: Study) -> None:
-    grid = figure.subplots(1, len(study.panels), squeeze=False)
+    grid = figure.subplots(1, len(study.panels), squeeze=False, sharey=True)
     names = _names(study)
     for axes, panel in zip(grid[0], study.panels, strict=True):
         for name, values in panel.quantities.items():
@@ -183,10 +186,19 @@ def _map(axes: Any, panel: Panel, values: Array, limits: tuple[float, float]) ->
     shading = {"shading": "gouraud", "cmap": _MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
     drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)
     if values.ndim == 2:
-        step = max(1, math.ceil(math.sqrt(len(values)) / _ARROWS))
-        chosen = np.flatnonzero(modulus > 1e-3 * max(limits[1], 1e-300))[:: step * step]
+        chosen = _spread(picture.points, modulus > _STILL * max(limits[1], _TINY))
         direction = values[chosen] / modulus[chosen, None]
         axes.quiver(*picture.points[chosen].T, *direction.T, color="white", width=0.006, scale=18)
     axes.set(aspect="equal")
     axes.margins(0.0)
     return drawn
+
+
+def _spread(points: Array, eligible: Any) -> Any:
+    """Eligible nodes that are nearest to the points of a regular grid, few enough to tell arrows apart."""
+    from scipy.spatial import KDTree
+
+    x, y = (np.linspace(points[:, i].min(), points[:, i].max(), _ARROWS) for i in range(2))
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    nearest = np.unique(KDTree(points).query(grid)[1])
+    return nearest[eligible[nearest]]

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.result import Resultants, StepResult, Zone
+from meeframe.core.result import Region, Resultants, StepResult, Zone
 
 TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "force": lambda totals: float(-totals.force[2]),
@@ -38,11 +38,12 @@ NODAL: Final[Mapping[str, Callable[[Zone, StepResult], Array]]] = {
     "traction_x": lambda zone, step: _tangential(zone, step)[:, 0],
     "traction_y": lambda zone, step: _tangential(zone, step)[:, 1],
     "tangential_traction": _tangential,
+    "stick": lambda _, step: (step.region == Region.STICK).astype(float),
     "electric_potential": lambda _, step: step.potentials[:, 0],
     "magnetic_potential": lambda _, step: step.potentials[:, 1],
 }
 """Fields on the contact zone, (n,), the tangential traction (n, 2): pressure and tractions on the body [Pa], in global
-axes, potentials of the body [V], [A]."""
+axes, stick 1 or 0, potentials of the body [V], [A]."""
 
 _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 

@@ -8,12 +8,12 @@ from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Progress, silent
 from meeframe.io.output import check_output, replacing
 from meeframe.plugin.validation import choices
-from meeframe.report.figures import save_figure
 from meeframe.report.study import Study, study_figure, study_json
 from meeframe.study.solve import solve_study
 
 ALL: Final = "all"
 CACHE: Final = "cache"
+DPI: Final = 100
 
 
 def known_studies(folder: Path) -> dict[str, Path]:
@@ -48,5 +48,5 @@ def reproduce(names: Sequence[str], folder: Path, out: Path, progress: Progress 
         with replacing(out / f"{study.name}.json") as path:
             path.write_text(study_json(study), encoding="utf-8")
         with replacing(out / f"{study.name}.png") as path:
-            save_figure(study_figure(study), path)
+            study_figure(study).savefig(path, dpi=DPI, format="png")
         yield study

@@ -1,0 +1,114 @@
+"""Study files: what they may say, how they change a case, and what is said of wrong ones."""
+
+import pytest
+
+from meeframe.core.errors import CaseError
+from meeframe.study.declare import changed, load_study
+
+TABLES = {"solver": "auto", "contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}}, "steps": [{"approach": 1.0}]}
+
+STUDY = """
+title = "a study"
+case = "case.toml"
+kind = "curves"
+quantities = { force = "base", charge = 2.0 }
+
+[references]
+base = { "contact.law" = "signorini" }
+
+[[panels]]
+title = "a panel"
+axis = "friction"
+vary = "contact.law.mu"
+values = [0.0, 0.5, inf]
+runs = [{ label = "none", set = { "contact.law" = "signorini" } }]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(*changes):
+        text = STUDY
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / "case.toml").write_text('title = "a case"\n')
+        path = tmp_path / "study.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_runs_of_a_study(write):
+    study, tables = load_study(write())
+    assert tables == {"title": "a case"}
+    (panel,) = study.panels
+    runs = panel.all_runs()
+    assert [(run.label, run.value) for run in runs] == [("0", 0.0), ("0.5", 0.5), ("inf", float("inf")), ("none", None)]
+    assert [run.set for run in runs] == [{"contact.law.mu": v} for v in panel.values] + [{"contact.law": "signorini"}]
+    assert study.shown(panel) == {"force": "base", "charge": 2.0}
+
+
+def test_changes_leave_the_tables_and_each_other_alone():
+    value = {"kappa": 1.0}
+    found = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
+    assert found["steps"] == [{"approach": 2.0}]
+    assert found["contact"] == {"law": {"name": "isotropic-coulomb", "mu": 0.9}}
+    assert found["conductivity"] == {"electric": {"kappa": 1.0}}
+    found["conductivity"]["electric"]["kappa"] = 5.0
+    assert value == {"kappa": 1.0}
+    assert TABLES["steps"] == [{"approach": 1.0}]
+    assert TABLES["contact"]["law"]["mu"] == 0.3
+
+
+def test_later_changes_win_and_whole_entries_are_replaced():
+    found = changed(TABLES, {"contact.law.mu": 0.1}, {"contact.law": "signorini", "steps[1]": {"normal_force": 3}})
+    assert found["contact"] == {"law": "signorini"}
+    assert found["steps"] == [{"normal_force": 3}]
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("solver.tolerance", "solver.tolerance: leads into str 'auto', not into a table or list"),
+        ("steps[2].approach", "steps[2].approach: there are 1 entries only"),
+        ("steps[2]", "steps[2]: there are 1 entries only"),
+        ("steps.approach", "steps.approach: leads into list"),
+        ("contact[1]", "contact[1]: leads into dict"),
+    ],
+)
+def test_changes_that_lead_nowhere(key, text):
+    with pytest.raises(CaseError) as caught:
+        changed(TABLES, {key: 1})
+    assert text in str(caught.value)
+
+
+WRONG = {
+    "unknown key": (("axis =", "axes ="), "panels[1].axes = 'friction': unknown key; did you mean 'axis'?"),
+    "unknown kind": (('"curves"', '"curve"'), "kind = 'curve'"),
+    "unknown quantity": (("charge = 2.0", "charges = 2.0"), "unknown quantity 'charges'; did you mean 'charge'?"),
+    "nodal quantity": (("charge = 2.0", "pressure = 2.0"), "unknown quantity 'pressure'"),
+    "total on a map": (('"curves"', '"maps"'), "unknown quantity 'force'"),
+    "unknown reference": (('"base"', '"bass"'), "unknown reference 'bass'; did you mean 'base'?"),
+    "no values": (("values = [0.0, 0.5, inf]", ""), "vary and values belong together"),
+    "no key": (('"contact.law.mu"', '"contact..mu"'), "'contact..mu' is not a key of a case file"),
+    "counts from 0": (('"contact.law" =', '"steps[0]" ='), "'steps[0]' is not a key of a case file"),
+    "no TOML": (("[references]", "[references"), "is not a TOML file"),
+    "no case": (('"case.toml"', '"absent.toml"'), "absent.toml: cannot be read"),
+    "nothing shown": (('{ force = "base", charge = 2.0 }', "{}"), "panel 'a panel' shows no quantities"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_studies(write, kind):
+    change, text = WRONG[kind]
+    with pytest.raises(CaseError) as caught:
+        load_study(write(change))
+    assert text in str(caught.value)
+    assert "study.toml" in str(caught.value) or kind == "no case"
+
+
+def test_a_panel_without_runs(write):
+    with pytest.raises(CaseError, match="nothing to run"):
+        load_study(write(('vary = "contact.law.mu"\nvalues = [0.0, 0.5, inf]\n', ""), ("runs = [{", "# runs = [{")))

@@ -1,0 +1,92 @@
+"""The numbers of reproduced figures, and what is measured on them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One panel of a figure: quantities (runs, ...) over their references; points (n, 3) [m] for fields."""
+
+    title: str
+    runs: tuple[str, ...]
+    values: np.ndarray
+    quantities: dict[str, np.ndarray]
+    points: np.ndarray
+    weights: np.ndarray
+
+    def of(self, quantity: str, run: str) -> np.ndarray:
+        """A quantity of one run."""
+        return self.quantities[quantity][self.runs.index(run)]
+
+    def position_of_largest(self, quantity: str, run: str) -> np.ndarray:
+        """Where a field is largest, (2,) [mm], by a parabola through the nodes around the largest one."""
+        field = self.of(quantity, run)
+        offset = self.points[:, :2] - self.points[field.argmax(), :2]
+        spacing = np.diff(np.unique(np.round(self.points[:, 0], 9))).min()
+        near = (np.abs(offset) < 2.5 * spacing).all(axis=1)
+        x, y = (offset[near] / spacing).T
+        terms = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+        _, gx, gy, xx, xy, yy = np.linalg.lstsq(terms, field[near], rcond=None)[0]
+        top = np.linalg.solve([[2 * xx, xy], [xy, 2 * yy]], [-gx, -gy])
+        return (self.points[field.argmax(), :2] + top * spacing) * 1e3
+
+    def elongation(self, quantity: str, run: str) -> float:
+        """Ratio of the widths along x and y of the part of a field above half its largest value."""
+        field = self.of(quantity, run)
+        mass = self.weights * np.maximum(field - field.max() / 2, 0.0)
+        x, y = (self.points[:, i] - (mass @ self.points[:, i]) / mass.sum() for i in range(2))
+        return float(np.sqrt((mass @ x**2) / (mass @ y**2)))
+
+    def stick_area(self, run: str) -> float:
+        """Share of the contact that sticks."""
+        return float(self.weights @ self.of("stick", run) / (self.weights @ (self.of("pressure", run) > 0)))
+
+    def stick_centre(self, run: str) -> float:
+        """Middle of the stick zone along x [mm]; nan if there is none."""
+        mass = self.weights * self.of("stick", run)
+        return float(mass @ self.points[:, 0] / mass.sum() * 1e3) if mass.any() else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A reproduced figure."""
+
+    name: str
+    title: str
+    paper: str
+    panels: tuple[Panel, ...]
+    remarks: tuple[str, ...]
+
+    def panel(self, start: str) -> Panel:
+        """The panel whose title starts like this."""
+        return next(panel for panel in self.panels if panel.title.startswith(start))
+
+
+def read_figure(file: Path) -> Figure:
+    """A figure from the numbers that `meeframe reproduce` wrote. Raises RuntimeError if a run did not converge."""
+    data = json.loads(file.read_text(encoding="utf-8"))
+    missed = [panel["title"] for panel in data["panels"] if not all(panel["converged"])]
+    if missed:
+        raise RuntimeError(f"{file}: not converged: {', '.join(missed)}")
+    panels = tuple(
+        Panel(
+            panel["title"],
+            tuple(panel["runs"]),
+            np.array([np.nan if value is None else value for value in panel["values"]]),
+            {name: np.array(values) for name, values in panel["quantities"].items()},
+            np.array(panel.get("points", [])),
+            np.array(panel.get("weights", [])),
+        )
+        for panel in data["panels"]
+    )
+    remarks = tuple(
+        f"{panel['title']}, {run}: {message.split('; ', 1)[1]}"
+        for panel in data["panels"]
+        for run, message in zip(panel["runs"], panel["messages"], strict=True)
+        if "; " in message
+    )
+    return Figure(data["name"], data["title"], data["paper"], panels, remarks)

@@ -1,0 +1,86 @@
+"""Reproduce figures 3 to 14, judge what the paper says of them, and write the page.
+
+    uv run python validation/orthotropic_claims/regenerate.py
+
+Writes docs/validation/orthotropic.md with its pictures and the claims as JSON. `--work` names the folder of the
+reproduced figures and of the cache of reduced systems, `--out` that of the page.
+"""
+
+import argparse
+import json
+import shutil
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from claims import Claim, claims
+from figures import Figure, read_figure
+
+from meeframe.study.reproduce import ALL, reproduce
+
+HERE = Path(__file__).parent
+STUDIES = HERE.parent
+PAGE = "orthotropic"
+ROOT = HERE.parents[1]
+
+
+def main() -> None:
+    """Run the studies and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--work", type=Path, default=ROOT / "reproduced", help="folder of the figures and the cache")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "validation", help="folder of the page")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    figures = []
+    for study in reproduce([ALL], STUDIES, arguments.work):
+        print(study.name, flush=True)
+        figures.append(read_figure(arguments.work / f"{study.name}.json"))
+        shutil.copyfile(arguments.work / f"{study.name}.png", arguments.out / f"{PAGE}_{study.name}.png")
+    found = {figure.name: claims(figure) for figure in figures}
+    (arguments.out / f"{PAGE}.md").write_text(page(figures, found), encoding="utf-8")
+    numbers = [asdict(claim) for group in found.values() for claim in group]
+    text = json.dumps(numbers, indent=1, ensure_ascii=False) + "\n"
+    (arguments.out / f"{PAGE}.json").write_text(text, encoding="utf-8")
+
+
+def page(figures: list[Figure], found: dict[str, list[Claim]]) -> str:
+    """The whole page: what is written by hand around what is computed."""
+    every = [claim for group in found.values() for claim in group]
+    held = sum(claim.holds for claim in every)
+    differing = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.found}." for claim in every if not claim.holds]
+    head = (HERE / "head.md").read_text(encoding="utf-8")
+    tail = (HERE / "differences.md").read_text(encoding="utf-8")
+    summary = ["## Summary", "", f"{held} of {len(every)} claims hold. Those that do not:", "", *differing, ""]
+    sections = [line for figure in figures for line in _section(figure, found[figure.name])]
+    return "\n".join([head, *summary, tail, *sections]).rstrip() + "\n"
+
+
+def _name(name: str) -> str:
+    number, _, variant = name.removeprefix("fig-").partition("-")
+    return f"Fig. {int(number)}" + (f", {variant}" if variant else "")
+
+
+def _section(figure: Figure, found: list[Claim]) -> list[str]:
+    """The picture beside what the paper says of it, and what is found."""
+    lines = [
+        f"## {_name(figure.name)}",
+        "",
+        f"{figure.title}. `meeframe reproduce {figure.name}`",
+        "",
+        f"![{figure.title}]({PAGE}_{figure.name}.png)",
+        "",
+        f"The paper: {figure.paper}",
+        "",
+        "| the paper says | found | judged by | |",
+        "| --- | --- | --- | --- |",
+    ]
+    for claim in found:
+        verdict = "holds" if claim.holds else "**differs**"
+        lines.append(f"| {claim.paper} | {claim.found} | {claim.judged} | {verdict} |")
+    return [*lines, "", *(f"Remark of the solver: {remark}." for remark in figure.remarks), ""]
+
+
+if __name__ == "__main__":
+    main()
