@@ -24,7 +24,11 @@ REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 """Of the equations, in parts of the resistance of the whole zone: none while there is contact that resists."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times its distance from the body: where all slips nothing would stop it."""
+BISECTIONS: Final = 60
+"""Of the way down to the body, where the indenter does not touch it."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
+LEAST_FALL: Final = 1e-3
+"""The unbalance falls by this fraction of what a step promises, or the step is not taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +137,25 @@ class _Balance:
             step *= min(1.0, farthest / reach)
             for fraction in FRACTIONS:
                 there = self.at(here.motion + fraction * step)
-                if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(right):
+                if np.linalg.norm(weight * there.unbalance) < (1.0 - LEAST_FALL * fraction) * np.linalg.norm(right):
                     return there
+        return self._landed(here, weight, farthest)
+
+    def _landed(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
+        """A point with less unbalance where nothing touches as yet: the indenter follows the prescribed resultants."""
+        direction = -(weight**2) * here.unbalance
+        reach = self._reach(direction)
+        if here.traction.any() or not 0.0 < reach < np.inf:
+            return None
+        low, high = 0.0, farthest / reach
+        if not self.at(here.motion + high * direction).traction.any():
+            return None
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            there = self.at(here.motion + middle * direction)
+            if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(weight * here.unbalance):
+                return there
+            low, high = (low, middle) if there.traction.any() else (middle, high)
         return None
 
     def _jacobian(self, here: _Point) -> Array:

@@ -1,6 +1,6 @@
 """The potentials eliminated at contact size against the monolithic system (30), and by factors against by Krylov."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +9,12 @@ from meeframe.core.contact import ContactProblem, contact_gap
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import NodalFields
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.solvers import Uzawa, residual, solve
 from meeframe.solvers.conduction import own_response, resistances
 from meeframe.solvers.elimination import KrylovElimination, eliminate
+from meeframe.testing.matrix_free import MatrixFree
 
 N = 12
 
@@ -114,31 +115,11 @@ def test_factors_are_used_again_while_nothing_changes() -> None:
     assert other.parts.blocks is first.parts.blocks
 
 
-@dataclass(frozen=True, eq=False)
-class Matrixless(ReducedSystem):
-    """A compliance that is applied but not held."""
-
-    held: DenseSystem
-
-    def apply(self, load: Array) -> Array:
-        return self.held.apply(load)
-
-    def diagonal_blocks(self) -> Array:
-        return self.held.diagonal_blocks()
-
-    def dense(self) -> Array | None:
-        return None
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.held.recover(load)
-
-
 def test_the_whole_solution_does_not_need_a_matrix() -> None:
     problem = random_problem(6, (np.inf, 0.2))
     system = problem.system
     assert isinstance(system, DenseSystem)
-    bare = Matrixless(system.points, system.frames, system.weights, system.cells, system.offset, system)
-    without = replace(problem, system=bare)
+    without = replace(problem, system=MatrixFree.of(system))
     dense, krylov = solve(problem, Uzawa()), solve(without, Uzawa())
     assert dense.status == krylov.status == "converged"
     assert krylov.state.load == pytest.approx(dense.state.load, rel=1e-7, abs=1e-8)
