@@ -4,11 +4,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from study import FRICTION, PUNCH_POISSON, SPHERE_POISSON, ZONE, BondedRow, DragRow, Loop, Pressed, SlipRow
+from elements import PUNCH_POISSON, SPHERE_POISSON, DragRow
+from study import FRICTION, ZONE, BondedRow, Loop, Pressed, SlipRow
 
 from meeframe.testing.closed_forms_friction import FullStick, bonding_factor
 
-_STATE: Final = ("stick radius", "traction, largest", "traction, r.m.s.")
+_STATE: Final = ("stick radius", "traction", "everywhere", "r.m.s.")
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def write(name: str, rows: dict[str, list[Any]]) -> str:
         _punch(name, rows["bonded_punch"]),
         _pressed(rows["full_stick"]),
         _torsion(name, rows["torsion"], rows["twist_stiffness"]),
-        _elements(rows["drag_on_elements"], rows["punch_on_elements"]),
+        _elements(rows["drag_on_elements"], rows["torsion_on_elements"], rows["punch_on_elements"]),
     )
     return "\n".join(line for part in parts for line in part) + "\n"
 
@@ -88,9 +89,9 @@ def _head(name: str) -> Iterator[str]:
 
 A rigid indenter on an isotropic elastic half space. The reduced system is exact up to its densities, which are constant
 on square cells (`meeframe.testing.elastic_half_space`, Boussinesq and Cerruti with all couplings), or comes from
-boundary elements (last section). Contact law, solver and load path are those of every other case; the closed forms
-are in `meeframe.testing.closed_forms_friction`. All differences are relative, in per cent, computed minus exact. All
-numbers and pictures of this page: `uv run python validation/{name}/regenerate.py`.
+boundary elements (last section). Contact laws and solver are those of every case; the closed forms are in
+`meeframe.testing.closed_forms_friction`. All differences are relative, in per cent, computed minus exact. All numbers
+and pictures of this page: `uv run python validation/{name}/regenerate.py`.
 
 Goodman's approximation drops the coupling of normal and tangential directions. With it, or with ν = 1/2, where there is
 no such coupling, normal force and contact radius do not change under tangential loads, as the closed forms of partial
@@ -105,8 +106,8 @@ def _partial_slip(name: str, rows: list[SlipRow]) -> Iterator[str]:
 A sphere under a constant normal force P, μ = {FRICTION:g}, moved to the displacement that belongs to Q; the square of
 cells is {ZONE:g} a wide, a: contact radius. The stick radius is that of the circle with the area of the sticking
 cells. Tractions are compared at the cells' centres, relative to the largest exact one: the largest difference without
-one cell either side of contact and stick radius, where the exact traction has vertical tangents, and the root mean
-square over the whole contact.
+one cell either side of contact and stick radius, where the exact traction has vertical tangents, the largest one
+everywhere, and the root mean square over the contact.
 
 ![Tractions and stick radius]({name}_partial_slip.png)
 
@@ -119,8 +120,8 @@ Dots: all cells; lines: closed form; numbers: Q / μP.
     stick, traction, load = (_worst(fine, field) for field in ("stick_radius", "traction", "load"))
     yield f"""
 Largest of all loads with {_grid(finest)} cells: stick radius {stick} %, traction {traction} %, force {load} %. Asked
-for: 2 % and 3 % at 32 x 32. In the cells at the edge the traction differs by more, as the root mean square tells: a
-density that is constant on a cell cannot follow a vertical tangent.
+for: 2 % and 3 % at 32 x 32. In cells at the two radii the traction differs by more, the more so the thinner the
+slipping ring: a density that is constant on a cell cannot follow a vertical tangent.
 """
 
 
@@ -212,23 +213,29 @@ the cells, which are in contact or are not, enters with its third power:
     yield ""
 
 
-def _elements(drags: list[DragRow], punches: list[BondedRow]) -> Iterator[str]:
+def _elements(drags: list[DragRow], twists: list[SlipRow], punches: list[BondedRow]) -> Iterator[str]:
     yield f"""## The same on boundary elements
 
-The whole chain from case files (`sphere.toml`, `punch.toml`): bilinear elements on the plane that bounds the half
-space, ν = {SPHERE_POISSON:g} under the sphere (nearly incompressible, all couplings in force) and {PUNCH_POISSON:g}
-under the bonded punch. The sphere is moved to Q = 0.6 μP, to the opposite displacement and back, in one step each.
+The whole chain from case files (`sphere.toml`, `torsion.toml`, `punch.toml`): bilinear elements on the plane that
+bounds the half space, all couplings in force, ν = {SPHERE_POISSON:g} (nearly incompressible) under the spheres and
+{PUNCH_POISSON:g} under the bonded punch. Forces on the first sphere are prescribed, in one step each: P, then
+Q = 0.6 μP, its opposite, and Q again. What is compared are approach, displacement, displacement at -Q, and dissipation
+in the loop.
 """
-    header = ("elements in a", "P", "Q", "Q, turned", "dissipation", *_STATE)
+    header = ("elements in a", "approach", "displacement", "at -Q", "dissipation", *_STATE)
     table = []
     for d in drags:
-        loads = (d.normal_force, d.row.load, d.turned_force, d.dissipation)
+        loads = (d.approach, d.row.load, d.turned, d.dissipation)
         table.append((f"{d.per_radius:.1f}", *map(_percent, loads), *_state(d.row)))
     yield from _table(header, table)
     yield """
-Forces agree far better than tractions: nodal values of a bilinear interpolation swing about the peak at the stick
-radius and the edge of the contact.
+Forces and displacements agree far better than tractions: nodal values of a bilinear interpolation swing about the
+peak at the stick radius and the edge of the contact.
 """
+    yield "Torsion: the twist is prescribed, the torque compared. Then the bonded punch.\n"
+    header = ("elements in a side", "c / a", "torque", *_STATE)
+    yield from _table(header, ((f"{t.cells}", f"{t.share:.2f}", _percent(t.load), *_state(t)) for t in twists))
+    yield ""
     header = ("elements in a side", "bonded / frictionless", "c", "difference", "frictionless load")
     yield from _table(
         header,
@@ -246,8 +253,9 @@ def _table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator
         yield "| " + " | ".join(row) + " |"
 
 
-def _state(row: SlipRow) -> tuple[str, str, str]:
-    return _percent(row.stick_radius), f"{100 * row.traction:.2f}", f"{100 * row.traction_rms:.2f}"
+def _state(row: SlipRow) -> tuple[str, ...]:
+    tractions = (row.traction, row.traction_everywhere, row.traction_rms)
+    return _percent(row.stick_radius), *(f"{100 * value:.2f}" for value in tractions)
 
 
 def _body(row: SlipRow | LoopRow) -> str:
