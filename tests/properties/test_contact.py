@@ -1,13 +1,15 @@
 """Properties of solutions of contact problems, over random bodies, indenters and laws."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.contact import ContactProblem, ContactSolution, Status, contact_gap
+from meeframe.core.contact import ContactProblem, ContactSolution, Solver, Status, contact_gap
 from meeframe.core.fields import Array
-from meeframe.laws import OrthotropicCoulomb, Signorini
-from meeframe.solvers import Uzawa, solve
+from meeframe.laws import OrthotropicCoulomb
+from meeframe.solvers import Auto, SemismoothNewton, Uzawa, solve
 from meeframe.testing.contact import exact_pressure, rescaled
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -21,6 +23,7 @@ def bodies(draw: st.DrawFn) -> Array:
     """Point-source responses (5, 5) of order one with the right signs: xi of a body that is admissible."""
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     mechanical = np.diag(random.uniform(0.8, 1.3, 3))
+    mechanical[:2, 2] = mechanical[2, :2] = random.uniform(-0.3, 0.3, 2)
     root = random.normal(size=(2, 2))
     xi = np.zeros((5, 5))
     xi[:3, :3] = mechanical
@@ -38,12 +41,13 @@ def heights(draw: st.DrawFn) -> Array:
     return np.where(random.uniform(size=len(GRID)) < 0.05, np.inf, height - height.min())
 
 
+UZAWA = Uzawa()
 KAPPA = st.one_of(st.just(0.0), st.floats(0.01, 10.0), st.just(np.inf))
 MU = st.floats(0.05, 1.0)
 
 
-def solved(problem: ContactProblem) -> ContactSolution:
-    solution = solve(problem, Uzawa())
+def solved(problem: ContactProblem, solver: Solver = UZAWA) -> ContactSolution:
+    solution = solve(problem, solver)
     assert solution.status is Status.CONVERGED, solution.message
     return solution
 
@@ -103,24 +107,46 @@ def test_units_do_not_matter(xi: Array, height: Array, mu: float, kappa: float, 
     assert abs(other.residual - plain.residual) < 1e-12
 
 
+SOLVERS = st.sampled_from([Uzawa(), SemismoothNewton(), Auto()])
+ANGLE = st.floats(-3.0, 3.0)
+
+
 @SETTINGS
-@given(bodies(), heights(), MU, MU)
-def test_exchange_of_the_axes(xi: Array, height: Array, mu1: float, mu2: float) -> None:
-    """Swapping x and y with mu1 and mu2 swaps the tangential tractions."""
-    xi[0, 0] = xi[1, 1]
-    system = half_space_system(xi, SIDE, CELLS)
+@given(bodies(), heights(), MU, MU, ANGLE, KAPPA, SOLVERS)
+def test_exchange_of_the_axes(
+    xi: Array, height: Array, mu1: float, mu2: float, angle: float, kappa: float, solver: Solver
+) -> None:
+    """Swapping x and y with mu1 and mu2, and turning the angle back, swaps the tangential tractions."""
+    axes = [1, 0, 2, 3, 4]
+    body, other_body = (half_space_system(x, SIDE, CELLS) for x in (xi, xi[np.ix_(axes, axes)]))
     swap = np.arange(CELLS**2).reshape(CELLS, CELLS).T.ravel()
-    one = indentation_problem(system, height, 0.3, OrthotropicCoulomb(mu1, mu2), translation=(0.04, 0.01))
-    two = indentation_problem(system, height[swap], 0.3, OrthotropicCoulomb(mu2, mu1), translation=(0.01, 0.04))
-    expected = solved(one).state.load[swap][:, [1, 0, 2, 3, 4]]
-    assert np.abs(solved(two).state.load - expected).max() < 1e-7
+    fields = (0.0, kappa), (0.0, 0.05)
+    one = indentation_problem(body, height, 0.3, OrthotropicCoulomb(mu1, mu2, angle), *fields, (0.04, 0.01))
+    law = OrthotropicCoulomb(mu2, mu1, -angle)
+    two = indentation_problem(other_body, height[swap], 0.3, law, *fields, (0.01, 0.04))
+    expected = solved(one, solver).state.load[swap][:, axes]
+    assert np.abs(solved(two, solver).state.load - expected).max() < 1e-7
 
 
 @SETTINGS
-@given(bodies(), heights(), st.floats(-0.2, 0.2))
-def test_moving_body_and_indenter_together_changes_nothing(xi: Array, height: Array, motion: float) -> None:
+@given(bodies(), heights(), MU, MU, KAPPA, st.lists(st.floats(-0.2, 0.2), min_size=8, max_size=8), SOLVERS)
+def test_moving_body_and_indenter_together_changes_nothing(
+    xi: Array, height: Array, mu1: float, mu2: float, kappa: float, motion: list[float], solver: Solver
+) -> None:
+    """Any small rigid motion, and any shift of the potentials."""
     still = half_space_system(xi, SIDE, CELLS)
-    moved = half_space_system(xi, SIDE, CELLS, np.tile([0.0, 0.0, motion, 0.0, 0.0], (CELLS**2, 1)))
-    expected = solved(indentation_problem(still, height, 0.3, Signorini())).state.load
-    found = solved(indentation_problem(moved, height + motion, 0.3, Signorini())).state.load
-    assert np.abs(found - expected).max() < 1e-9
+    rigid = np.tile([*motion[:3], *motion[6:]], (CELLS**2, 1))
+    rigid[:, :3] += np.cross([motion[3], motion[4], motion[5]], still.points)
+    moved = replace(still, offset=rigid)
+    law = OrthotropicCoulomb(mu1, mu2, 0.4)
+    one = indentation_problem(still, height, 0.3, law, (kappa, np.inf), (0.05, -0.1), (0.04, 0.01))
+    two = replace(
+        one,
+        system=moved,
+        gap=one.gap + rigid[:, 2],
+        translation=one.translation + rigid[:, :2],
+        potentials=one.potentials - rigid[:, 3:],
+    )
+    expected, found = solved(one, solver).state, solved(two, solver).state
+    assert np.abs(found.load - expected.load).max() < 1e-7
+    assert np.abs(found.displacement - expected.displacement - rigid).max() < 1e-7

@@ -1,0 +1,162 @@
+"""Answers and iterations do not depend on units, stiffness, size or potentials: factors of 1e-9 to 1e9 of each."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from meeframe.case.load import load_case
+from meeframe.case.solve import reduce, solve_steps
+from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.core.fields import Array
+from meeframe.core.result import StepResult
+from meeframe.laws import OrthotropicCoulomb
+from meeframe.materials import library_material, rotation_about
+from meeframe.solvers import Auto, SemismoothNewton, solve
+from meeframe.testing.contact import rescaled, violations
+from meeframe.testing.contact_cases import periodic_half_space
+from meeframe.testing.half_space import indentation_problem
+
+SOLVERS = [Auto(), SemismoothNewton()]
+CELLS = 8
+MATERIAL = library_material("orthotropic-mee")
+COMPONENTS = {
+    "c": {"11": 226e9, "12": 125e9, "13": 124e9, "33": 216e9, "44": 44e9},
+    "e": {"15": 5.8, "31": -2.2, "33": 9.3},
+    "q": {"15": 275.0, "31": 290.2, "33": 350.0},
+    "eps": {"11": 5.64e-9, "33": 6.35e-9},
+    "lambda": {"11": 5.38e-12, "33": 2.74e-9},
+    "mu": {"11": 297e-6, "33": 83.5e-6},
+}
+
+
+def name(value: object) -> str:
+    return type(value).__name__ if isinstance(value, Solver) else str(value)
+
+
+def factors(kind: str, factor: float) -> tuple[float, float, float, float]:
+    """Of lengths, moduli, electric and magnetic potentials."""
+    kinds = ("lengths", "moduli", "electric potentials", "magnetic potentials")
+    if kind == "all":
+        return factor, 1.0 / factor, factor, factor
+    return tuple(factor if kind == other else 1.0 for other in kinds)  # type: ignore[return-value]
+
+
+KINDS = ["lengths", "moduli", "electric potentials", "magnetic potentials", "all"]
+
+
+def random_problem(seed: int, mu: tuple[float, float], kappa: tuple[float, float]) -> ContactProblem:
+    """A rough paraboloid on the half space of a turned material, dragged, with holes; kappa: in units of 1 / own."""
+    random = np.random.default_rng(seed)
+    turned = MATERIAL.rotated(rotation_about(tuple(random.normal(size=3)), random.uniform(0.0, 6.0)))
+    system = periodic_half_space(turned, 5e-3, CELLS)
+    x, y, _ = system.points.T
+    curvature = random.uniform(5.0, 15.0, 2)
+    height = 0.5 * (curvature[0] * x**2 + curvature[1] * y**2) + 1e-6 * random.uniform(size=len(x))
+    height = np.where(random.uniform(size=len(x)) < 0.03, np.inf, height - height.min())
+    law = OrthotropicCoulomb(*mu, random.uniform(0.0, 3.0))
+    own = np.abs(np.diag(system.diagonal_blocks()[0]))[3:]
+    potentials, drag = random.normal(size=2) * [1e3, 1.0], random.normal(size=2) * 1e-5
+    return indentation_problem(system, height, 3e-5, law, tuple(kappa / own), tuple(potentials), tuple(drag))
+
+
+def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> None:
+    """Answers as they are with every kind of magnitude multiplied by a factor, in as many iterations."""
+    expected = solve(problem, solver)
+    assert expected.status is Status.CONVERGED, expected.message
+    assert max(violations(problem, expected.state).values()) < 1e-8
+    largest = np.abs(expected.state.load).max(axis=0)
+    for kind in KINDS:
+        length, modulus, electric, magnetic = factors(kind, factor)
+        displacement = np.array([length, length, length, electric, magnetic])
+        load = modulus * np.array([1.0, 1.0, 1.0, length / electric, length / magnetic])
+        found = solve(rescaled(problem, displacement, load), solver)
+        assert found.status is Status.CONVERGED, f"{kind} times {factor}: {found.message}"
+        assert found.iterations == expected.iterations, f"{kind} times {factor}"
+        difference = np.abs(found.state.load / load - expected.state.load).max(axis=0)
+        assert (difference <= 1e-8 * largest).all(), f"{kind} times {factor}"
+        assert np.abs(found.state.closed - expected.state.closed).max() < 1e-6, f"{kind} times {factor}"
+
+
+SEEDS = st.integers(0, 2**32 - 1)
+MU = st.floats(0.05, 5.0)
+KAPPA = st.sampled_from([0.0, 1e-2, 1.0, 1e2, np.inf])
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=name)
+@settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(SEEDS, st.tuples(MU, MU), st.tuples(KAPPA, KAPPA), st.integers(-15, 15))
+def test_on_half_spaces_without_round_off(
+    solver: Solver, seed: int, mu: tuple[float, float], kappa: tuple[float, float], power: int
+) -> None:
+    """By powers of four, which round nothing, nor do their roots: the same numbers throughout."""
+    assert_scales(random_problem(seed, mu, kappa), solver, 4.0**power)
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=name)
+@pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e9])
+@pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])
+def test_on_half_spaces(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
+    """By powers of ten. Where Newton's method needs gradient steps, round-off may decide on their number."""
+    for seed in range(2):
+        assert_scales(random_problem(seed, (0.1, 0.5), kappa), solver, factor)
+
+
+def case_text(length: float, modulus: float, electric: float, magnetic: float) -> str:
+    """A case file of a block whose sizes, stiffness and potentials are multiplied by factors."""
+    units = {
+        "c": modulus,
+        "e": modulus * length / electric,
+        "q": modulus * length / magnetic,
+        "eps": modulus * length**2 / electric**2,
+        "lambda": modulus * length**2 / electric / magnetic,
+        "mu": modulus * length**2 / magnetic**2,
+    }
+    components = (f"{k}_{ij} = {value * units[k]!r}" for k, group in COMPONENTS.items() for ij, value in group.items())
+    return "\n".join(
+        [
+            '[material]\nname = "scaled"\nsymmetry = "transversely-isotropic"\n[material.components]',
+            *components,
+            f"[mesh]\nhalf_width = {0.05 * length!r}\nheight = {0.12 * length!r}\ncontact_width = {0.005 * length!r}",
+            "divisions = 4\nrings = 2\nlayers = 1",
+            '[[boundary]]\ngroup = "base"\ndisplacement = [0, 0, 0]',
+            f"electric_potential = {200.0 * electric!r}\nmagnetic_potential = 0",
+            '[contact]\nlaw = {name = "orthotropic-coulomb", mu1 = 0.2, mu2 = 0.5, angle = 0.3}',
+            f'[conductivity.electric]\nname = "step"\nkappa = {1e-5 * modulus * length / electric**2!r}',
+            f'[conductivity.magnetic]\nname = "step"\nkappa = {0.4 * modulus * length / magnetic**2!r}',
+            f'[indenter]\nname = "sphere"\nradius = {0.1 * length!r}\nelectric_potential = {1e4 * electric!r}',
+            '[formulation]\nname = "dense-bem"\nquadrature_tolerance = 1e-3',
+            f"[[steps]]\napproach = {3e-5 * length!r}\ntranslation = [{1e-5 * length!r}, {6e-6 * length!r}]",
+        ]
+    )
+
+
+def solved_block(folder: Path, scales: tuple[float, float, float, float]) -> list[tuple[Array, StepResult]]:
+    """For each solver the loads (n, 5) in the units of the block that is not scaled, and the step."""
+    file = folder / "case.toml"
+    file.write_text(case_text(*scales), encoding="utf-8")
+    case = load_case(file)
+    system = reduce(case)
+    length, modulus, electric, magnetic = scales
+    solved = []
+    for solver in SOLVERS:
+        (step,) = solve_steps(replace(case, solver=solver), system, boundary=False)
+        assert step.status is Status.CONVERGED, step.message
+        fluxes = step.fluxes * [electric, magnetic] / length
+        solved.append((np.concatenate([step.traction, fluxes], axis=1) / modulus, step))
+    return solved
+
+
+def test_on_a_block_from_case_file_to_answer(tmp_path: Path) -> None:
+    """Mesh, material and conditions scaled: assembly, factorisation and reduction included."""
+    expected = solved_block(tmp_path, (1.0, 1.0, 1.0, 1.0))
+    both = [(kind, factor) for kind in ("lengths", "moduli") for factor in (1e-9, 1e9)]
+    for kind, factor in [*both, ("lengths", 1e3), *zip(KINDS[2:], (1e9, 1e-9, 1e9), strict=True)]:
+        for (load, step), (found, other) in zip(expected, solved_block(tmp_path, factors(kind, factor)), strict=True):
+            assert other.iterations == step.iterations, (kind, factor)
+            difference = np.abs(found - load).max(axis=0)
+            assert (difference <= 1e-8 * np.abs(load).max(axis=0)).all(), (kind, factor)
+            assert 4 < np.count_nonzero(load[:, 2]) < len(load)
