@@ -1,7 +1,6 @@
 """Turned frames: the same relation in other components, and what friction makes of a direction field."""
 
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,29 +21,10 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
 from meeframe.materials import library_material
 from meeframe.solvers import Auto, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.matrix_free import MatrixFree
 
 N = 12
 RANDOM = np.random.default_rng(3)
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Matrixless(ReducedSystem):
-    """A dense system that does not show its matrix."""
-
-    hidden: DenseSystem
-
-    def apply(self, load: Array) -> Array:
-        return self.hidden.apply(load)
-
-    def diagonal_blocks(self) -> Array:
-        return self.hidden.diagonal_blocks()
-
-    def dense(self) -> None:
-        return None
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.hidden.recover(load)
 
 
 def random_system() -> DenseSystem:
@@ -72,8 +52,7 @@ def in_local_axes(system: ReducedSystem, fields: Array) -> Array:
 def test_a_turned_system_is_the_same_relation(hidden: bool) -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3)) * 10.0 ** RANDOM.uniform(-200, 200, (N, 1))
-    source = Matrixless(system.points, system.frames, system.weights, (), system.offset, system) if hidden else system
-    other = turned(source, directions)
+    other = turned(MatrixFree.of(system) if hidden else system, directions)
     assert isinstance(other, DenseSystem) != hidden
     assert (other.dense() is None) == hidden
     loads = RANDOM.normal(size=(N, 5))
