@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Zone
+from meeframe.geometry import frames_of
 
 # meshio's cell types cut into triangles, by position of the node in the cell
 TRIANGLES: Final = {
@@ -32,13 +33,17 @@ class Picture:
 
     @classmethod
     def of(cls, zone: Zone) -> "Picture":
-        """The zone seen along its mean normal, coordinates along its mean e1 and e2 from the middle of its extent."""
+        """The zone seen along its mean normal, coordinates from the middle of its extent.
+
+        They run along the axes that the zone's frames have where no direction field turns them.
+        """
         from matplotlib.tri import Triangulation
 
         parts = [connectivity for name, connectivity in zone.cells if name == "quad"]
         quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
         middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
-        axes = zone.frames[:, :2].mean(axis=0)
+        normal = zone.frames[:, 2].mean(axis=0)
+        axes = frames_of(normal[None] / np.linalg.norm(normal))[0, :2]
         points = (zone.points - middle) @ axes.T * 1e3
         flat = _with_centres(points, quads)
         return cls(points, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
@@ -58,5 +63,7 @@ def _triangles(cells: tuple[tuple[str, Indices], ...], n_nodes: int) -> Indices:
         if name == "quad":
             nodes = np.column_stack([nodes, n_nodes + np.arange(len(nodes))])
             n_nodes += len(nodes)
-        triangles += [nodes[:, triangle] for triangle in TRIANGLES[name]]
+        # of an element from a plugin only the corners are drawn
+        cut = TRIANGLES.get(name, ((0, 1, 2),) if name.startswith("triangle") else ((0, 1, 2), (2, 3, 0)))
+        triangles += [nodes[:, triangle] for triangle in cut]
     return np.concatenate(triangles)
