@@ -19,7 +19,18 @@ from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.io.systems import read_system, write_system
 
 _LATER: Final = frozenset(
-    {"indenter", "placement", "steps", "contact_law", "electric_law", "magnetic_law", "solver", "limits"}
+    {
+        "indenter",
+        "placement",
+        "potentials",
+        "restart",
+        "steps",
+        "contact_law",
+        "electric_law",
+        "magnetic_law",
+        "solver",
+        "limits",
+    }
     | {"output", "title", "text"}
 )
 """Fields of a case that act on the reduced system, not in it. All others, those to come too, are part of the key."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_first, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
@@ -32,13 +33,14 @@ class Case:
     """One contact problem with its load steps, checked when it is made.
 
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
-    contact; steps: load steps, each a state of the indenter; potentials: electric [V] and magnetic [A] potential of the
-    indenter from the beginning; text: the case file, verbatim, kept with the result.
+    contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
+    from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
+    text: the case file, verbatim, kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
     fixes), an indenter that is nowhere above the zone, a first step that neither moves nor presses it, a
-    resultant that the laws cannot resist.
+    resultant that the laws cannot resist, a run to go on from that had another contact zone.
     """
 
     material: Material
@@ -48,6 +50,7 @@ class Case:
     steps: tuple[Step, ...]
     placement: Placement = field(default_factory=Placement)
     potentials: tuple[float, float] = (0.0, 0.0)
+    restart: Restart | None = None
     zone: str = "contact"
     contact_law: ContactLaw = field(default_factory=Signorini)
     electric_law: ConductivityLaw = field(default_factory=Insulating)
@@ -65,7 +68,10 @@ class Case:
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
-        check_first(self.steps[0])
+        if self.restart is None:
+            check_first(self.steps[0])
+        else:
+            check_same_zone(self.restart, zone_frames(self.mesh, self.zone))
         resists = resistance(
             self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
         )

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from meeframe.case.case import Case, Output
 from meeframe.case.locate import locate
-from meeframe.case.schema import CaseTable, FileTable, HalfSpaceTable, MeshTable
+from meeframe.case.restart import Restart, read_restart
+from meeframe.case.schema import CaseTable, FileTable, HalfSpaceTable, MeshTable, RestartTable
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
@@ -38,15 +39,15 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
     try:
-        return case_from_tables(tables, registry, file.parent, text)
+        return case_from_tables(tables, registry, file.parent, text, str(file))
     except TableError as error:
         raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from None
 
 
 def case_from_tables(
-    tables: Mapping[str, Any], registry: Registry | None = None, folder: Path = Path(), text: str = ""
+    tables: Mapping[str, Any], registry: Registry | None = None, folder: Path = Path(), text: str = "", file: str = ""
 ) -> Case:
-    """The checked case of the tables of a case file; folder: where relative paths in it start.
+    """The checked case of the tables of a case file; folder: where relative paths in it start; file: its name.
 
     Raises TableError (a CaseError) with all problems found.
     """
@@ -59,12 +60,14 @@ def case_from_tables(
     if checked is None:
         raise TableError(*problems)
     mesh = _attempt(problems, lambda: _mesh(checked.mesh, registry, folder), "mesh")
-    if material is None or mesh is None:
+    restart = _attempt(problems, lambda: _restart(checked.restart, folder, file))
+    if material is None or mesh is None or problems:
         raise TableError(*problems)
     try:
-        return _assemble(checked, material, mesh, text)
+        return _assemble(checked, material, mesh, restart, text)
     except MeeframeError as error:
-        raise TableError(locate(error, checked, Body(material.stiffness, mesh, (), checked.contact.zone))) from None
+        body = Body(material.stiffness, mesh, (), checked.contact.zone)
+        raise TableError(locate(error, checked, body, restart)) from None
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 
@@ -86,12 +89,13 @@ def _no_memory(error: MemoryError, *location: str) -> Problem:
     return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
 
 
-def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, text: str) -> Case:
+def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, restart: Restart | None, text: str) -> Case:
     return Case(
         material=material,
         mesh=mesh,
         conditions=tuple(condition for boundary in table.boundary for condition in boundary.conditions()),
         indenter=table.indenter.named,
+        restart=restart,
         steps=tuple(step.step() for step in table.steps),
         placement=table.indenter.record,
         potentials=(table.indenter.electric_potential, table.indenter.magnetic_potential),
@@ -113,6 +117,16 @@ def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
         return CaseTable.model_validate(dict(tables), context=registry)
     except ValidationError as error:
         raise TableError(*problems_of(error, CaseTable)) from None
+
+
+def _restart(table: RestartTable | None, folder: Path, file: str) -> Restart | None:
+    if table is None:
+        return None
+    place = Problem(("restart", "from"), "", table.folder)
+    try:
+        return read_restart(folder / table.folder, f"{file}: {place}".lstrip(": ").rstrip(": "))
+    except MeeframeError as error:
+        raise TableError(replace(place, text=str(error))) from None
 
 
 def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:

@@ -6,21 +6,22 @@ from dataclasses import replace
 from functools import partial
 
 from meeframe.case.case import check_reach, resistance
+from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
 from meeframe.case.step import check_first, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
-from meeframe.geometry import check_contact_zone
+from meeframe.geometry import check_contact_zone, zone_frames
 from meeframe.plugin.validation import Problem
 
 
-def locate(error: MeeframeError, table: CaseTable, body: Body) -> Problem:
+def locate(error: MeeframeError, table: CaseTable, body: Body, restart: Restart | None = None) -> Problem:
     """The error at its place.
 
     It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
-    else the mesh or the formulation. body: that of the case, without its boundary conditions.
+    else the mesh or the formulation. restart: of the case; body: that of the case, without its boundary conditions.
     """
-    for problem, check in _checks(table, body):
+    for problem, check in _checks(table, body, restart):
         try:
             check()
         except MeeframeError as found:
@@ -35,7 +36,7 @@ def locate(error: MeeframeError, table: CaseTable, body: Body) -> Problem:
     return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), str(error))
 
 
-def _checks(table: CaseTable, body: Body) -> Iterator[tuple[Problem, Callable[[], None]]]:
+def _checks(table: CaseTable, body: Body, restart: Restart | None) -> Iterator[tuple[Problem, Callable[[], None]]]:
     """Places in the file with what is given there, and the check of each."""
     zone = table.contact.zone
     yield Problem(("contact", "zone"), "", zone), partial(check_contact_zone, body.mesh, zone)
@@ -49,7 +50,11 @@ def _checks(table: CaseTable, body: Body) -> Iterator[tuple[Problem, Callable[[]
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
     steps = [step.step() for step in table.steps]
-    yield Problem(("steps", 0), ""), partial(check_first, steps[0])
+    if table.restart is None or restart is None:
+        yield Problem(("steps", 0), ""), partial(check_first, steps[0])
+    else:
+        place = Problem(("restart", "from"), "", table.restart.folder)
+        yield place, partial(check_same_zone, restart, zone_frames(body.mesh, zone))
     laws = table.contact.law, table.conductivity.electric, table.conductivity.magnetic
     resists = resistance(placement, body.mesh, zone, laws)
     for number, step in enumerate(steps):

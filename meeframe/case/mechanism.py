@@ -1,6 +1,6 @@
 """How the indenter of a case moves over the contact zone: the contact problem of an increment, and what it leads to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -99,12 +99,26 @@ class Mechanism:
                     freedoms[number] = Freedom(self.modes[number], measure, float(total))
         return dict(sorted(freedoms.items()))
 
+    def settled(self, increment: Increment, state: ContactState) -> ContactState:
+        """The state, in which motions that nothing resists, for lack of contact, stay where they were.
+
+        Those are all but the ones along normals, which must not bring the indenter into the body.
+        """
+        if state.load.any():
+            return state
+        normal = self.modes[increment.free, :, 2].any(axis=1)
+        return replace(state, motion=np.where(normal, state.motion, 0.0))
+
     def reached(self, increment: Increment, state: ContactState, start: Converged) -> Converged:
         """A state of the contact zone as one to go on from."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
-        totals = np.einsum("kni,ni->k", self.measures, state.load)
-        return Converged(motion, totals, start.total_slip + slip_of(increment, state), state)
+        return Converged(motion, self.resultants(state), start.total_slip + slip_of(increment, state), state)
+
+    def resultants(self, state: ContactState) -> Array:
+        """Those that work on its motions in a state of the contact zone, (8,)."""
+        totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
+        return totals
 
 
 def slip_of(increment: Increment, state: ContactState) -> Array:

@@ -302,6 +302,12 @@ def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
         raise TableError(Problem((key,), str(error), table[key])) from None
 
 
+class RestartTable(Table):
+    """[restart]: the folder of a run whose last converged increment is to be continued."""
+
+    folder: Text = Field(alias="from")
+
+
 class OutputTable(Table):
     """[output]: what is written beside result.h5 and summary.json."""
 
@@ -321,5 +327,6 @@ class CaseTable(Table):
     indenter: IndenterTable
     formulation: Annotated[Formulation, _by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
     solver: SolverTable = Field(default="auto", validate_default=True)
+    restart: RestartTable | None = None
     steps: tuple[StepTable, ...] = Field(min_length=1)
     output: OutputTable = OutputTable()

@@ -13,6 +13,7 @@ from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.history import Controls, Converged, at_rest, held, ramped
 from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of
+from meeframe.case.restart import check_same_body
 from meeframe.core.contact import ContactSolution, Status, indenter_position
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Progress, ReducedSystem, silent
@@ -25,7 +26,7 @@ from meeframe.solvers import solve
 def solve_case(case: Case, progress: Progress = silent) -> Result:
     """The result of a case, in memory.
 
-    Raises as `reduce`. A step that does not converge raises nothing: its status says so.
+    Raises as `reduce` and `solve_steps`. A step that does not converge raises nothing: its status says so.
     """
     clock = Clock(progress)
     system = reduce(case, clock)
@@ -56,11 +57,11 @@ def solve_steps(
     Slip is measured from that state too (notes, section 7): a single increment, from the undeformed body, is the
     paper's. What a step names goes linearly there from the state in which the step begins.
     boundary: recover the fields on the whole boundary too, at the end of each step, which a study of the contact zone
-    does not need.
+    does not need. Raises CaseError if the case continues a run whose state does not belong to this body.
     """
     mechanism = Mechanism(case, system)
-    here = at_rest(case.potentials, len(system.points))
-    controls, count = held(here, {}), 0
+    here, controls = _beginning(mechanism)
+    count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before = here, controls
         for increment in range(1, step.increments + 1):
@@ -70,8 +71,20 @@ def solve_steps(
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
-                result = replace(result, boundary=system.recover(result.load))
+                result = replace(result, boundary=system.recover(result.state.load))
             yield result
+
+
+def _beginning(mechanism: Mechanism) -> tuple[Converged, Controls]:
+    """The state to start from and what is in force there: the undeformed body, or where an earlier run ended."""
+    case, system = mechanism.case, mechanism.system
+    if case.restart is None:
+        here = at_rest(case.potentials, len(system.points))
+        return here, held(here, {})
+    check_same_body(case.restart, system)
+    step = case.restart.step
+    here = Converged(step.loading.motion, mechanism.resultants(step.state), step.total_slip, step.state)
+    return here, held(here, step.loading.prescribed)
 
 
 def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float) -> None:
@@ -91,6 +104,7 @@ def _solve(
     # free motions count from the converged state
     start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
     solution = solve(increment.problem, mechanism.case.solver, mechanism.case.limits, start, progress)
+    solution = replace(solution, state=mechanism.settled(increment, solution.state))
     reached = mechanism.reached(increment, solution.state, here)
     result = _step_result(mechanism, increment, reached, solution, numbers)
     return (reached if solution.status is Status.CONVERGED else here), result

@@ -7,7 +7,7 @@ from enum import IntEnum, StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import Status
+from meeframe.core.contact import ContactState, Status
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import NodalFields
 from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
@@ -114,9 +114,10 @@ class StepResult:
         return gap
 
     @property
-    def load(self) -> Array:
-        """The load on the contact zone as in ReducedSystem, (n, 5)."""
-        return np.concatenate([self.traction, self.fluxes], axis=1)
+    def state(self) -> ContactState:
+        """The state of the contact zone, of an indenter that stays where it is."""
+        load = np.concatenate([self.traction, self.fluxes], axis=1)
+        return ContactState(load, np.concatenate([self.displacement, -self.potentials], axis=1), self.closed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +146,7 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
     through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
-    dissipated_energy: work of the tangential tractions on the slip of this increment, >= 0 [J];
+    dissipated_energy: work of the tangential tractions at its end on the slip of this increment, >= 0 [J];
     contact_area, stick_area, slip_area: sum over the elements of their area times the share of their nodes in
     compression, and in either region [m^2] (the weights of nodes will not do: those of quad8's corners are negative,
     those of tri6's zero); max_pressure [Pa]; largest absolute potentials of the body's surface in the contact zone [V],
@@ -154,6 +155,7 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     pressure = 0.0 - step.traction[:, 2]  # and not a mere sign change, which would make -0.0 of 0.0
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
     totals = _on_motions(zone, step)
+    friction = (step.traction[:, :2] * step.slip).sum(axis=1)
     return Resultants(
         force=zone.weights @ np.einsum("na,nai->ni", step.traction, zone.frames),
         normal_force=float(totals["normal_force"][0]),
@@ -162,7 +164,7 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
         torque=float(totals["torque"][0]),
         charge=float(totals["charge"][0]),
         magnetic_flux=float(totals["magnetic_flux"][0]),
-        dissipated_energy=float(zone.weights @ (step.traction[:, :2] * step.slip).sum(axis=1)),
+        dissipated_energy=float(zone.weights @ np.where(step.region == Region.SLIP, friction, 0.0)),
         contact_area=_area(zone, pressure > 0.0),
         stick_area=_area(zone, step.region == Region.STICK),
         slip_area=_area(zone, step.region == Region.SLIP),
@@ -176,7 +178,7 @@ def _on_motions(zone: Zone, step: StepResult) -> dict[str, Array]:
     """Resultants that work on the motions of the indenter, by key, (1,) or (2,)."""
     place = step.loading
     modes = motion_modes(zone.points, zone.frames, place.axes, place.reference)
-    totals = np.einsum("kni,ni->k", motion_measures(modes, zone.weights), step.load) + 0.0  # no -0.0
+    totals = np.einsum("kni,ni->k", motion_measures(modes, zone.weights), step.state.load) + 0.0  # no -0.0
     return {key: totals[columns] for key, columns in RESULTANTS.items()}
 
 

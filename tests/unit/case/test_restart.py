@@ -1,0 +1,104 @@
+"""Continuing a run: as if it had never stopped, and refused where it does not fit."""
+
+import dataclasses
+
+import h5py
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.core.errors import CaseError
+
+LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n[conductivity.electric]\nname = "step"\nkappa = inf\n'
+FIRST = '\n[[steps]]\ntangential_force = [300, 0]\nelectric_potential = "3 V"\nincrements = 2\n'
+SECOND = '\n[[steps]]\ntwist = 1e-3\nnormal_force = "2 kN"\nincrements = 2\n'
+RESTART = '\n[restart]\nfrom = "first"\n'
+LOADED = '[[steps]]\napproach = "10 um"\n'
+BEM = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"\nquadrature_tolerance = 1e-3')
+
+
+def continued(write_case, *changes, more=SECOND):
+    """A case that continues the run in the folder `first`."""
+    return write_case(*changes, (LOADED, ""), more=LAW + RESTART + more)
+
+
+@pytest.fixture
+def first(write_case, registry, tmp_path):
+    return meeframe.run(load_case(write_case(more=LAW + FIRST), registry), tmp_path / "first")
+
+
+@pytest.mark.parametrize("changes", [[], [BEM]], ids=["springs", "boundary elements"])
+def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path, changes):
+    whole = meeframe.solve_case(load_case(write_case(*changes, more=LAW + FIRST + SECOND), registry))
+    meeframe.run(load_case(write_case(*changes, more=LAW + FIRST), registry), tmp_path / "first")
+    rest = meeframe.run(load_case(continued(write_case, *changes), registry), tmp_path / "second")
+    assert str(rest.status) == str(whole.status) == "converged"
+    assert [(step.step, step.increment) for step in rest.steps] == [(1, 1), (1, 2)]
+    for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
+        for name in ("traction", "displacement", "potentials", "fluxes", "slip", "total_slip", "closed"):
+            expected = getattr(theirs, name)
+            np.testing.assert_allclose(getattr(ours, name), expected, atol=1e-12 * np.abs(expected).max(), rtol=0)
+        np.testing.assert_allclose(ours.loading.motion, theirs.loading.motion, rtol=1e-12, atol=1e-18)
+        assert (
+            ours.loading.prescribed.keys() == theirs.loading.prescribed.keys() == {"normal_force", "tangential_force"}
+        )
+    assert rest.steps[0].loading.electric_potential == 3.0, "it stays, whatever [indenter] says"
+
+
+def test_the_last_increment_that_converged_is_continued(write_case, registry, tmp_path, first):
+    with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
+        file["steps/0003"].attrs["status"] = "stalled"
+    case = load_case(continued(write_case, more="\n[[steps]]\ntangential_force = [0, 0]\nincrements = 3\n"), registry)
+    (one, *_) = meeframe.solve_case(case).steps
+    assert one.loading.prescribed["tangential_force"] == pytest.approx([100.0, 0.0], rel=1e-8), "two thirds of 150 N"
+    with h5py.File(tmp_path / "first" / "result.h5", "r+") as file:
+        for step in file["steps"].values():
+            step.attrs["status"] = "diverged"
+    refused(continued(write_case), registry, f"no increment of the run in {tmp_path / 'first'} converged")
+
+
+def refused(path, registry, text):
+    with pytest.raises(CaseError) as caught:
+        meeframe.solve_case(load_case(path, registry))
+    message = str(caught.value)
+    assert message.startswith(f"{path}: restart.from = 'first': {text}")
+    assert "allowed: " in message or "does not exist" in message
+
+
+@pytest.mark.usefixtures("first")
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (("divisions = 4", "divisions = 5"), "the contact zone of that run has 25 points, this one 36"),
+        (
+            ('contact_width = "5 mm"', 'contact_width = "6 mm"'),
+            "the contact zone of that run has points up to 0.0005 m",
+        ),
+        (
+            ('"1e14 Pa/m"', '"2e14 Pa/m"'),
+            "the loads of that run cause other displacements in this body, by 1 of their",
+        ),
+    ],
+)
+def test_another_body_is_refused(write_case, registry, change, text):
+    refused(continued(write_case, change), registry, text)
+
+
+def test_there_must_be_a_run(write_case, registry, tmp_path):
+    refused(continued(write_case), registry, f"no result in {tmp_path / 'first'}")
+
+
+def test_keys_of_the_table(write_case, registry):
+    with pytest.raises(CaseError, match=r"restart\.form = 'first': unknown key; did you mean 'from'\? allowed: from"):
+        load_case(write_case(more='\n[restart]\nform = "first"\n'), registry)
+
+
+def test_from_objects(first, tmp_path, write_case, registry):
+    from meeframe.case.restart import read_restart
+
+    case = load_case(write_case(more=LAW + FIRST), registry)
+    going_on = dataclasses.replace(case, restart=read_restart(tmp_path / "first"), steps=(meeframe.Step(twist=0.0),))
+    (step,) = meeframe.solve_case(going_on).steps
+    expected = first.steps[-1].traction
+    np.testing.assert_allclose(step.traction, expected, atol=1e-9 * np.abs(expected).max())

@@ -1,0 +1,54 @@
+"""Motions of an indenter and the resultants that work on them, against rigid rotations and sums of forces."""
+
+import numpy as np
+import pytest
+
+from meeframe.core.indenter import MOTIONS, N_MOTIONS, motion_measures, motion_modes
+from meeframe.geometry import Placement
+from meeframe.geometry.zone import frames_of
+
+ANGLE = 1e-7
+RANDOM = np.random.default_rng(3)
+POINTS = RANDOM.normal(size=(20, 3))
+NORMALS = RANDOM.normal(size=(20, 3))
+FRAMES = frames_of(NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True))
+WEIGHTS = RANDOM.uniform(0.5, 1.5, 20)
+PLACEMENT = Placement(x=0.3, y=-0.2, axis=(0.3, -0.4, 0.8))
+AXES, REFERENCE = PLACEMENT.base, PLACEMENT.reference(POINTS)
+MODES = motion_modes(POINTS, FRAMES, AXES, REFERENCE)
+
+
+def rotated(axis, angle):
+    """Points after a right-handed rotation about an axis through the reference point (Rodrigues)."""
+    arm = POINTS - REFERENCE
+    along = np.outer(arm @ axis, axis)
+    return REFERENCE + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
+
+
+def in_global_axes(mode):
+    return np.einsum("na,nai->ni", mode[:, :3], FRAMES)
+
+
+@pytest.mark.parametrize(("number", "axis"), [(3, AXES[0]), (4, AXES[1]), (5, AXES[2])])
+def test_tilts_and_twist_are_small_rotations(number, axis):
+    np.testing.assert_allclose(in_global_axes(MODES[number]), (rotated(axis, ANGLE) - POINTS) / ANGLE, atol=1e-6)
+
+
+def test_approach_and_translations_shift():
+    for number, direction in enumerate((-AXES[2], AXES[0], AXES[1])):
+        np.testing.assert_allclose(in_global_axes(MODES[number]), np.tile(direction, (20, 1)), atol=1e-14)
+
+
+def test_resultants_are_forces_moments_and_charges():
+    load = RANDOM.normal(size=(20, 5))
+    totals = np.einsum("kni,ni->k", motion_measures(MODES, WEIGHTS), load)
+    forces = WEIGHTS[:, None] * in_global_axes(load)
+    force, moment = forces.sum(axis=0), np.cross(POINTS - REFERENCE, forces).sum(axis=0)
+    expected = [-AXES[2] @ force, *(AXES[:2] @ force), *(AXES @ moment), *(WEIGHTS @ load[:, 3:])]
+    np.testing.assert_allclose(totals, expected, rtol=1e-12)
+    assert len(totals) == N_MOTIONS == max(column.stop for column in MOTIONS.values())
+
+
+def test_the_reference_point_stands_level_with_the_highest_point():
+    assert AXES[2] @ REFERENCE == pytest.approx((POINTS @ AXES[2]).max())
+    assert AXES[:2] @ REFERENCE == pytest.approx([0.3, -0.2])
