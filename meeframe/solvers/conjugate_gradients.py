@@ -122,12 +122,14 @@ class ProjectedCG(Solver):
             share = max(float(memory.weight @ (residual * (residual - memory.residual))) / norm, 0.0)
         direction = memory.modes.without(residual + share * memory.direction, free)
         if float(memory.weight @ (direction * residual)) <= 0.0:
-            direction = residual
+            direction = memory.modes.without(residual, free)
         return replace(memory, direction=direction, residual=residual, free=free)
 
     def _refreshed(self, memory: _Memory, pressure: Array) -> Iterate:
-        """Iterate at a pressure (n,) with the conduction that belongs to it."""
+        """Iterate at a pressure (n,), balanced anew, with the conduction that belongs to it."""
         ground = memory.ground
+        if memory.modes.numbers.size:
+            pressure = memory.modes.balanced(pressure, pressure > 0.0)
         traction = _traction(pressure)
         r = 1.0 / ground.scales.normal_compliance
         trial = -pressure + r * memory.gap

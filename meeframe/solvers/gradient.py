@@ -64,7 +64,7 @@ class Ground:
         gap = contact_gap(self.problem, response.displacement + conductors.displacement, motion)
         return Slope(gap, response.flux + conductors.flux, motion)
 
-    def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> "Step":
+    def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
         """Tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and the slope there."""
         balanced = balanced_projection(self.problem, traction, slope.gap, r)
         moving = motions(self.problem)

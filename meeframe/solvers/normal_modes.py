@@ -23,6 +23,8 @@ NORMAL: Final = 2
 ROUNDS: Final = 30
 """Of the search for the nodes that overlap when the indenter is at rest."""
 PROPORTIONAL: Final = 1e-9
+ROUND_OFF: Final = 1e-10
+"""What is left of values that resultants determine, as a fraction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +75,15 @@ class NormalModes:
         return np.asarray(-inverse @ (measure @ np.where(free, values, 0.0)))
 
     def without(self, values: Array, free: Mask) -> Array:
-        """Values (n,) without resultants over the free nodes (n,), zero elsewhere."""
-        if self.numbers.size:
-            values = values + self.amounts(values, free) @ self.mode
-        return np.where(free, values, 0.0)
+        """Values (n,) without resultants over the free nodes (n,), zero elsewhere.
+
+        Where the nodes are so few that the resultants determine all of them, that is zero and not its round-off.
+        """
+        values = np.where(free, values, 0.0)
+        if self.numbers.size == 0:
+            return values
+        rest = np.where(free, values + self.amounts(values, free) @ self.mode, 0.0)
+        return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
     def rested(self, pressure: Array, gap: Array, motion: Array) -> tuple[Array, Array]:
         """Gap (n,) and motion (m,) with the indenter at rest under a pressure (n,), from a gap (n,) at a motion."""

@@ -1,0 +1,171 @@
+"""Floating conductors in the gradient iterations: charges prescribed, potentials found; alone and with forces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from meeframe.core.contact import ContactState, Status
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.materials import library_material
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import BarzilaiBorwein, Limits, Nesterov, ProjectedCG, Uzawa, solve
+from meeframe.solvers.conduction import own_response, resistances
+from meeframe.solvers.elimination import KrylovElimination, eliminate
+from meeframe.testing.closed_forms import Sphere, indent
+from meeframe.testing.contact import rescaled
+from meeframe.testing.contact_cases import APPROACH, RADIUS
+from meeframe.testing.force_control import (
+    MAGNETOMOTIVE,
+    PRESS,
+    SLIDE,
+    VOLTAGE,
+    balanced_solution,
+    check_same,
+    conducting_sphere,
+    freedom,
+    released,
+)
+from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.matrix_free import MatrixFree
+
+GRADIENT = [Uzawa(), BarzilaiBorwein(), Nesterov()]
+ALL = [*GRADIENT, ProjectedCG()]
+KAPPA = {"finite": (1.0, 0.3), "mixed": (np.inf, 0.5), "perfect": (np.inf, np.inf)}
+MU = 0.3
+XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
+
+
+@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
+@pytest.mark.parametrize("condition", KAPPA)
+def test_resultants_give_the_motions_back(condition, given) -> None:
+    problem = conducting_sphere(Signorini(), KAPPA[condition])
+    expected = balanced_solution(problem, Uzawa()).state
+    free, motion = released(problem, expected, *given)
+    # where a law jumps there may be two solutions; from nearby all find the same
+    near = replace(expected, load=1.001 * expected.load)
+    for solver in ALL:
+        state = balanced_solution(free, solver, start=near).state
+        check_same(state, expected)
+        np.testing.assert_allclose(state.motion, motion, rtol=1e-8)
+
+
+@pytest.mark.parametrize("solver", [BarzilaiBorwein(), ProjectedCG()], ids=str)
+@pytest.mark.parametrize("potential", [2e4, -1.5e4, None])
+def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
+    """Force and charge given, approach and potential back; None: no charge. The flux is singular at the edge, which a
+    grid resolves to first order only."""
+    if potential is None:
+        potential = brentq(lambda phi: indent(XI, Sphere(RADIUS), APPROACH, phi).charge, -1e5, 1e5)
+    exact = indent(XI, Sphere(RADIUS), APPROACH, potential)
+    system = half_space_system(XI, 5e-3, 20)
+    free = freedom(system, PRESS, exact.force), freedom(system, VOLTAGE, exact.charge)
+    height = (system.points**2).sum(axis=1) / (2.0 * RADIUS)
+    touching = indentation_problem(system, height, approach=0.0, conductivity=(np.inf, 0.0))
+    motion = balanced_solution(replace(touching, freedoms=free), solver, Limits()).state.motion
+    assert motion[0] == pytest.approx(APPROACH, rel=5e-3)
+    assert motion[1] == pytest.approx(potential, rel=0.03)
+
+
+@pytest.mark.parametrize("condition", KAPPA)
+@pytest.mark.parametrize("charges", [(0.0, 0.0), (1e-7, -2e-7)], ids=["uncharged", "charged"])
+def test_floating_conductor_is_one_with_the_potential_found(condition, charges) -> None:
+    problem = conducting_sphere(Signorini(), KAPPA[condition], potentials=(0.0, 0.0))
+    modes = zip((VOLTAGE, MAGNETOMOTIVE), charges, strict=True)
+    floating = replace(problem, freedoms=tuple(freedom(problem.system, mode, total) for mode, total in modes))
+    for solver in ALL:
+        state = balanced_solution(floating, solver).state
+        held = replace(problem, potentials=np.tile(state.motion, (len(problem.gap), 1)))
+        again = balanced_solution(
+            held, Uzawa(), start=replace(state, load=1.001 * state.load, motion=np.zeros(0))
+        ).state
+        check_same(state, again)
+        totals = problem.system.weights @ again.load[:, 3:]
+        assert (np.abs(totals - charges) <= 1e-8 * (problem.system.weights @ np.abs(again.load[:, 3:]))).all()
+
+
+@pytest.mark.parametrize("condition", KAPPA)
+def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
+    """Fluxes and floating potentials as unknowns of one linear system, for tractions that are given."""
+    problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA[condition], cells=6)
+    system, n = problem.system, len(problem.gap)
+    free = freedom(system, VOLTAGE, 1e-8), freedom(system, PRESS, 1.0), freedom(system, MAGNETOMOTIVE, -3e-9)
+    problem = replace(problem, freedoms=free)
+    random = np.random.default_rng(1)
+    load = np.zeros((n, 5))
+    load[:, :3] = 1e6 * random.normal(size=(n, 3))
+    closed = (random.uniform(size=n) > 0.4).astype(float)
+    resistance = resistances(problem, -np.ones(n), closed, own_response(problem))
+    pairs = np.flatnonzero(np.column_stack([np.zeros((n, 3), bool), np.isfinite(resistance)]))
+    matrix = system.dense().reshape(5 * n, 5 * n)
+    scale = np.tile(np.diag(matrix)[:5] ** -0.5, n)[pairs]
+    modes = np.stack([f.mode.ravel()[pairs] for f in (free[0], free[2])], axis=1)
+    measures = np.stack([f.measure.ravel()[pairs] for f in (free[0], free[2])])
+    unit = 1.0 / np.abs(scale[:, None] * modes).max(axis=0)
+    k = len(pairs)
+    whole = np.zeros((k + 2, k + 2))
+    resist = np.diag(np.column_stack([np.zeros((n, 3)), resistance]).ravel()[pairs])
+    whole[:k, :k] = scale[:, None] * (matrix[np.ix_(pairs, pairs)] + resist) * scale
+    whole[:k, k:] = -scale[:, None] * modes * unit
+    whole[k:, :k] = measures * scale / np.abs(measures * scale).max(axis=1, keepdims=True)
+    potential = np.column_stack([np.zeros((n, 3)), -problem.potentials]).ravel() - matrix @ load.ravel()
+    totals = np.array([free[0].total, free[2].total]) / np.abs(measures * scale).max(axis=1)
+    unknown = np.linalg.solve(whole, np.concatenate([scale * potential[pairs], totals]))
+    flux = np.zeros((n, 5))
+    flux.flat[pairs] = scale * unknown[:k]
+    for elimination in (eliminate(problem), KrylovElimination(problem)):
+        conductors = elimination.prepare(resistance, None)
+        response = elimination.respond(load[:, :3], conductors, np.zeros((n, 2)))
+        found = response.flux + conductors.flux
+        assert (np.abs(found - flux[:, 3:]).max(axis=0) <= 1e-9 * np.abs(flux[:, 3:]).max(axis=0)).all()
+        assert conductors.potential + response.potential == pytest.approx(unit * unknown[k:], rel=1e-9)
+        assert list(conductors.floating.numbers) == [0, 2]
+
+
+@pytest.mark.parametrize("solver", ALL, ids=str)
+def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None:
+    problem = conducting_sphere(Signorini())
+    start = ContactState(np.zeros((64, 5)), np.zeros((64, 5)), np.zeros(64), np.array([123.0]))
+    floating = replace(problem, freedoms=(freedom(problem.system, VOLTAGE, 0.0),))
+    assert balanced_solution(floating, solver, start=start).state.motion == [123.0]
+    charged = replace(problem, freedoms=(freedom(problem.system, VOLTAGE, 1e-7),))
+    assert solve(charged, solver, Limits(max_iterations=200), start).status is not Status.CONVERGED
+
+
+@pytest.mark.parametrize("solver", ALL, ids=str)
+def test_systems_without_a_matrix(solver) -> None:
+    law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(MU)
+    problem = conducting_sphere(law, KAPPA["finite"], cells=6)
+    free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
+    if law != Signorini():
+        free.append(freedom(problem.system, SLIDE, 100.0))
+    problem = replace(problem, freedoms=tuple(free))
+    dense = balanced_solution(problem, solver, Limits())
+    bare = balanced_solution(replace(problem, system=MatrixFree.of(problem.system)), solver, Limits())
+    assert abs(bare.iterations - dense.iterations) <= solver.stride
+    np.testing.assert_allclose(bare.state.motion, dense.state.motion, rtol=1e-8)
+    np.testing.assert_allclose(
+        bare.state.load[:, :3], dense.state.load[:, :3], atol=1e-8 * np.abs(dense.state.load).max()
+    )
+
+
+@pytest.mark.parametrize("solver", ALL, ids=str)
+@pytest.mark.parametrize("factors", [(1e-9, 1.0), (1e9, 1e-9)], ids=str)
+@pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])
+def test_units_do_not_matter(solver, factors, potentials) -> None:
+    law = Signorini() if solver == ProjectedCG() else IsotropicCoulomb(MU)
+    problem = conducting_sphere(law, KAPPA["finite"], cells=7)
+    free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
+    if law != Signorini():
+        free.append(freedom(problem.system, SLIDE, 100.0))
+    problem = replace(problem, freedoms=tuple(free))
+    changed = np.array([not potentials] * 3 + [True] * 2)
+    displacement, load = (np.where(changed, factor, 1.0) for factor in factors)
+    plain = balanced_solution(problem, solver, Limits())
+    other = solve(rescaled(problem, displacement, load), solver)
+    assert other.status is Status.CONVERGED
+    assert abs(other.iterations - plain.iterations) <= solver.stride
+    size = np.abs(plain.state.load).max(axis=0)
+    assert (np.abs(other.state.load / load - plain.state.load) <= 1e-8 * size).all()
+    np.testing.assert_allclose(other.state.motion, plain.state.motion, rtol=1e-8)
