@@ -11,6 +11,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.solvers.reach import unreachable
 from meeframe.solvers.residual import evaluate, law_residual
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
@@ -24,6 +25,8 @@ REPEAT: Final = 1e-9
 """Loads that return so closely, as a fraction of how far they went meanwhile, repeat."""
 ACCEPTABLE: Final = 1e-3
 """A state that hardly changes any more, but violates the laws by more, is no solution: the step was too short."""
+HOPELESS: Final = 3
+"""Stall window where no state has the prescribed resultants."""
 GIGA: Final = 1e9
 
 
@@ -119,6 +122,9 @@ def solve(
         units = motion_scales(problem, scales)
         orbit = _Orbit(_point(iterate, scales, units), 1)
         iteration = 0
+        hopeless = unreachable(problem, scales) if problem.freedoms else None
+        if hopeless:
+            limits = replace(limits, stall_window=min(limits.stall_window, HOPELESS))
         while (verdict := _verdict(trend, limits, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
@@ -135,6 +141,8 @@ def solve(
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
+    if status is not Status.CONVERGED and hopeless:
+        message = f"{message}: {hopeless}"
     return ContactSolution(state, status, iteration, final, np.array(looks), message)
 
 

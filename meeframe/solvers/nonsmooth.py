@@ -25,7 +25,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, augmented_traction, indenter_position, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.conduction import Mask, own_response, resistances
-from meeframe.solvers.elimination import POTENTIALS
+from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
 CLOSED: Final = 5

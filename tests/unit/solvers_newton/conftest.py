@@ -7,43 +7,39 @@ from typing import Any, final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactLaw, ContactProblem
+from meeframe.core.contact import ConductivityLaw, ContactLaw, ContactProblem
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.laws import Insulating, StepConductivity
 from meeframe.materials import library_material
 from meeframe.testing.contact_cases import SphereCase
+from meeframe.testing.matrix_free import MatrixFree
 
 MATERIALS = {"transverse": library_material("batio3-cofe2o4"), "orthotropic": library_material("orthotropic-mee")}
 
 
 @final
-@dataclass(frozen=True, eq=False)
-class Matrixless(ReducedSystem):
-    """A dense system that does not show its matrix."""
+@dataclass(frozen=True)
+class Growing(ConductivityLaw):
+    """kappa (|p| / pressure)^exponent: no jump, one solution."""
 
-    hidden: DenseSystem
+    kappa: float
+    pressure: float
+    exponent: float
 
-    def apply(self, load: Array) -> Array:
-        return self.hidden.apply(load)
+    def conductivity(self, normal_traction: Array) -> Array:
+        return self.kappa * (np.maximum(-normal_traction, 0.0) / self.pressure) ** self.exponent
 
-    def diagonal_blocks(self) -> Array:
-        return self.hidden.diagonal_blocks()
 
-    def dense(self) -> None:
-        return None
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.hidden.recover(load)
+@pytest.fixture(scope="session")
+def growing() -> type[ConductivityLaw]:
+    return Growing
 
 
 @pytest.fixture(scope="session")
 def matrixless() -> Callable[[DenseSystem], ReducedSystem]:
-    def hide(system: DenseSystem) -> ReducedSystem:
-        return Matrixless(system.points, system.frames, system.weights, system.cells, system.offset, system)
-
-    return hide
+    return MatrixFree.of
 
 
 @pytest.fixture(scope="session")

@@ -1,29 +1,17 @@
 """The linearisation against differences of the residual; Newton steps with and without a matrix."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from meeframe.core.contact import AT_REST, ConductivityLaw
-from meeframe.core.fields import Array
+from meeframe.core.contact import AT_REST, Freedom
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import Equation
 
 RANDOM = np.random.default_rng(3)
-
-
-@dataclass(frozen=True)
-class Root(ConductivityLaw):
-    """kappa0 sqrt(|p| / p0): a smooth law."""
-
-    kappa: float
-    pressure: float
-
-    def conductivity(self, normal_traction: Array) -> Array:
-        return self.kappa * np.sqrt(np.maximum(-normal_traction, 0.0) / self.pressure)
 
 
 def jacobian_times(equation, blocks, step):
@@ -54,11 +42,11 @@ def test_tangent_in_principal_axes() -> None:
 
 
 @pytest.mark.parametrize("grazing", [False, True])
-def test_linearisation_is_the_derivative_of_the_residual(sphere, grazing) -> None:
+def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazing) -> None:
     problem = sphere("orthotropic", OrthotropicCoulomb(0.1, 0.5, 0.3), (0.5, 2.0), cells=8)
     equation = Equation.of(problem)
     pressure, own = equation.scales.pressure, equation.own[0]
-    problem = replace(problem, electric_law=Root(1.0 / own[0], pressure))
+    problem = replace(problem, electric_law=growing(1.0 / own[0], pressure, 0.5))
     equation = Equation.of(problem)
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
@@ -120,3 +108,36 @@ def test_newton_steps_do_not_depend_on_how_they_are_solved(sphere, matrixless, k
         product = jacobian_times(dense, point.linearise(), step)
         np.testing.assert_allclose(product, -point.residual, atol=1e-11 * np.abs(point.residual).max())
         load = load + step[:, :5]
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> None:
+    """The whole bordered system by differences of the residual: the step is that of plain Newton's method on it."""
+    problem = sphere("orthotropic", IsotropicCoulomb(0.5), (1.0, np.inf), cells=6)
+    n, weights = 36, problem.system.weights[:, None]
+    modes = [np.tile(mode, (n, 1)) for mode in np.diag([1.0, 1.0, -1.0, -1.0, 1.0])[[0, 2, 3]]]
+    freedoms = tuple(Freedom(mode, weights * mode, total) for mode, total in zip(modes, (4e3, 2e4, 1e-4), strict=True))
+    if hidden:
+        problem = replace(problem, system=matrixless(problem.system))
+    equation = Equation.of(replace(problem, freedoms=freedoms))
+    grazing = np.zeros(n, bool)
+    load = np.zeros((n, 5))
+    load[:, :3] = IsotropicCoulomb(0.5).project(1e7 * RANDOM.normal(size=(n, 3)))
+    units = np.append(np.tile(equation.scales.load, n), equation.units)
+
+    def rows(unknowns):
+        values = unknowns * units
+        point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), grazing, values[5 * n :])
+        return np.append(point.residual[:, :5].ravel(), point.balance)
+
+    start = np.append(load.ravel(), [1e-6, 2e-6, 1e3]) / units
+    width = 1e-7
+    jacobian = np.column_stack(
+        [(rows(start + width * axis) - rows(start - width * axis)) / (2.0 * width) for axis in np.eye(len(start))]
+    )
+    expected = np.linalg.solve(jacobian, -rows(start))
+    values = start * units
+    point = equation.at(values[: 5 * n].reshape(n, 5), np.zeros(n), grazing, values[5 * n :])
+    step = newton_step(equation, point.linearise())
+    got = np.append(step.local[:, :5].ravel(), step.motion) / units
+    np.testing.assert_allclose(got, expected, atol=1e-5 * np.abs(expected).max())

@@ -1,17 +1,15 @@
 """All solvers on the same problems: agreement, cost, invariance, honesty."""
 
 from dataclasses import dataclass, replace
-from typing import final
 
 import numpy as np
 import pytest
 
 import meeframe.solvers.auto as auto_module
 import meeframe.solvers.newton as newton_module
-from meeframe.core.contact import ConductivityLaw, ContactProblem, ContactState, Iterate, Solver, Status, resultant
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import (
     Auto,
@@ -77,25 +75,12 @@ def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", Signorini(), (kappa, kappa), cells=12), ALL)
 
 
-@final
-@dataclass(frozen=True)
-class Growing(ConductivityLaw):
-    """kappa (|p| / pressure)^exponent: no jump, one solution."""
-
-    kappa: float
-    pressure: float
-    exponent: float
-
-    def conductivity(self, normal_traction: Array) -> Array:
-        return self.kappa * (np.maximum(-normal_traction, 0.0) / self.pressure) ** self.exponent
-
-
 @pytest.mark.parametrize("exponent", [0.5, 0.95, 2.0])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.6)], ids=str)
-def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, law, exponent) -> None:
+def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, law, exponent) -> None:
     problem = sphere("orthotropic", law, cells=8)
     own = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
-    electric, magnetic = (Growing(1.0 / o, 1e7, exponent) for o in own)
+    electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
     problem = replace(problem, electric_law=electric, magnetic_law=magnetic)
     _, newton = force(problem, SemismoothNewton())
     assert newton.iterations <= 15
