@@ -1,4 +1,4 @@
-"""Load histories on an elastic half space with all couplings: ramps, motions and resultants, energy, slip and stick."""
+"""Load histories: ramps, motions and resultants, energy, slip and stick."""
 
 from dataclasses import replace
 
@@ -6,61 +6,11 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError
-from meeframe.core.indenter import RESULTANTS
-from meeframe.core.result import Region, Zone, resultants
-from meeframe.geometry import FlatPunch, Sphere
-from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import SemismoothNewton
+from meeframe.core.result import Region
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-from meeframe.testing.elastic_half_space import elastic_half_space
 
 Step = meeframe.Step
-YOUNG, POISSON = 100e9, 0.3
-RADIUS, SIDE = 0.1, 4e-3
-
-
-def half_space(cells=10, poisson=POISSON):
-    """A half space whose grid of cells also serves as mesh of the zone."""
-    corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
-    quads = np.stack([corner, corner + 1, corner + cells + 1, corner + cells], axis=1)
-    return replace(elastic_half_space(YOUNG, poisson, SIDE, cells), cells=(("quad", quads),))
-
-
-@pytest.fixture(scope="module")
-def system():
-    return half_space()
-
-
-@pytest.fixture
-def case(write_case, registry):
-    """The tiny case with friction; the reduced system is another one, which does not matter to the steps."""
-    loaded = load_case(write_case(), registry)
-    return replace(loaded, indenter=Sphere(RADIUS), contact_law=IsotropicCoulomb(0.3))
-
-
-class Path:
-    """What a case's steps lead to on a reduced system."""
-
-    def __init__(self, case, system, *steps, **changes):
-        self.case = replace(case, steps=steps, **changes)
-        self.zone = Zone(system.points, system.frames, system.weights, system.cells)
-        self.steps = list(solve_steps(self.case, system, boundary=False))
-        assert [step.status for step in self.steps] == [Status.CONVERGED] * len(self.steps)
-        self.motion = np.array([step.loading.motion for step in self.steps])
-        self.totals = [resultants(self.zone, step) for step in self.steps]
-        self.resultants = np.array(
-            [np.concatenate([np.atleast_1d(getattr(t, key)) for key in RESULTANTS]) for t in self.totals]
-        )
-
-    def total(self, key, number=-1):
-        """A resultant as a step takes it."""
-        value = getattr(self.totals[number], key)
-        return value if isinstance(value, float) else tuple(value.tolist())
-
 
 EVERYTHING = {
     "approach": 3e-5,
@@ -71,9 +21,9 @@ EVERYTHING = {
 """A single step in which the contact sticks, slips, turns and tilts."""
 
 
-def test_increments_go_linearly_from_where_the_step_begins(case, system):
-    path = Path(
-        case,
+def test_increments_go_linearly_from_where_the_step_begins(bed, rubbing, system):
+    path = bed.follow(
+        rubbing,
         system,
         Step(approach=2e-5, increments=2),
         Step(approach=4e-5, translation=(3e-6, 0.0), increments=3),
@@ -85,10 +35,10 @@ def test_increments_go_linearly_from_where_the_step_begins(case, system):
     assert path.motion[:, 5].tolist() == [0.0] * 5 + [1e-3]
 
 
-def test_ramps_begin_at_the_actual_values_whichever_was_prescribed(case, system):
+def test_ramps_begin_at_the_actual_values_whichever_was_prescribed(bed, rubbing, system):
     """Motion, then the force that it took, then motion again: each ramp starts where the last one arrived."""
-    path = Path(
-        case,
+    path = bed.follow(
+        rubbing,
         system,
         Step(approach=3e-5, translation=(2e-6, 0.0)),
         Step(normal_force=2e3, tangential_force=(100.0, 50.0), increments=2),
@@ -107,8 +57,8 @@ def test_ramps_begin_at_the_actual_values_whichever_was_prescribed(case, system)
     assert path.motion[4:, 0] == pytest.approx([1e-5] * 3, rel=1e-12), "the approach stays prescribed"
 
 
-def test_unnamed_forces_stay(case, system):
-    path = Path(case, system, Step(normal_force=1e3, tangential_force=(50.0, 0.0)), Step(twist=2e-3))
+def test_unnamed_forces_stay(bed, rubbing, system):
+    path = bed.follow(rubbing, system, Step(normal_force=1e3, tangential_force=(50.0, 0.0)), Step(twist=2e-3))
     assert path.resultants[1, :3] == pytest.approx([1e3, 50.0, 0.0], rel=1e-8, abs=1e-6)
     assert path.motion[1, 1] > path.motion[0, 1], "it creeps while it is twisted"
     assert set(path.steps[1].loading.prescribed) == {"normal_force", "tangential_force"}
@@ -127,8 +77,8 @@ PAIRS = {
 
 
 @pytest.mark.parametrize("chosen", PAIRS)
-def test_the_force_found_under_a_motion_gives_the_motion_back(case, system, chosen):
-    first = Path(case, system, Step(**EVERYTHING))
+def test_the_force_found_under_a_motion_gives_the_motion_back(bed, rubbing, system, chosen):
+    first = bed.follow(rubbing, system, Step(**EVERYTHING))
     regions = first.steps[0].region
     assert all((regions == region).sum() > 4 for region in Region)
     prescribed = dict(EVERYTHING)
@@ -138,7 +88,7 @@ def test_the_force_found_under_a_motion_gives_the_motion_back(case, system, chos
             prescribed[resultant] = tuple(np.array(first.total("tangential_force")) / first.total("normal_force"))
         else:
             prescribed[resultant] = first.total(resultant)
-    second = Path(case, system, Step(**prescribed))
+    second = bed.follow(rubbing, system, Step(**prescribed))
     largest = np.abs(first.steps[0].traction).max()
     np.testing.assert_allclose(second.steps[0].traction, first.steps[0].traction, atol=1e-8 * largest)
     np.testing.assert_allclose(second.motion, first.motion, rtol=1e-7, atol=1e-13)
@@ -148,14 +98,14 @@ def test_the_force_found_under_a_motion_gives_the_motion_back(case, system, chos
 @pytest.mark.parametrize(
     "law", [IsotropicCoulomb(0.3), OrthotropicCoulomb(0.5, 0.2, 0.4)], ids=["isotropic", "orthotropic"]
 )
-def test_work_of_the_indenter_is_stored_or_dissipated(case, system, law):
+def test_work_of_the_indenter_is_stored_or_dissipated(bed, rubbing, system, law):
     """Over every increment of a path in which the indenter moves in all six ways, exactly.
 
     The compliance is symmetric, so that stored energy is half of load times displacement. With mean tractions of both
     ends the balance of an increment is exact; the contact gap does work too where the contact opens or closes.
     """
-    path = Path(
-        case,
+    path = bed.follow(
+        rubbing,
         system,
         Step(approach=2e-5, increments=2),
         Step(tilt=(2e-4, -1e-4), translation=(5e-6, 1e-6), increments=2),
@@ -169,7 +119,7 @@ def test_work_of_the_indenter_is_stored_or_dissipated(case, system, law):
     slip = np.array([step.slip for step in path.steps])
     gap = np.array([step.gap for step in path.steps])
     mean = (traction[1:] + traction[:-1]) / 2
-    begin = np.concatenate([[replace(case, steps=(Step(0.0),)).indenter.height(*zone.points[:, :2].T)], gap[:-1]])
+    begin = np.concatenate([[replace(rubbing, steps=(Step(0.0),)).indenter.height(*zone.points[:, :2].T)], gap[:-1]])
     lost = np.einsum("n,kn->k", zone.weights, (mean[:, :, :2] * slip).sum(axis=2) + mean[:, :, 2] * (gap - begin))
     forces = np.concatenate([np.zeros((1, 8)), path.resultants])
     motions = np.concatenate([np.zeros((1, 8)), path.motion])
@@ -179,14 +129,14 @@ def test_work_of_the_indenter_is_stored_or_dissipated(case, system, law):
     assert np.abs(lost).max() > 0.02 * np.abs(work).max()
 
 
-def test_area_of_a_closed_loop_is_the_dissipated_energy(case):
+def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     """Under constant normal force, without coupling; and the closed form of Mindlin and Deresiewicz."""
-    system, force, swing = half_space(12, 0.5), 1.5e3, 0.24
-    hertz = HertzContact(YOUNG, 0.5, RADIUS, (force * 3 / (4 * YOUNG / 0.75 * RADIUS**0.5)) ** (2 / 3))
+    system, force, swing = bed.half_space(12, 0.5), 1.5e3, 0.24
+    hertz = HertzContact(bed.young, 0.5, bed.radius, (force * 3 / (4 * bed.young / 0.75 * bed.radius**0.5)) ** (2 / 3))
     exact = PartialSlip(hertz, 0.3).loop_dissipation(swing * force)
     for parts, tolerance in ((6, 0.05), (24, 0.005)):
-        path = Path(
-            case,
+        path = bed.follow(
+            rubbing,
             system,
             Step(normal_force=force),
             Step(force_ratio=(swing, 0.0), increments=parts // 2),
@@ -203,7 +153,7 @@ def test_area_of_a_closed_loop_is_the_dissipated_energy(case):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_friction_never_gives_energy(case, system, seed):
+def test_friction_never_gives_energy(bed, rubbing, system, seed):
     """Random ways of an indenter that is always pressed on somewhere, by motions and by forces."""
     random = np.random.default_rng(seed)
 
@@ -219,7 +169,7 @@ def test_friction_never_gives_energy(case, system, seed):
         )
         dragging = {"translation": pair(6e-6)} if random.random() < 0.5 else {"force_ratio": pair(0.15)}
         steps.append(Step(**pressing, **dragging, tilt=pair(2e-4), twist=random.uniform(-2e-3, 2e-3), increments=2))
-    path = Path(case, system, *steps, contact_law=OrthotropicCoulomb(0.5, 0.25, random.uniform(0, 3)))
+    path = bed.follow(rubbing, system, *steps, contact_law=OrthotropicCoulomb(0.5, 0.25, random.uniform(0, 3)))
     dissipated = np.array([total.dissipated_energy for total in path.totals])
     assert (dissipated >= 0.0).all()
     assert (dissipated[2:] > 0.0).any()
@@ -228,112 +178,13 @@ def test_friction_never_gives_energy(case, system, seed):
         assert ((step.region == Region.OPEN) == (step.traction[:, 2] == 0.0)).all()
 
 
-def test_slip_adds_up_to_the_motion_over_the_body(case, system):
-    path = Path(case, system, Step(approach=3e-5), Step(translation=(8e-6, 0.0), increments=2), Step(twist=1e-3))
+def test_slip_adds_up_to_the_motion_over_the_body(bed, rubbing, system):
+    path = bed.follow(
+        rubbing, system, Step(approach=3e-5), Step(translation=(8e-6, 0.0), increments=2), Step(twist=1e-3)
+    )
     slips = np.cumsum([step.slip for step in path.steps], axis=0)
     for step, slip in zip(path.steps, slips, strict=True):
         x, y = path.zone.points[:, :2].T
         moved = step.loading.translation + step.loading.twist * np.column_stack([-y, x])
         np.testing.assert_allclose(slip, moved - step.displacement[:, :2], atol=1e-18)
         np.testing.assert_allclose(step.total_slip, slip, atol=1e-18)
-
-
-def test_torque_of_a_flat_punch_that_sticks(case):
-    """Reissner and Sagoci: T = 16/3 G a^3 beta. Cells make the circle and its edge coarse."""
-    system = half_space(24, 0.5)
-    radius = 1e-3
-    changes = {"indenter": FlatPunch(radius), "contact_law": IsotropicCoulomb(np.inf)}
-    twisted = Path(case, system, Step(approach=1e-6), Step(twist=1e-4), **changes)
-    torque = twisted.total("torque")
-    assert torque == pytest.approx(16 / 3 * YOUNG / 3 * radius**3 * 1e-4, rel=0.06)
-    found = Path(case, system, Step(approach=1e-6), Step(torque=torque), **changes)
-    assert found.motion[1] == pytest.approx(twisted.motion[1], rel=1e-8, abs=1e-16)
-    assert (found.steps[1].region != Region.SLIP).all()
-
-
-def test_a_pressed_sphere_is_hertzian_and_comes_off_without_load(case):
-    system = half_space(24)
-    path = Path(case, system, Step(normal_force=1e3), Step(normal_force=0.0, increments=2), contact_law=Signorini())
-    exact = (1e3 * 3 / (4 * YOUNG / (1 - POISSON**2) * RADIUS**0.5)) ** (2 / 3)
-    assert path.motion[0, 0] == pytest.approx(exact, rel=0.01)
-    assert path.resultants[0, 0] == pytest.approx(1e3, rel=1e-9)
-    assert path.motion[-1, 0] < 0.02 * exact
-    assert not path.steps[-1].traction.any()
-    assert path.steps[-1].message.endswith("the indenter does not touch the body")
-
-
-def test_an_indenter_lifted_off_stays_where_nothing_moves_it(case, system):
-    """Its tangential motion is free and nothing resists it: no number that the solver happens to find."""
-    path = Path(
-        case,
-        system,
-        Step(approach=3e-5, force_ratio=(0.2, 0.0), torque=0.0, charge=0.0),
-        Step(approach=-1e-6),
-        Step(approach=2e-5),
-    )
-    assert path.motion[1, 1:] == pytest.approx(path.motion[0, 1:], rel=1e-12)
-    assert path.resultants[2, :3] == pytest.approx(path.resultants[2, 0] * np.array([1.0, 0.2, 0.0]), rel=1e-7)
-
-
-def test_a_floating_conductor_takes_the_potential_that_keeps_its_charge(case, system):
-    law = {"electric_law": StepConductivity(1e-6), "magnetic_law": StepConductivity(np.inf)}
-    held = Path(case, system, Step(approach=3e-5, electric_potential=40.0, magnetic_potential=-0.2), **law)
-    assert min(abs(held.total("charge")), abs(held.total("magnetic_flux"))) > 0
-    given = {key: held.total(key) for key in ("charge", "magnetic_flux")}
-    found = Path(
-        case, system, Step(approach=3e-5, **given), Step(charge=0.0, increments=2), potentials=(7.0, 1.0), **law
-    )
-    assert found.motion[0] == pytest.approx(held.motion[0], rel=1e-8)
-    np.testing.assert_allclose(
-        found.steps[0].fluxes, held.steps[0].fluxes, rtol=1e-6, atol=1e-9 * np.abs(held.steps[0].fluxes).max()
-    )
-    assert found.resultants[1, 6] == pytest.approx(given["charge"] / 2, rel=1e-8)
-    assert found.motion[2, 6] == pytest.approx(0.0, abs=1e-8 * 40.0)
-
-
-def test_potentials_of_the_indenter_hold_from_the_beginning_and_named_ones_are_ramped(case, system):
-    path = Path(
-        case,
-        system,
-        Step(approach=1e-5, increments=2),
-        Step(electric_potential=10.0, increments=2),
-        potentials=(4.0, -1.0),
-        electric_law=StepConductivity(np.inf),
-    )
-    assert path.motion[:, 6].tolist() == [4.0, 4.0, 7.0, 10.0]
-    assert path.motion[:, 7].tolist() == [-1.0] * 4
-    for step in path.steps:
-        closed = step.traction[:, 2] < 0
-        np.testing.assert_allclose(step.potentials[closed, 0], step.loading.electric_potential, rtol=1e-9)
-
-
-def test_what_nothing_resists_is_left_alone_or_refused(case, system):
-    path = Path(
-        case, system, Step(approach=1e-5, tangential_force=(0.0, 0.0), torque=0.0, charge=0.0), contact_law=Signorini()
-    )
-    assert not path.motion[0, 1:].any()
-    allowed = r"allowed: 0, or other laws"
-    for prescribed in ({"tangential_force": (0.0, 1.0)}, {"force_ratio": (0.1, 0.0)}, {"torque": 1.0}):
-        with pytest.raises(CaseError, match=rf"{next(iter(prescribed))} = .*admit no traction.*{allowed}"):
-            replace(case, contact_law=Signorini(), steps=(Step(approach=1e-5), Step(**prescribed)))
-    with pytest.raises(CaseError, match=rf"tangential_force = 1, 0 \[N\].*{allowed}"):
-        replace(
-            case, contact_law=OrthotropicCoulomb(0.0, 0.3), steps=(Step(approach=1e-5, tangential_force=(1.0, 0.0)),)
-        )
-    replace(case, contact_law=Signorini(), steps=(Step(approach=1e-5, moment=(0.1, 0.0)),))
-    with pytest.raises(CaseError, match=rf"charge = 1 \[C\]: the laws of the contact insulate; {allowed}"):
-        replace(case, steps=(Step(approach=1e-5, charge=1.0),))
-
-
-def test_after_an_increment_that_does_not_converge_the_last_one_that_did_counts(case, system):
-    """Beyond the friction limit there is no state; the way back is as if nothing had been tried."""
-    case = replace(case, solver=SemismoothNewton())
-    limits = replace(case.limits, max_iterations=15)
-    steps = Step(approach=3e-5), Step(force_ratio=(0.4, 0.0), increments=2), Step(force_ratio=(0.1, 0.0))
-    tried = list(solve_steps(replace(case, steps=steps, limits=limits), system, boundary=False))
-    assert [step.status is Status.CONVERGED for step in tried] == [True, True, False, True]
-    assert tried[2].message.endswith("; the next increment starts from the last one that converged")
-    untried = Path(case, system, Step(approach=3e-5), Step(force_ratio=(0.2, 0.0)), Step(force_ratio=(0.1, 0.0)))
-    for name in ("traction", "slip"):
-        expected = getattr(untried.steps[2], name)
-        np.testing.assert_allclose(getattr(tried[3], name), expected, atol=1e-9 * np.abs(expected).max())

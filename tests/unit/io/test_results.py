@@ -65,6 +65,8 @@ def test_every_dataset_says_its_unit_and_the_file_what_made_it(tmp_path, synthet
         assert file.attrs["case"] == 'title = "a title"\n'
         assert file["steps/0001/resultants/force"].attrs["units"] == "N"
         force = file["steps/0001/resultants/force"][()]
+        assert file["steps/0001/loading/prescribed/tangential_force"].attrs["units"] == "N"
+        assert file["steps/0001/resultants/torque"].attrs["units"] == "N m"
     place = synthetic.zone()
     inside = np.linalg.norm(place.points[:, :2], axis=1) < 1.5e-3
     assert force == pytest.approx([0.1 * 1e6 * place.weights[inside].sum(), 0.0, -1e6 * place.weights[inside].sum()])
@@ -94,6 +96,10 @@ def test_nothing_to_read(tmp_path):
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
         file.attrs["format"] = "something else"
     with pytest.raises(ResultError, match="'something else' is unknown"):
+        files.read_result(tmp_path)
+    with h5py.File(tmp_path / RESULT_FILE, "w") as file:
+        file.attrs["format"] = "meeframe-result 1"  # before load histories
+    with pytest.raises(ResultError, match="'meeframe-result 1' is unknown; this version reads 'meeframe-result 2'"):
         files.read_result(tmp_path)
 
 

@@ -17,7 +17,9 @@ from meeframe.report.summary import summary, summary_json, summary_table
 
 STEP_KEYS = {
     "force", "charge", "magnetic_flux", "contact_area", "max_pressure", "max_abs_electric_potential",
-    "max_abs_magnetic_potential", "iterations", "residual", "status",
+    "max_abs_magnetic_potential", "iterations", "residual", "status", "step", "increment", "prescribed", "approach",
+    "translation", "tilt", "twist", "electric_potential", "magnetic_potential", "normal_force", "tangential_force",
+    "moment", "torque", "dissipated_energy", "stick_area", "slip_area",
 }  # fmt: skip
 
 
@@ -31,6 +33,14 @@ def test_summary_numbers(synthetic):
     assert step["magnetic_flux"] == pytest.approx(-3.0 * area)
     assert step["max_pressure"] == pytest.approx(1e6)
     assert (step["max_abs_electric_potential"], step["max_abs_magnetic_potential"]) == (5.0, 7.0)
+    assert step["normal_force"] == pytest.approx(1e6 * area)
+    assert step["tangential_force"] == pytest.approx([1e5 * area, 0.0])
+    assert step["moment"] == pytest.approx([0.0, 0.0], abs=1e-18)
+    assert step["dissipated_energy"] == pytest.approx(1e5 * 1e-8 * 8e-6), "eight nodes slip by 10 nm"
+    # the four cells around the centre: the middle one of their nodes sticks, those of the twelve around them are out
+    assert (step["stick_area"], step["slip_area"]) == (pytest.approx(1e-6), pytest.approx(8e-6))
+    assert (step["step"], step["increment"], step["tilt"]) == (1, 1, [1e-3, -2e-3])
+    assert step["prescribed"] == {"tangential_force": pytest.approx([0.9, 0.0])}
     assert step.keys() >= STEP_KEYS
     assert data.keys() >= {"status", "timings", "peak_memory_mb", "versions", "threads", "steps"}
     assert data["status"] == "converged"
@@ -114,6 +124,39 @@ def test_triangles_cover_their_cell(cell):
     areas = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2
     assert (areas > 0).all()
     assert areas.sum() == pytest.approx(4.0 if element.reference == "quadrilateral" else 0.5)
+
+
+def test_table_has_a_column_for_each_step_and_tells_what_failed_within(synthetic):
+    failed = dataclasses.replace(synthetic.step(2e-6, Status.STALLED, 2, 1), message="stalled on the way")
+    arrived = dataclasses.replace(synthetic.step(3e-6, number=2, increment=2), message="arrived")
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(synthetic.step(1e-6), failed, arrived)))
+    text = console.export_text()
+    (columns,) = [line for line in text.splitlines() if "unit" in line]
+    assert "step 1 " in columns and "step 2.2 " in columns
+    assert "step 2.1: stalled on the way" in text
+    (energy,) = [line for line in text.splitlines() if "dissipated energy" in line]
+    assert "8e-09" in energy
+    assert "2.4e-08" in energy, "what did not converge does not count"
+
+
+def test_map_of_stick_and_slip(synthetic):
+    axes = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip.png"].axes[0]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["slip, 8 mm²", "stick, 1 mm²"]
+    slip, stick = (np.concatenate([path.vertices for path in area.get_paths()]) for area in axes.collections)
+    assert np.abs(slip).max() == pytest.approx(1.5), "half way from the nodes in contact to the next"
+    assert np.abs(stick).max() == pytest.approx(0.5)
+
+
+def test_history_of_several_increments(synthetic):
+    steps = [synthetic.step(1e-6 * number, increment=number) for number in (1, 2)]
+    failed = synthetic.step(9e-6, Status.CYCLING, increment=3)
+    normal, across, energy = figures(synthetic.result(*steps, failed))["history.png"].axes
+    np.testing.assert_allclose(normal.lines[0].get_xydata(), [[1.0, 9.0], [2.0, 18.0]])
+    assert (normal.get_xlabel(), normal.get_ylabel()) == ("approach [µm]", "normal force [N]")
+    np.testing.assert_allclose(across.lines[0].get_xydata(), [[100.0, 0.9], [100.0, 1.8]])
+    assert (across.get_xlabel(), energy.get_ylabel()) == ("translation [nm]", "dissipated energy [nJ]")
+    np.testing.assert_allclose(energy.lines[0].get_ydata(), [8.0, 24.0])
 
 
 def test_no_figures_without_steps(synthetic):

@@ -1,0 +1,62 @@
+"""Load steps on an elastic half space with all couplings."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from meeframe.case.load import load_case
+from meeframe.case.solve import solve_steps
+from meeframe.core.contact import Status
+from meeframe.core.indenter import RESULTANTS
+from meeframe.core.result import Zone, resultants
+from meeframe.geometry import Sphere
+from meeframe.laws import IsotropicCoulomb
+from meeframe.testing.elastic_half_space import elastic_half_space
+
+YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3
+
+
+def half_space(cells=10, poisson=POISSON):
+    """A half space whose grid of cells also serves as mesh of the zone."""
+    corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
+    quads = np.stack([corner, corner + 1, corner + cells + 1, corner + cells], axis=1)
+    return replace(elastic_half_space(YOUNG, poisson, SIDE, cells), cells=(("quad", quads),))
+
+
+@pytest.fixture(scope="session")
+def system():
+    return half_space()
+
+
+@pytest.fixture(scope="session")
+def bed():
+    """The half space: its maker, Young's modulus [Pa], Poisson's ratio; radius of the sphere [m]; follower of paths."""
+    return SimpleNamespace(half_space=half_space, young=YOUNG, poisson=POISSON, radius=RADIUS, follow=Path)
+
+
+@pytest.fixture
+def rubbing(write_case, registry):
+    """A sphere with friction in place of the tiny case's; on another reduced system, which its steps do not mind."""
+    return replace(load_case(write_case(), registry), indenter=Sphere(RADIUS), contact_law=IsotropicCoulomb(0.3))
+
+
+class Path:
+    """What a case's steps lead to on a reduced system."""
+
+    def __init__(self, case, system, *steps, **changes):
+        self.case = replace(case, steps=steps, **changes)
+        self.zone = Zone(system.points, system.frames, system.weights, system.cells)
+        self.steps = list(solve_steps(self.case, system, boundary=False))
+        assert [step.status for step in self.steps] == [Status.CONVERGED] * len(self.steps)
+        self.motion = np.array([step.loading.motion for step in self.steps])
+        self.totals = [resultants(self.zone, step) for step in self.steps]
+        self.resultants = np.array(
+            [np.concatenate([np.atleast_1d(getattr(t, key)) for key in RESULTANTS]) for t in self.totals]
+        )
+
+    def total(self, key, number=-1):
+        """A resultant as a step takes it."""
+        value = getattr(self.totals[number], key)
+        return value if isinstance(value, float) else tuple(value.tolist())

@@ -1,0 +1,125 @@
+"""Motions that follow from prescribed resultants: closed forms, limits, and what has no answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.solve import solve_steps
+from meeframe.core.contact import Status
+from meeframe.core.errors import CaseError
+from meeframe.core.result import Region
+from meeframe.geometry import FlatPunch
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.solvers import SemismoothNewton
+
+Step = meeframe.Step
+
+
+def test_torque_of_a_flat_punch_that_sticks(bed, rubbing):
+    """Reissner and Sagoci: T = 16/3 G a^3 beta. Cells make the circle and its edge coarse."""
+    system = bed.half_space(24, 0.5)
+    radius = 1e-3
+    changes = {"indenter": FlatPunch(radius), "contact_law": IsotropicCoulomb(np.inf)}
+    twisted = bed.follow(rubbing, system, Step(approach=1e-6), Step(twist=1e-4), **changes)
+    torque = twisted.total("torque")
+    assert torque == pytest.approx(16 / 3 * bed.young / 3 * radius**3 * 1e-4, rel=0.06)
+    found = bed.follow(rubbing, system, Step(approach=1e-6), Step(torque=torque), **changes)
+    assert found.motion[1] == pytest.approx(twisted.motion[1], rel=1e-8, abs=1e-16)
+    assert (found.steps[1].region != Region.SLIP).all()
+
+
+def test_a_pressed_sphere_is_hertzian_and_comes_off_without_load(bed, rubbing):
+    system = bed.half_space(24)
+    path = bed.follow(
+        rubbing, system, Step(normal_force=1e3), Step(normal_force=0.0, increments=2), contact_law=Signorini()
+    )
+    exact = (1e3 * 3 / (4 * bed.young / (1 - bed.poisson**2) * bed.radius**0.5)) ** (2 / 3)
+    assert path.motion[0, 0] == pytest.approx(exact, rel=0.01)
+    assert path.resultants[0, 0] == pytest.approx(1e3, rel=1e-9)
+    assert path.motion[-1, 0] < 0.02 * exact
+    assert not path.steps[-1].traction.any()
+    assert path.steps[-1].message.endswith("the indenter does not touch the body")
+
+
+def test_an_indenter_lifted_off_stays_where_nothing_moves_it(bed, rubbing, system):
+    """Its tangential motion is free and nothing resists it: no number that the solver happens to find."""
+    path = bed.follow(
+        rubbing,
+        system,
+        Step(approach=3e-5, force_ratio=(0.2, 0.0), torque=0.0, charge=0.0),
+        Step(approach=-1e-6),
+        Step(approach=2e-5),
+    )
+    assert path.motion[1, 1:] == pytest.approx(path.motion[0, 1:], rel=1e-12)
+    assert path.resultants[2, :3] == pytest.approx(path.resultants[2, 0] * np.array([1.0, 0.2, 0.0]), rel=1e-7)
+
+
+def test_a_floating_conductor_takes_the_potential_that_keeps_its_charge(bed, rubbing, system):
+    law = {"electric_law": StepConductivity(1e-6), "magnetic_law": StepConductivity(np.inf)}
+    held = bed.follow(rubbing, system, Step(approach=3e-5, electric_potential=40.0, magnetic_potential=-0.2), **law)
+    assert min(abs(held.total("charge")), abs(held.total("magnetic_flux"))) > 0
+    given = {key: held.total(key) for key in ("charge", "magnetic_flux")}
+    found = bed.follow(
+        rubbing, system, Step(approach=3e-5, **given), Step(charge=0.0, increments=2), potentials=(7.0, 1.0), **law
+    )
+    assert found.motion[0] == pytest.approx(held.motion[0], rel=1e-8)
+    np.testing.assert_allclose(
+        found.steps[0].fluxes, held.steps[0].fluxes, rtol=1e-6, atol=1e-9 * np.abs(held.steps[0].fluxes).max()
+    )
+    assert found.resultants[1, 6] == pytest.approx(given["charge"] / 2, rel=1e-8)
+    assert found.motion[2, 6] == pytest.approx(0.0, abs=1e-8 * 40.0)
+
+
+def test_potentials_of_the_indenter_hold_from_the_beginning_and_named_ones_are_ramped(bed, rubbing, system):
+    path = bed.follow(
+        rubbing,
+        system,
+        Step(approach=1e-5, increments=2),
+        Step(electric_potential=10.0, increments=2),
+        potentials=(4.0, -1.0),
+        electric_law=StepConductivity(np.inf),
+    )
+    assert path.motion[:, 6].tolist() == [4.0, 4.0, 7.0, 10.0]
+    assert path.motion[:, 7].tolist() == [-1.0] * 4
+    for step in path.steps:
+        closed = step.traction[:, 2] < 0
+        np.testing.assert_allclose(step.potentials[closed, 0], step.loading.electric_potential, rtol=1e-9)
+
+
+def test_what_nothing_resists_is_left_alone_or_refused(bed, rubbing, system):
+    path = bed.follow(
+        rubbing,
+        system,
+        Step(approach=1e-5, tangential_force=(0.0, 0.0), torque=0.0, charge=0.0),
+        contact_law=Signorini(),
+    )
+    assert not path.motion[0, 1:].any()
+    allowed = r"allowed: 0, or other laws"
+    for prescribed in ({"tangential_force": (0.0, 1.0)}, {"force_ratio": (0.1, 0.0)}, {"torque": 1.0}):
+        with pytest.raises(CaseError, match=rf"{next(iter(prescribed))} = .*admit no traction.*{allowed}"):
+            replace(rubbing, contact_law=Signorini(), steps=(Step(approach=1e-5), Step(**prescribed)))
+    with pytest.raises(CaseError, match=rf"tangential_force = 1, 0 \[N\].*{allowed}"):
+        replace(
+            rubbing, contact_law=OrthotropicCoulomb(0.0, 0.3), steps=(Step(approach=1e-5, tangential_force=(1.0, 0.0)),)
+        )
+    replace(rubbing, contact_law=Signorini(), steps=(Step(approach=1e-5, moment=(0.1, 0.0)),))
+    with pytest.raises(CaseError, match=rf"charge = 1 \[C\]: the laws of the contact insulate; {allowed}"):
+        replace(rubbing, steps=(Step(approach=1e-5, charge=1.0),))
+
+
+def test_after_an_increment_that_does_not_converge_the_last_one_that_did_counts(bed, rubbing, system):
+    """Beyond the friction limit there is no state; the way back is as if nothing had been tried."""
+    rubbing = replace(rubbing, solver=SemismoothNewton())
+    limits = replace(rubbing.limits, max_iterations=15)
+    steps = Step(approach=3e-5), Step(force_ratio=(0.4, 0.0), increments=2), Step(force_ratio=(0.1, 0.0))
+    tried = list(solve_steps(replace(rubbing, steps=steps, limits=limits), system, boundary=False))
+    assert [step.status is Status.CONVERGED for step in tried] == [True, True, False, True]
+    assert tried[2].message.endswith("; the next increment starts from the last one that converged")
+    untried = bed.follow(
+        rubbing, system, Step(approach=3e-5), Step(force_ratio=(0.2, 0.0)), Step(force_ratio=(0.1, 0.0))
+    )
+    for name in ("traction", "slip"):
+        expected = getattr(untried.steps[2], name)
+        np.testing.assert_allclose(getattr(tried[3], name), expected, atol=1e-9 * np.abs(expected).max())
