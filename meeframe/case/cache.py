@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import inspect
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
@@ -13,50 +13,38 @@ import numpy as np
 
 import meeframe
 from meeframe.case.case import Case
-from meeframe.case.solve import reduce
+from meeframe.case.solve import joined, reduce_body
+from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
-from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.io.systems import read_system, write_system
-
-_LATER: Final = frozenset(
-    {
-        "indenter",
-        "placement",
-        "potentials",
-        "restart",
-        "steps",
-        "contact_law",
-        "electric_law",
-        "magnetic_law",
-        "solver",
-        "limits",
-    }
-    | {"output", "title", "text"}
-)
-"""Fields of a case that act on the reduced system, not in it. All others, those to come too, are part of the key."""
 
 _ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
 def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> ReducedSystem:
-    """The reduced system of a case, from a file in `folder` if it was computed before, else computed and kept there.
+    """The reduced system of a case, from files in `folder` if it was computed before, else computed and kept there.
 
-    The file is found by `system_key`; one that is damaged is made anew. What is found is the same bit for bit, except
-    that `recover` reduces the case again when it is first called. Systems without a matrix are computed each time.
-    Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
+    There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
+    bit for bit, except that `recover` reduces the body again when it is first called. Systems without a matrix are
+    computed each time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
     """
-    key = system_key(case)
+    return joined(case, partial(_cached_body, folder=folder, progress=progress))
+
+
+def _cached_body(formulation: Formulation, body: Body, folder: Path, progress: Progress) -> ReducedSystem:
+    key = system_key(formulation, body)
     path = folder / f"{key}.h5"
 
     @lru_cache(maxsize=1)
     def again() -> ReducedSystem:
-        return reduce(case, progress)
+        return reduce_body(formulation, body, progress)
 
     found = read_system(path, key, lambda load: again().recover(load))
     if found is not None:
         return found
-    system = reduce(case, progress)
+    system = reduce_body(formulation, body, progress)
     matrix = system.dense()
     if matrix is not None:
         try:
@@ -67,15 +55,14 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
     return system
 
 
-def system_key(case: Case) -> str:
-    """SHA-256 of everything that determines the reduced system of a case, hexadecimal.
+def system_key(formulation: Formulation, body: Body) -> str:
+    """SHA-256 of everything that determines the reduced system of a body, hexadecimal.
 
-    Material, mesh, conditions, zone and formulation by their content, the classes they are made of, the sources of
-    meeframe (and of plugins) that compute with them, and the versions of the numerical libraries.
+    Formulation and body by their content, the classes they are made of, the sources of meeframe (and of plugins) that
+    compute with them, and the versions of the numerical libraries.
     """
-    parts = {field.name: getattr(case, field.name) for field in dataclasses.fields(case) if field.name not in _LATER}
     digest = hashlib.sha256(_sources())
-    for piece in _content(parts):
+    for piece in _content((formulation, body)):
         digest.update(len(piece).to_bytes(8) + piece)  # the length keeps neighbours apart
     return digest.hexdigest()
 

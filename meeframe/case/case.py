@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_first, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
@@ -35,11 +36,13 @@ class Case:
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
     contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
     from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
-    text: the case file, verbatim, kept with the result.
+    counter: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose distance
+    from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
-    fixes), an indenter that is nowhere above the zone, a first step that neither moves nor presses it, a
+    fixes), an indenter that is nowhere above the zone, a counter body whose zone does not match,
+    a first step that neither moves nor presses it, a
     resultant that the laws cannot resist, a run to go on from that had another contact zone.
     """
 
@@ -59,6 +62,7 @@ class Case:
     solver: Solver = field(default_factory=Auto)
     limits: Limits = field(default_factory=Limits)
     output: Output = field(default_factory=Output)
+    counter: CounterBody | None = None
     title: str = ""
     text: str = ""
 
@@ -68,6 +72,7 @@ class Case:
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
+        check_match(self.counter, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:

@@ -9,10 +9,19 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from meeframe.case.case import Case, Output
-from meeframe.case.locate import locate
+from meeframe.case.counter import CounterBody
+from meeframe.case.locate import locate, locate_in_counter
 from meeframe.case.restart import Restart, read_restart
-from meeframe.case.schema import CaseTable, FileTable, HalfSpaceTable, MeshTable, RestartTable
-from meeframe.core.body import Body
+from meeframe.case.schema import (
+    BoundaryTable,
+    CaseTable,
+    CounterBodyTable,
+    FileTable,
+    HalfSpaceTable,
+    MeshTable,
+    RestartTable,
+)
+from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
@@ -54,20 +63,22 @@ def case_from_tables(
     registry = replace(registry or plugins.load(), folder=folder)
     problems: list[Problem] = []
     checked = _attempt(problems, lambda: _validate(tables, registry))
-    material = None
-    if isinstance(tables.get("material"), Mapping):
-        material = _attempt(problems, lambda: material_from_table(tables["material"], folder), "material")
+    material = _material(problems, tables, folder)
+    other_material = _material(problems, tables.get("counter_body"), folder, "counter_body")
     if checked is None:
         raise TableError(*problems)
     mesh = _attempt(problems, lambda: _mesh(checked.mesh, registry, folder), "mesh")
+    other, counter = checked.counter_body, None
+    if other is not None and other_material is not None:
+        counter = _attempt(problems, lambda: _counter(other, other_material, registry, folder), "counter_body")
     restart = _attempt(problems, lambda: _restart(checked.restart, folder, file))
     if material is None or mesh is None or problems:
         raise TableError(*problems)
     try:
-        return _assemble(checked, material, mesh, restart, text)
+        return _assemble(checked, material, mesh, counter, restart, text)
     except MeeframeError as error:
         body = Body(material.stiffness, mesh, (), checked.contact.zone)
-        raise TableError(locate(error, checked, body, restart)) from None
+        raise TableError(locate(error, checked, body, counter, restart)) from None
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 
@@ -85,15 +96,46 @@ def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> 
     return None
 
 
+def _material(problems: list[Problem], table: Any, folder: Path, *location: str) -> Material | None:
+    """The material in the table of a body; that there is none is for the validation to say."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("material"), Mapping):
+        return None
+    return _attempt(problems, lambda: material_from_table(table["material"], folder), *location, "material")
+
+
+def _counter(table: CounterBodyTable, material: Material, registry: Registry, folder: Path) -> CounterBody:
+    problems: list[Problem] = []
+    mesh = _attempt(problems, lambda: _mesh(table.mesh, registry, folder), "mesh")
+    if mesh is None:
+        raise TableError(*problems)
+    try:
+        return CounterBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
+    except MeeframeError as error:
+        raise TableError(locate_in_counter(error, table, Body(material.stiffness, mesh, (), table.zone))) from None
+    except MemoryError as error:
+        raise TableError(_no_memory(error, "mesh")) from None
+
+
+def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition, ...]:
+    return tuple(condition for table in boundary for condition in table.conditions())
+
+
 def _no_memory(error: MemoryError, *location: str) -> Problem:
     return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
 
 
-def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, restart: Restart | None, text: str) -> Case:
+def _assemble(
+    table: CaseTable,
+    material: Material,
+    mesh: SurfaceMesh,
+    counter: CounterBody | None,
+    restart: Restart | None,
+    text: str,
+) -> Case:
     return Case(
         material=material,
         mesh=mesh,
-        conditions=tuple(condition for boundary in table.boundary for condition in boundary.conditions()),
+        conditions=_conditions(table.boundary),
         indenter=table.indenter.named,
         restart=restart,
         steps=tuple(step.step() for step in table.steps),
@@ -107,6 +149,7 @@ def _assemble(table: CaseTable, material: Material, mesh: SurfaceMesh, restart: 
         solver=table.solver.named,
         limits=table.solver.record,
         output=Output(table.output.figures, table.output.vtu),
+        counter=counter,
         title=table.title,
         text=text,
     )

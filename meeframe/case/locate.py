@@ -6,22 +6,38 @@ from dataclasses import replace
 from functools import partial
 
 from meeframe.case.case import check_reach, resistance
+from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
-from meeframe.case.schema import CaseTable
+from meeframe.case.schema import CaseTable, CounterBodyTable
 from meeframe.case.step import check_first, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, zone_frames
 from meeframe.plugin.validation import Problem
 
+Check = tuple[Problem, Callable[[], None]]
+"""A place in the file with what is given there, and the check of it."""
 
-def locate(error: MeeframeError, table: CaseTable, body: Body, restart: Restart | None = None) -> Problem:
+
+def locate(
+    error: MeeframeError, table: CaseTable, body: Body, counter: CounterBody | None, restart: Restart | None
+) -> Problem:
     """The error at its place.
 
     It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
-    else the mesh or the formulation. restart: of the case; body: that of the case, without its boundary conditions.
+    else the mesh or the formulation. body: that of the case, without its boundary conditions; counter, restart: of the
+    case.
     """
-    for problem, check in _checks(table, body, restart):
+    return _locate(error, table, body, _case_checks(table, body, counter, restart))
+
+
+def locate_in_counter(error: MeeframeError, table: CounterBodyTable, body: Body) -> Problem:
+    """The error at its place inside [counter_body]; body: the counter body, without its boundary conditions."""
+    return _locate(error, table, body, _body_checks(table, body, ("zone",), table.zone))
+
+
+def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+    for problem, check in checks:
         try:
             check()
         except MeeframeError as found:
@@ -36,10 +52,10 @@ def locate(error: MeeframeError, table: CaseTable, body: Body, restart: Restart 
     return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), str(error))
 
 
-def _checks(table: CaseTable, body: Body, restart: Restart | None) -> Iterator[tuple[Problem, Callable[[], None]]]:
-    """Places in the file with what is given there, and the check of each."""
-    zone = table.contact.zone
-    yield Problem(("contact", "zone"), "", zone), partial(check_contact_zone, body.mesh, zone)
+def _body_checks(
+    table: CaseTable | CounterBodyTable, body: Body, zone_key: tuple[str, ...], zone: str
+) -> Iterator[Check]:
+    yield Problem(zone_key, "", zone), partial(check_contact_zone, body.mesh, zone)
     for number, boundary in enumerate(table.boundary):
         for group in boundary.group:
             alone = replace(body, conditions=(BoundaryCondition(group, 0, "value"),))
@@ -47,8 +63,14 @@ def _checks(table: CaseTable, body: Body, restart: Restart | None) -> Iterator[t
         body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
         yield Problem(("boundary", number), ""), partial(check_conditions, body)
     yield Problem(("boundary",), ""), partial(check_supports, body)
+
+
+def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, restart: Restart | None) -> Iterator[Check]:
+    zone = table.contact.zone
+    yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
+    yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:
         yield Problem(("steps", 0), ""), partial(check_first, steps[0])

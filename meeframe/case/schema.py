@@ -179,6 +179,19 @@ class BoundaryTable(Table):
         ]
 
 
+class CounterBodyTable(Table):
+    """[counter_body]: the second of two deformable bodies in its own coordinates; keys as of the first body.
+
+    zone: the face group that may come into contact.
+    """
+
+    material: dict[str, Any]
+    mesh: Annotated[MeshTable, BeforeValidator(_mesh)]
+    boundary: tuple[BoundaryTable, ...] = ()
+    zone: Text = "contact"
+    formulation: Annotated[Formulation, _by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
+
+
 class ContactTable(Table):
     """[contact]: the face group that may come into contact, and its law."""
 
@@ -322,6 +335,7 @@ class CaseTable(Table):
     material: dict[str, Any]
     mesh: Annotated[MeshTable, BeforeValidator(_mesh)]
     boundary: tuple[BoundaryTable, ...] = ()
+    counter_body: CounterBodyTable | None = None
     contact: ContactTable = Field(default_factory=dict, validate_default=True)
     conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
     indenter: IndenterTable

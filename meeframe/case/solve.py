@@ -1,7 +1,7 @@
 """From a case to its result in memory: one reduced system, then one contact problem for each increment of a load."""
 
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
@@ -14,11 +14,24 @@ from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.history import Controls, Converged, at_rest, held, ramped
 from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of
 from meeframe.case.restart import check_same_body
-from meeframe.core.contact import ContactSolution, Status, indenter_position
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
 from meeframe.core.errors import CaseError
-from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Loading, Provenance, Result, StepResult, Zone, corners, split_displacement, split_load
+from meeframe.core.pair import PairSystem, pair
+from meeframe.core.result import (
+    CounterSurface,
+    Loading,
+    Provenance,
+    Result,
+    StepResult,
+    Zone,
+    corners,
+    split_displacement,
+    split_load,
+)
 from meeframe.plugin import registry as plugins
 from meeframe.solvers import solve
 
@@ -35,16 +48,29 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 
 
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
-    """The reduced system of a case.
+    """The reduced system of a case: of its body, or of its two bodies in contact.
 
-    Raises MeshError, CaseError or MaterialError if the formulation does not take the body, CaseError if its matrices do
+    Raises MeshError, CaseError or MaterialError if a formulation does not take its body, CaseError if its matrices do
     not fit into memory.
     """
+    return joined(case, partial(reduce_body, progress=progress))
+
+
+def joined(case: Case, reducer: Callable[[Formulation, Body], ReducedSystem]) -> ReducedSystem:
+    """The reduced system of a case; the reducer makes that of each body."""
+    first = reducer(case.formulation, case.body)
+    if case.counter is None:
+        return first
+    return pair(first, reducer(case.counter.formulation, case.counter.body))
+
+
+def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
+    """The reduced system of one body. Raises as reduce."""
     try:
-        return case.formulation.reduce(case.body, progress)
+        return formulation.reduce(body, progress)
     except MemoryError as error:
         raise CaseError(
-            f"mesh: {case.mesh.n_elements} elements with {len(case.mesh.points)} nodes need more memory than there is "
+            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
             f"({str(error) or 'none left'}); allowed: a coarser mesh"
         ) from None
 
@@ -128,7 +154,7 @@ def _step_result(
 ) -> StepResult:
     state = solution.state
     traction, fluxes = split_load(state.load)
-    displacement, potentials = split_displacement(state.displacement)
+    displacement, potentials, counter = _surfaces(mechanism.system, state)
     return StepResult(
         loading=Loading.of(reached.motion, increment.prescribed, mechanism.reference, mechanism.case.placement.base),
         step=numbers[0],
@@ -147,7 +173,16 @@ def _step_result(
         residual=solution.residual,
         history=solution.history,
         message=solution.message + _remark(mechanism.system, solution),
+        counter=counter,
     )
+
+
+def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, CounterSurface | None]:
+    """Displacement and potentials of the body, and those of the counter body if there is one."""
+    if not isinstance(system, PairSystem):
+        return *split_displacement(state.displacement), None
+    counter = system.counter_displacement(state.load)
+    return *split_displacement(state.displacement + counter), CounterSurface(*split_displacement(counter))
 
 
 def _remark(system: ReducedSystem, solution: ContactSolution) -> str:

@@ -76,6 +76,18 @@ class Loading:
 
 
 @dataclass(frozen=True, eq=False)
+class CounterSurface:
+    """The surface of the counter body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
+
+    displacement: (n, 3) [m]; potentials: (n, 2) electric [V] and magnetic [A]. Both count from its own supports and
+    grounds, wherever the loading has moved them.
+    """
+
+    displacement: Array
+    potentials: Array
+
+
+@dataclass(frozen=True, eq=False)
 class StepResult:
     """One increment of a load step.
 
@@ -85,7 +97,8 @@ class StepResult:
     (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in ContactState; slip: (n, 2) tangential
     motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
     beginning, both also where the contact is open [m]; region: (n,) numbers of Region; iterations, residual, history,
-    message as in ContactSolution; boundary: fields on the whole boundary.
+    message as in ContactSolution; boundary: fields on the whole boundary. All of them are of the body; counter: surface
+    of the counter body, if there is one instead of a rigid indenter.
     """
 
     loading: Loading
@@ -106,18 +119,25 @@ class StepResult:
     history: Array
     message: str
     boundary: NodalFields | None = None
+    counter: CounterSurface | None = None
 
     @property
     def gap(self) -> Array:
-        """Gap between the deformed body and the indenter, (n,) [m] (eq. 10)."""
-        gap: Array = self.initial_gap - self.displacement[:, 2]
+        """Gap between the deformed body and the indenter, or the deformed counter body, (n,) [m] (eq. 10)."""
+        gap: Array = self.initial_gap - self.state.displacement[:, 2]
         return gap
 
     @property
     def state(self) -> ContactState:
-        """The state of the contact zone, of an indenter that stays where it is."""
+        """The state of the contact zone, of an indenter that stays where it is.
+
+        Its displacement is that of the reduced system: of the body, less that of the counter body if there is one.
+        """
         load = np.concatenate([self.traction, self.fluxes], axis=1)
-        return ContactState(load, np.concatenate([self.displacement, -self.potentials], axis=1), self.closed)
+        displacement = np.concatenate([self.displacement, -self.potentials], axis=1)
+        if self.counter is not None:
+            displacement -= np.concatenate([self.counter.displacement, -self.counter.potentials], axis=1)
+        return ContactState(load, displacement, self.closed)
 
 
 @dataclass(frozen=True, eq=False)

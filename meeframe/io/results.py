@@ -17,11 +17,11 @@ import numpy as np
 
 from meeframe.core.contact import Status
 from meeframe.core.errors import ResultError
-from meeframe.core.fields import FLUX_UNITS, VALUE_UNITS
+from meeframe.core.fields import FLUX_UNITS, VALUE_UNITS, Array
 from meeframe.core.formulation import NodalFields
 from meeframe.core.indenter import MOTIONS, RESULTANTS, UNITS
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Loading, Provenance, Region, Result, StepResult, Zone, resultants
+from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Result, StepResult, Zone, resultants
 from meeframe.io.output import RESULT_FILE, replacing
 
 FORMAT: Final = "meeframe-result 2"
@@ -45,6 +45,9 @@ _STEP_UNITS: Final = {
     "history": "1",
     "residual": "1",
     "iterations": "1",
+}
+_SURFACE_UNITS: Final = {
+    name: _STEP_UNITS[name] for name in ("displacement", "electric_potential", "magnetic_potential")
 }
 _LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": "m", "axes": "1"}
 RESULTANT_UNITS: Final = {
@@ -131,10 +134,13 @@ def _changing(folder: Path) -> Iterator[Any]:
 
 def _step_values(step: StepResult) -> dict[str, Any]:
     values = {name: getattr(step, name) for name in _STEP_UNITS if hasattr(step, name)}
-    for column, field in enumerate(("electric", "magnetic")):
-        values[f"{field}_potential"] = step.potentials[:, column]
-        values[f"{field}_flux"] = step.fluxes[:, column]
-    return values
+    values["electric_flux"], values["magnetic_flux"] = step.fluxes.T
+    return values | _surface_values(step)
+
+
+def _surface_values(surface: StepResult | CounterSurface) -> dict[str, Any]:
+    electric, magnetic = surface.potentials.T
+    return {"displacement": surface.displacement, "electric_potential": electric, "magnetic_potential": magnetic}
 
 
 def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
@@ -152,6 +158,8 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     prescribed = step.loading.prescribed
     _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
     _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
+    if step.counter is not None:
+        _put_all(group.create_group("counter"), _SURFACE_UNITS, _surface_values(step.counter))
     if step.boundary is not None:
         _put_boundary(file, group, step.boundary)
 
@@ -199,11 +207,9 @@ def _read(file: Any) -> Result:
 
 
 def _get_step(file: Any, group: Any) -> StepResult:
-    pairs = {
-        name: np.stack([group[f"electric_{name}"][()], group[f"magnetic_{name}"][()]], axis=1)
-        for name in ("potential", "flux")
-    }
-    boundary = None
+    boundary, counter = None, None
+    if "counter" in group:
+        counter = CounterSurface(group["counter/displacement"][()], _get_both(group["counter"], "potential"))
     if "boundary" in group:
         own = group["boundary"]
         shared = file["boundary"]
@@ -215,8 +221,8 @@ def _get_step(file: Any, group: Any) -> StepResult:
         initial_gap=group["initial_gap"][()],
         traction=group["traction"][()],
         displacement=group["displacement"][()],
-        potentials=pairs["potential"],
-        fluxes=pairs["flux"],
+        potentials=_get_both(group, "potential"),
+        fluxes=_get_both(group, "flux"),
         closed=group["closed"][()],
         slip=group["slip"][()],
         total_slip=group["total_slip"][()],
@@ -227,7 +233,13 @@ def _get_step(file: Any, group: Any) -> StepResult:
         history=group["history"][()],
         message=group.attrs["message"],
         boundary=boundary,
+        counter=counter,
     )
+
+
+def _get_both(group: Any, name: str) -> Array:
+    """The electric and the magnetic dataset of that name, (n, 2)."""
+    return np.stack([group[f"electric_{name}"][()], group[f"magnetic_{name}"][()]], axis=1)
 
 
 def _get_loading(group: Any) -> Loading:

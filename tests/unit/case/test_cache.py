@@ -33,9 +33,13 @@ def case(write_case, registry):
 def reductions(monkeypatch):
     """Counts them."""
     made = []
-    original = cache.reduce
-    monkeypatch.setattr(cache, "reduce", lambda *given: made.append(1) or original(*given))
+    original = cache.reduce_body
+    monkeypatch.setattr(cache, "reduce_body", lambda *given: made.append(1) or original(*given))
     return made
+
+
+def key(case):
+    return system_key(case.formulation, case.body)
 
 
 def assert_same(found, expected):
@@ -54,7 +58,7 @@ def test_the_second_time_it_is_read_bit_for_bit(case, tmp_path, reductions):
     found = cached_reduce(case, tmp_path / "cache")
     assert len(reductions) == 1
     assert_same(found, made)
-    assert [path.name for path in (tmp_path / "cache").iterdir()] == [f"{system_key(case)}.h5"]
+    assert [path.name for path in (tmp_path / "cache").iterdir()] == [f"{key(case)}.h5"]
 
 
 def test_recovery_reduces_again_once_and_gives_the_same_fields(case, tmp_path, reductions):
@@ -103,7 +107,7 @@ INGREDIENTS = {
 
 @pytest.mark.parametrize("ingredient", INGREDIENTS)
 def test_a_changed_ingredient_is_another_key(case, ingredient):
-    assert system_key(replace(case, **INGREDIENTS[ingredient](case))) != system_key(case)
+    assert key(replace(case, **INGREDIENTS[ingredient](case))) != key(case)
 
 
 def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
@@ -118,21 +122,21 @@ def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
     ]
     free = replace(case, conditions=tuple(c for c in case.conditions if c.group == "base"))
     variants += [free, replace(free, zone="top")]
-    keys = [system_key(variant) for variant in variants]
-    assert keys[-2] == system_key(case)  # the same conditions, made anew
+    keys = [key(variant) for variant in variants]
+    assert keys[-2] == key(case)  # the same conditions, made anew
     assert len(set(keys)) == len(keys)
 
 
 @pytest.mark.parametrize("what", ["_ROOMS", "_LIBRARIES", "version"])
 def test_code_and_versions_are_in_the_key(case, monkeypatch, what):
-    before = system_key(case)
+    before = key(case)
     if what == "version":
         monkeypatch.setattr(cache.meeframe, "__version__", "99")
     else:
         monkeypatch.setattr(cache, what, getattr(cache, what)[1:])
     cache._sources.cache_clear()
     try:
-        assert system_key(case) != before
+        assert key(case) != before
     finally:
         monkeypatch.undo()
         cache._sources.cache_clear()
@@ -150,7 +154,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
         "text": "another",
     }
     for name, value in later.items():
-        assert system_key(replace(case, **{name: value})) == system_key(case), name
+        assert key(replace(case, **{name: value})) == key(case), name
 
 
 def flipped(path):

@@ -1,0 +1,211 @@
+"""Case files of two deformable bodies, on beds of springs where contact has a closed form: springs in series."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.cache import cached_reduce
+from meeframe.case.counter import CounterBody
+from meeframe.case.load import load_case
+from meeframe.case.solve import reduce
+from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.pair import PairSystem
+from meeframe.core.result import RunStatus
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh
+from meeframe.io.results import read_result
+
+STIFFNESS, OTHER, RADIUS = 1e14, 3e14, 0.1
+IN_SERIES = STIFFNESS * OTHER / (STIFFNESS + OTHER)
+ELECTRIC = 1e13  # of the springs of tests/conftest.py
+
+COUNTER = """
+[counter_body]
+zone = "contact"
+formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
+
+[counter_body.material]
+name = "pzt-4"
+
+[counter_body.mesh]
+half_width = "40 mm"
+height = "60 mm"
+contact_width = "5 mm"
+divisions = 4
+rings = 3
+layers = 2
+
+[[counter_body.boundary]]
+group = "base"
+displacement = [0, 0, 0]
+electric_potential = 0
+magnetic_potential = 0
+"""
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(more=COUNTER), registry)
+
+
+def springs(points, approach):
+    return IN_SERIES * np.minimum((points[:, 0] ** 2 + points[:, 1] ** 2) / (2 * RADIUS) - approach, 0.0)
+
+
+def test_the_tables_of_the_file(case):
+    counter = case.counter
+    assert (counter.material.name, counter.zone, counter.formulation.stiffness) == ("pzt-4", "contact", OTHER)
+    assert np.ptp(counter.mesh.points, axis=0) == pytest.approx([0.08, 0.08, 0.06])
+    assert [condition.field for condition in counter.conditions] == [0, 1, 2, 3, 4]
+
+
+def test_springs_in_series(case):
+    result = meeframe.solve_case(case)
+    assert result.status is RunStatus.CONVERGED
+    (step,) = result.steps
+    expected = springs(result.zone.points, 1e-5)
+    closed = expected < 0
+    np.testing.assert_allclose(step.traction[:, 2], expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(step.displacement[:, 2], expected / STIFFNESS, atol=1e-14)
+    np.testing.assert_allclose(step.counter.displacement[:, 2], -expected / OTHER, atol=1e-14)
+    np.testing.assert_allclose(step.gap[closed], 0.0, atol=1e-13)
+    assert (step.gap[~closed] > 0).all()
+    # fields on the boundary are those of the first body
+    np.testing.assert_allclose(step.boundary.values[:, 2], step.displacement[:, 2], atol=1e-14)
+
+
+@pytest.fixture
+def live(write_case, registry):
+    """Perfectly conducting, 2 kV between the grounds, stuck and moved sideways."""
+    path = write_case(
+        ("[[steps]]", '[conductivity.electric]\nname = "step"\nkappa = inf\n\n[[steps]]\nelectric_potential = "2 kV"'),
+        ("[indenter]", '[contact]\nlaw = { name = "isotropic-coulomb", mu = inf }\n\n[indenter]'),
+        ('"10 um"', '"10 um"\ntranslation = ["1 um", "2 um"]'),
+        more=COUNTER,
+    )
+    return load_case(path, registry)
+
+
+def test_potentials_jump_by_the_voltage_and_both_bodies_are_dragged(live):
+    (step,) = meeframe.solve_case(live).steps
+    closed = step.closed == 1
+    assert closed.any()
+    flux = -2e3 / (ELECTRIC / STIFFNESS + ELECTRIC / OTHER)
+    np.testing.assert_allclose(step.fluxes[closed, 0], flux, rtol=1e-8)
+    np.testing.assert_allclose(step.potentials[closed, 0], -ELECTRIC / STIFFNESS * flux, rtol=1e-8)
+    np.testing.assert_allclose(step.counter.potentials[closed, 0], ELECTRIC / OTHER * flux, rtol=1e-8)
+    jump = step.potentials - step.counter.potentials
+    np.testing.assert_allclose(jump[closed, 0], 2e3, rtol=1e-8)
+    pulled = step.displacement[closed, :2] - step.counter.displacement[closed, :2]
+    np.testing.assert_allclose(pulled, np.tile([1e-6, 2e-6], (closed.sum(), 1)), rtol=1e-7)
+    share = OTHER / (STIFFNESS + OTHER)
+    np.testing.assert_allclose(step.displacement[closed, :2], share * pulled, rtol=1e-7)
+
+
+def test_the_result_file_has_both_surfaces(live, tmp_path):
+    folder = tmp_path / "out"
+    (made,) = meeframe.run(live, out=folder).steps
+    (read,) = read_result(folder).steps
+    np.testing.assert_array_equal(read.counter.displacement, made.counter.displacement)
+    np.testing.assert_array_equal(read.counter.potentials, made.counter.potentials)
+    np.testing.assert_array_equal(read.state.displacement, made.state.displacement)
+    np.testing.assert_array_equal(read.gap, made.gap)
+    with h5py.File(folder / "result.h5") as file:
+        units = {name: own.attrs["units"] for name, own in file["steps/0001/counter"].items()}
+        np.testing.assert_array_equal(file["steps/0001/gap"], made.gap)
+    assert units == {"displacement": "m", "electric_potential": "V", "magnetic_potential": "A"}
+    assert (folder / "fields.vtu").is_file()
+
+
+def test_the_state_is_that_of_the_pair(live):
+    system = reduce(live)
+    assert isinstance(system, PairSystem)
+    (step,) = meeframe.solve_case(live).steps
+    expected = system.offset + system.apply(step.state.load)
+    np.testing.assert_allclose(step.state.displacement, expected, rtol=1e-12, atol=1e-18)
+
+
+def test_a_run_is_continued(write_case, registry, tmp_path):
+    further = '\n[[steps]]\napproach = "20 um"\n'
+    both = meeframe.solve_case(load_case(write_case(more=further + COUNTER), registry)).steps
+    meeframe.run(load_case(write_case(more=COUNTER), registry), out=tmp_path / "first")
+    text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{COUNTER}')
+    (continued,) = meeframe.solve_case(load_case(text, registry)).steps
+    for name in ("traction", "displacement", "total_slip"):
+        found, expected = getattr(continued, name), getattr(both[1], name)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
+    alone = load_case(write_case(('"10 um"', '"20 um"'), more='\n[restart]\nfrom = "first"\n'), registry)
+    with pytest.raises(CaseError, match="cause other displacements in this body"):
+        meeframe.solve_case(alone)
+
+
+def test_each_body_is_cached(case, tmp_path):
+    made = cached_reduce(case, tmp_path)
+    assert len(list(tmp_path.glob("*.h5"))) == 2
+    cached_reduce(replace(case, counter=None), tmp_path)
+    assert len(list(tmp_path.glob("*.h5"))) == 2, "a body alone is one of the two"
+    found = cached_reduce(case, tmp_path)
+    assert isinstance(found, PairSystem)
+    np.testing.assert_array_equal(found.dense(), made.dense())
+    np.testing.assert_array_equal(found.dense(), reduce(case).dense())
+
+
+WRONG = {
+    "division": (
+        ("divisions = 4", "divisions = 5"),
+        r"counter_body\.mesh: the contact zones of the two bodies do not match: 21 of the 25 nodes .* of the 36",
+    ),
+    "width": (('contact_width = "5 mm"', 'contact_width = "4 mm"'), r"counter_body\.mesh: .* misses by 0\.000707 m"),
+    "zone": (('zone = "contact"', 'zone = "kontact"'), r"counter_body\.zone = 'kontact': no face group 'kontact'"),
+    "group": (('"base"', '"bottom"'), r"counter_body\.boundary\[1\]\.group = 'bottom': no face group 'bottom'"),
+    "zone group": (
+        ('"base"', '"contact"'),
+        r"counter_body\.boundary\[1\]\.group = 'contact': .* it is the contact zone",
+    ),
+    "free": (("displacement = [0, 0, 0]", 'displacement = [0, 0, "free"]'), r"counter_body\.boundary: .* leave 3 of"),
+    "material": (('"pzt-4"', '"pzt-44"'), r"counter_body\.material: unknown material 'pzt-44'"),
+    "formulation": (('"winkler"', '"winkel"'), r"counter_body\.formulation\.name: unknown formulation 'winkel'"),
+    "number": (('"3e14 Pa/m"', '"3 m"'), r"counter_body\.formulation\.stiffness = '3 m'"),
+    "mesh": (("rings = 3", "rings = 0"), r"counter_body\.mesh\.rings = 0"),
+    "key": (('zone = "contact"', 'zones = "contact"'), r"counter_body\.zones"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_errors_name_the_key(write_case, registry, wrong):
+    (old, new), message = WRONG[wrong]
+    assert COUNTER.count(old) == 1
+    path = write_case(more=COUNTER.replace(old, new))
+    with pytest.raises(CaseError, match=message) as caught:
+        load_case(path, registry)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_problems_of_both_bodies_are_shown_together(write_case, registry):
+    path = write_case(
+        ('name = "batio3-cofe2o4"', 'name = "batio"'),
+        more=COUNTER.replace('"pzt-4"', '"pzt"').replace("= 3\n", "= 0\n"),
+    )
+    with pytest.raises(CaseError) as caught:
+        load_case(path, registry)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 3
+    for problem in ("material: unknown", "counter_body.material: unknown", "counter_body.mesh.rings = 0"):
+        assert any(f": {problem}" in line for line in lines)
+
+
+def test_missing_parts_are_named(write_case, registry):
+    with pytest.raises(CaseError, match=r"counter_body\.mesh") as caught:
+        load_case(write_case(more='\n[counter_body]\nmaterial = { name = "pzt-4" }\n'), registry)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_objects_are_checked_too(case):
+    coarse = block_mesh(0.05, 0.12, 0.005, 2, 2, 1, Quad4())
+    with pytest.raises(MeshError, match="do not match"):
+        replace(case, counter=replace(case.counter, mesh=coarse))
+    with pytest.raises(CaseError, match="no boundary condition prescribes electric_potential"):
+        CounterBody(case.material, coarse)

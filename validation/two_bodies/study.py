@@ -1,0 +1,196 @@
+"""Two deformable bodies in numbers: Hertz, joined half spaces in closed form, and exchanged roles."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+import meeframe
+from meeframe.case.case import Case
+from meeframe.case.counter import CounterBody
+from meeframe.case.solve import reduce, solve_steps, zone_of
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.pair import match_nodes
+from meeframe.core.result import Region, Resultants, StepResult, Zone, resultants
+from meeframe.laws import OrthotropicCoulomb, StepConductivity
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
+
+HERE = Path(__file__).parent
+TURN: Final = np.diag([1.0, -1.0, -1.0])
+EXCHANGED: Final = np.array([-1.0, 1.0, 1.0, -1.0, -1.0])
+"""A load (t1, t2, t.nu, q, s) seen from the other body: reversed, and turned over about x1."""
+
+
+def load(name: str) -> Case:
+    """One of the case files of this folder."""
+    return meeframe.load_case(HERE / f"{name}.toml")
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The last increment of a case on its contact zone."""
+
+    zone: Zone
+    step: StepResult
+
+    @property
+    def totals(self) -> Resultants:
+        """Force, charge, magnetic flux, maxima."""
+        return resultants(self.zone, self.step)
+
+    @property
+    def load(self) -> Array:
+        """(n, 5) as in ReducedSystem."""
+        return self.step.state.load
+
+
+def solve(case: Case, system: ReducedSystem) -> Solved:
+    """The end of a case; raises RuntimeError if an increment does not converge."""
+    steps = list(solve_steps(case, system, boundary=False))
+    for step in steps:
+        if step.status != "converged":
+            raise RuntimeError(f"{case.title}: {step.status}: {step.message}")
+    return Solved(zone_of(system), steps[-1])
+
+
+def counter(case: Case) -> CounterBody:
+    """The counter body of a case that has one."""
+    if case.counter is None:
+        raise ValueError(f"{case.title}: one body only")
+    return case.counter
+
+
+def closed_form(case: Case, condition: str = "EMII") -> Indentation:
+    """Two axisymmetric half spaces under the case's sphere: one of xi = xi_A + D xi_B D (docs/theory.md)."""
+    flip = np.array([-1.0, 1.0, 1.0])
+    first, second = (axisymmetric_compliance(body.material.stiffness) for body in (case, counter(case)))
+    joined = first + flip[:, None] * second * flip
+    return indent(joined, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
+
+
+def pressure_difference(solved: Solved, exact: Indentation) -> float:
+    """Largest difference of the pressure over its largest value; nodes of elements on the edge are left out."""
+    points = solved.zone.points
+    r = np.hypot(points[:, 0], points[:, 1])
+    element = np.diff(np.unique(np.round(points[:, 0], 12))).max()
+    kept = np.abs(r - exact.contact_radius) > np.sqrt(2.0) * element  # the diagonal
+    difference = -solved.step.traction[kept, 2] - exact.pressure(r[kept])
+    return float(np.abs(difference).max() / exact.pressure(np.zeros(1))[0])
+
+
+def tangential_share(solved: Solved) -> float:
+    """Largest tangential traction over the largest pressure."""
+    return float(np.linalg.norm(solved.step.traction[:, :2], axis=1).max() / solved.totals.max_pressure)
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """Elastic bodies: force [N] and its exact value, difference of the pressure, tangential_share."""
+
+    title: str
+    force: float
+    exact: float
+    pressure: float
+    tangential: float
+
+
+def hertz(name: str) -> Hertz:
+    """A case of two elastic bodies against Hertz."""
+    case = load(name)
+    solved, exact = solve(case, reduce(case)), closed_form(case)
+    force = -float(solved.totals.force[2])
+    return Hertz(case.title, force, exact.force, pressure_difference(solved, exact), tangential_share(solved))
+
+
+def rigid_share(name: str) -> float:
+    """The tangential_share with a rigid sphere instead of the counter body."""
+    case = replace(load(name), counter=None)
+    return tangential_share(solve(case, reduce(case)))
+
+
+def conducting(case: Case, condition: str) -> Case:
+    """A case in one of the four conditions, perfectly conducting or insulating."""
+    electric, magnetic = (0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
+    return replace(case, electric_law=StepConductivity(electric), magnetic_law=StepConductivity(magnetic))
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Two bodies of Table 1 in one condition: totals (P, Q, M), those of the closed form."""
+
+    poling: str
+    condition: str
+    found: tuple[float, float, float]
+    exact: tuple[float, float, float]
+
+
+def joined() -> list[Joined]:
+    """The four conditions, with both bodies poled towards each other and with one of them the other way round."""
+    rows = []
+    for poling in ("towards each other", "the same way in space"):
+        case = load("poled")
+        if poling == "the same way in space":
+            case = replace(case, counter=replace(counter(case), material=counter(case).material.rotated(TURN)))
+        system = reduce(case)
+        for condition in CONDITIONS:
+            found, exact = solve(conducting(case, condition), system).totals, closed_form(case, condition)
+            totals = -float(found.force[2]), found.charge, found.magnetic_flux
+            rows.append(Joined(poling, condition, totals, (exact.force, exact.charge, exact.magnetic_flux)))
+    return rows
+
+
+def exchanged(case: Case) -> Case:
+    """The same two bodies in contact seen from the other one: everything turned over about x1, and reversed."""
+    other = counter(case)
+    law, place = case.contact_law, case.placement
+    if isinstance(law, OrthotropicCoulomb):
+        law = replace(law, angle=-law.angle)
+    return replace(
+        case,
+        material=other.material,
+        mesh=other.mesh,
+        conditions=other.conditions,
+        zone=other.zone,
+        formulation=other.formulation,
+        counter=CounterBody(case.material, case.mesh, case.conditions, case.zone, case.formulation),
+        contact_law=law,
+        placement=replace(place, y=-place.y),
+        potentials=(-case.potentials[0], -case.potentials[1]),
+        steps=tuple(
+            step if step.translation is None else replace(step, translation=(-step.translation[0], step.translation[1]))
+            for step in case.steps
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Roles:
+    """A case seen from the first body and from the other.
+
+    totals: from either; differences: (5,) the largest of each column of the load over its largest value; pressed,
+    stuck: how many nodes are in contact, and stick; alike: the regions of open, slip and stick agree at every node.
+    """
+
+    totals: tuple[Resultants, Resultants]
+    differences: Array
+    pressed: int
+    stuck: int
+    alike: bool
+
+
+def roles(case: Case) -> Roles:
+    """A case and itself with exchanged roles."""
+    one, two = (solve(variant, reduce(variant)) for variant in (case, exchanged(case)))
+    partners = match_nodes(one.zone, two.zone)
+    seen = two.load[partners] * EXCHANGED
+    region = one.step.region
+    return Roles(
+        totals=(one.totals, two.totals),
+        differences=np.abs(seen - one.load).max(axis=0) / np.abs(one.load).max(axis=0),
+        pressed=int((region != Region.OPEN).sum()),
+        stuck=int((region == Region.STICK).sum()),
+        alike=bool(np.array_equal(region, two.step.region[partners])),
+    )
