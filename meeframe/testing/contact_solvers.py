@@ -30,7 +30,8 @@ Record = TypeVar("Record", ContactState, Iterate)
 
 
 def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
-    """Frozen; pure; converges on insulated, conducting and frictional indentation, and to the right answer.
+    """Frozen; pure; converges on insulated, conducting and frictional indentation, under given motions and under
+    prescribed resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
@@ -122,7 +123,19 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
     if friction:
         law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
         problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)
+    moved = problems["friction" if friction else "conducting"]
+    push, pull, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
+    freedoms = (push, pull, charge) if friction else (push, charge)
+    problems["resultants"] = replace(moved, freedoms=tuple(_freedom(system.weights, *which) for which in freedoms))
     return problems
+
+
+def _freedom(weights: Array, field: int, direction: float, total: float) -> Freedom:
+    """The indenter moves along one field, so far that the total of that is as prescribed."""
+    mode = np.zeros((len(weights), 5))
+    mode[:, field] = direction
+    sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
+    return Freedom(mode, np.where(mode == 0.0, 0.0, sign * weights[:, None]), total)
 
 
 def _solved(

@@ -21,19 +21,19 @@ from meeframe.core.contact import (
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, Uzawa, solve
+from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, Uzawa, solve
 from meeframe.testing.contact import check_solver
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 LIMITS = Limits(max_iterations=400)
-INNER = Uzawa()
+INNER = BarzilaiBorwein()
 
 
 @dataclass(frozen=True)
 class WrongSolver(Solver):
-    """Uzawa's method on a problem that is tampered with, or with a step that is."""
+    """Barzilai-Borwein steps on a problem that is tampered with, or with a step that is."""
 
-    stride: ClassVar[int] = Uzawa.stride
+    stride: ClassVar[int] = BarzilaiBorwein.stride
 
     def problem(self, problem: ContactProblem) -> ContactProblem:
         return problem
@@ -173,9 +173,13 @@ def with_tension(problem: ContactProblem) -> ContactProblem:
     return replace(problem, contact_law=Pulling(problem.contact_law))
 
 
+def with_smaller_resultants(problem: ContactProblem) -> ContactProblem:
+    return replace(problem, freedoms=tuple(replace(f, total=0.99 * f.total) for f in problem.freedoms))
+
+
 @dataclass(frozen=True)
 class Reports(WrongSolver):
-    """Iterates soundly and reports something else; Uzawa's own iterate is kept in the memory."""
+    """Iterates soundly and reports something else; the sound iterate is kept in the memory."""
 
     change: Callable[[Iterate], Iterate]
 
@@ -335,6 +339,7 @@ FRICTION = r"the worst condition is '(friction limit|slip)'"
         another(without_angle, f"^friction: .*{FRICTION}"),
         another(without_metric, f"^friction: .*{FRICTION}"),
         another(with_stale_pressure, f"^friction: .*{FRICTION}"),
+        another(with_smaller_resultants, "^resultants: .*the worst condition is 'prescribed resultant'"),
         reports(closed_everywhere, "^insulated: .*the worst condition is 'closed fraction'"),
         reports(open_everywhere, "^insulated: .*the worst condition is 'closed fraction'"),
         reports(nearly_right, "^insulated: residual"),
@@ -368,6 +373,5 @@ def test_an_exact_state_has_converged(problem: ContactProblem) -> None:
 
 
 def test_solvers_without_fault_pass() -> None:
-    for solver in (WrongSolver(), SolvesAnother(lambda problem: problem), Reports(lambda iterate: iterate)):
-        check_solver(solver)
+    check_solver(Reports(lambda iterate: iterate))
     check_solver(ProjectedCG(), friction=False)
