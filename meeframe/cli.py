@@ -114,6 +114,21 @@ def show_plugin(
         _console().print(plugin_page(_registry([*(context.obj or ()), *(plugin or ())]), name))
 
 
+@app.command("new-plugin")
+def new_plugin(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="contact-law, conductivity-law, solver, indenter, ...")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As case files will write it: my-law.")],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to make; meeframe-NAME if not given.")] = None,
+) -> None:
+    """Write an installable package that registers something new, with its conformance test, a case and a README."""
+    with _exit_status():
+        from meeframe.plugin.scaffold import kind_called
+        from meeframe.plugin.scaffold import new_plugin as write_plugin
+
+        folder = write_plugin(kind_called(kind), name, _registry(None), out)
+        print(f"{folder}: {', '.join(sorted(str(p.relative_to(folder)) for p in folder.rglob('*') if p.is_file()))}")
+
+
 @app.command()
 def reproduce(
     figures: Annotated[list[str], typer.Argument(metavar="FIGURE...", help="Names such as fig-05, or all.")],

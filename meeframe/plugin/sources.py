@@ -44,7 +44,7 @@ Plugins = tuple[list[tuple[Provider, object]], list[Broken]]
 
 
 def installed() -> Plugins:
-    """Plugins of all distributions with entry points of the group 'meeframe'; what one of them raises breaks it alone."""
+    """Plugins of all distributions with entry points of the group 'meeframe'; one that fails is broken."""
     plugins: list[tuple[Provider, object]] = []
     broken: list[Broken] = []
     for point in metadata.entry_points(group=PROJECT):

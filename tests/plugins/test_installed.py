@@ -1,43 +1,10 @@
 """Plugins as installed packages: found by their entry points, and harmless when they are broken."""
 
-import os
-import subprocess
-import sys
 import textwrap
 
 import pytest
 
 import meeframe
-
-
-@pytest.fixture
-def install(tmp_path):
-    """Installs a package of one module into a folder of its own; commands see it through PYTHONPATH."""
-
-    def make(name, source):
-        module = name.replace("-", "_")
-        (tmp_path / f"{module}.py").write_text(textwrap.dedent(source))
-        info = tmp_path / f"{module}-1.2.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n")
-        (info / "entry_points.txt").write_text(f"[meeframe]\n{name} = {module}\n")
-
-    return make
-
-
-@pytest.fixture
-def command(tmp_path):
-    def run(*arguments):
-        return subprocess.run(
-            [sys.executable, "-c", "from meeframe.cli import main; main()", *map(str, arguments)],
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
-
-    return run
-
 
 GOOD = """
     from dataclasses import dataclass
@@ -111,6 +78,44 @@ def test_broken_plugins_are_reported_and_fail_only_what_needs_them(install, comm
     (error,) = [line for line in refused.stderr.splitlines() if line.startswith("error: ")]
     assert "unknown indenter 'disc'; allowed: cone, " in error
     assert "plugin crash 1.2 is broken" in error
+
+
+OUTDATED = """
+    from dataclasses import dataclass
+    from meeframe.plugin import ContactLaw, Record, hookimpl
+
+    @dataclass(frozen=True)
+    class Old(ContactLaw):
+        def project(self, trial):
+            return trial
+
+    @hookimpl
+    def meeframe_contact_laws():
+        return [Record("old", Old, "lacks a method that the contract has now", "yesterday")]
+"""
+
+
+def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, command, case_file):
+    install("planes", GOOD.format(name="plane"))
+    install("ahead", GOOD.format(name="disc"), "meeframe>=99")
+    install("behind", OUTDATED)
+    install("moved", "from meeframe.core.contact import LawOfYesterday")
+    install("misspelt", GOOD.format(name="ring").replace("meeframe_indenters", "meeframe_indenter"))
+    listed = command("plugins")
+    names = [line.split()[1] for line in listed.stdout.splitlines()[1:] if not line.startswith(" ")]
+    assert "plane" in names
+    assert not {"disc", "old", "ring"} & set(names)
+    warnings = {line.split()[2]: line for line in listed.stderr.splitlines() if line.startswith("warning: plugin ")}
+    this = meeframe.__version__
+    assert f"outdated: it needs meeframe>=99, this is meeframe {this}" in warnings["ahead"]
+    assert f"class Old lacks tangential_scaling, which meeframe {this} asks for" in warnings["behind"]
+    assert f"it is written for another version of meeframe than {this}" in warnings["moved"]
+    assert "unknown hook 'meeframe_indenter'" in warnings["misspelt"]
+    assert command("check", case_file("plane")).returncode == 0
+    refused = command("plugins", "show", "old")
+    assert refused.returncode == 2
+    assert "error: unknown name 'old'; " in refused.stderr
+    assert "plugin behind 1.2 is broken" in refused.stderr
 
 
 def test_duplicate_names_name_both_providers(install, command, case_file):

@@ -1,0 +1,81 @@
+"""New plugins from templates: an installable package with its conformance test, a case and a README."""
+
+import keyword
+import re
+from importlib import metadata, resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from string import Template
+
+from meeframe.core.errors import PluginError
+from meeframe.plugin.hookspecs import PROJECT
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.validation import choices
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+
+
+def kind_called(text: str) -> Kind:
+    """The kind that a command line calls contact-law. Raises PluginError that lists the kinds."""
+    kinds = {kind.value.replace(" ", "-"): kind for kind in Kind}
+    if text not in kinds:
+        raise PluginError(f"unknown kind {text!r}; {choices(text, kinds)}")
+    return kinds[text]
+
+
+def new_plugin(kind: Kind, name: str, registry: Registry, folder: Path | None = None) -> Path:
+    """Write a package that registers a new thing of a kind; returns its folder, by default meeframe-NAME here.
+
+    name: as case files will write it, in small letters, digits and hyphens. The package works, and passes its own
+    tests, as it is: it is to be changed into what is wanted.
+    Raises PluginError if the name is taken or cannot be one, or if the folder holds anything or cannot be written.
+    """
+    templates = resources.files("meeframe.plugin") / "templates"
+    own = templates / kind.value.replace(" ", "-")
+    words = _words(kind, name)
+    _check_name(kind, name, words["class_name"], registry, (own / "module.py.template").read_text(encoding="utf-8"))
+    target = folder or Path(words["package"])
+    try:
+        if target.exists() and any(target.iterdir()):
+            raise PluginError(f"folder {target} holds files; name another one with --out")
+        (target / "tests").mkdir(parents=True, exist_ok=True)
+        words["case"] = _filled(own / "case.toml.template", words).rstrip()
+        for file, template in {
+            "pyproject.toml": templates / "pyproject.toml.template",
+            "README.md": templates / "README.md.template",
+            "example.toml": templates / "example.toml.template",
+            f"{words['module']}.py": own / "module.py.template",
+            f"tests/test_{words['module']}.py": own / "test.py.template",
+            f"tests/test_{words['module']}_example.py": templates / "test_example.py.template",
+        }.items():
+            (target / file).write_text(_filled(template, words), encoding="utf-8")
+    except OSError as error:
+        raise PluginError(f"folder {target} cannot be written: {error.strerror or error}") from None
+    return target
+
+
+def _words(kind: Kind, name: str) -> dict[str, str]:
+    """What stands in the templates for what."""
+    return {
+        "kind": kind.value,
+        "name": name,
+        "class_name": "".join(part.capitalize() for part in name.split("-")),
+        "package": f"{PROJECT}-{name}",
+        "module": f"{PROJECT}_{name.replace('-', '_')}",
+        "solver": name if kind is Kind.SOLVER else "uzawa-bb",
+        "version": metadata.version(PROJECT),
+    }
+
+
+def _check_name(kind: Kind, name: str, class_name: str, registry: Registry, module: str) -> None:
+    if not _NAME.fullmatch(name):
+        raise PluginError(f"name {name!r}: allowed: small letters, digits and hyphens, beginning with a letter: my-law")
+    if name in registry.names(kind):
+        taken = next(entry for entry in registry.entries if entry.kind is kind and entry.record.name == name)
+        raise PluginError(f"{kind} {name!r} is there already, provided by {taken.provider}; choose another name")
+    if keyword.iskeyword(class_name) or re.search(rf"\b{class_name}\b", module):
+        raise PluginError(f"name {name!r} would make a class {class_name}, a name that Python or meeframe uses")
+
+
+def _filled(template: Traversable, words: dict[str, str]) -> str:
+    return Template(template.read_text(encoding="utf-8")).substitute(words)

@@ -1,0 +1,252 @@
+"""Conformance of a formulation and its reduced system with their contract (meeframe.core.formulation)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import ELECTRIC, Array
+from meeframe.core.formulation import Formulation, ReducedSystem
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh, zone_frames
+from meeframe.materials import library_material, rotation_about
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import SemismoothNewton, solve
+from meeframe.testing.closed_forms import Sphere, indent
+from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.manufactured import ExactField, LinearField, prescribe
+from meeframe.testing.requirements import check_frozen, require
+
+_ROUND_OFF = 1e-9
+_LOADS = 6
+_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+_GROUPS = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
+
+
+def check_formulation(
+    formulation: Formulation,
+    body: Body | None = None,
+    field: ExactField | None = None,
+    tolerance: float = 1e-3,
+    asymmetry: float = 0.05,
+) -> None:
+    """Form, linearity, exact linear fields, reciprocity, energy and recovery; and closed-form indentation.
+
+    body: with a contact zone; field: its exact solution under the tractions that the field has on the zone. Without
+    them a block of rotated orthotropic material under a linear field is taken, and an indentation compared with that of
+    a half space (check_indentation). tolerance: of values of the exact field, relative to the largest; asymmetry: of
+    the work of one smooth load on the displacement of another, relative to their own works.
+    Raises AssertionError.
+    """
+    check_frozen(formulation)
+    if body is None or field is None:
+        check_indentation(formulation)
+        body, field = _patch()
+    system = formulation.reduce(body)
+    check_form(system, body)
+    check_linear(formulation, body, system)
+    check_exact(system, field, tolerance)
+    check_reciprocity(system, asymmetry)
+    check_recovery(system, body, tolerance)
+    check_refusals(formulation, body)
+
+
+def check_form(system: ReducedSystem, body: Body) -> None:
+    """Shapes, finite numbers; points, frames and weights of the body's contact zone."""
+    zone = zone_frames(body.mesh, body.contact_group or "")
+    n, size = len(system.points), np.ptp(zone.points, axis=0).max()
+    shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,), "offset": (n, 5)}
+    for name, shape in shapes.items():
+        array = getattr(system, name)
+        require(array.shape == shape and np.isfinite(array).all(), f"{name} is not finite {shape}", array.shape)
+    turned = np.abs(system.frames @ system.frames.transpose(0, 2, 1) - np.eye(3)).max()
+    handed = bool(turned < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
+    require(handed, "frames are not orthonormal and right-handed, so that tractions turn into others", turned)
+    nearest = np.linalg.norm(system.points[:, None] - zone.points, axis=2).argmin(axis=1)
+    outward = float(np.einsum("ni,ni->n", system.frames[:, 2], zone.frames[nearest, 2]).min())
+    require(outward > 0.5, "a frame's third axis is not the outward normal: pressure would pull", outward)
+    low, high = system.points.min(axis=0) - zone.points.min(axis=0), zone.points.max(axis=0) - system.points.max(axis=0)
+    inside = bool(min(low.min(), high.min()) > -1e-9 * size)
+    require(inside, "a point lies outside the contact zone", (low, high))
+    area = abs(system.weights.sum() / zone.weights.sum() - 1.0)
+    require(area < 1e-3, "the weights do not add up to the area of the zone, so that forces are wrong", area)
+    for name, connectivity in system.cells:
+        within = bool((connectivity >= 0).all() and (connectivity < n).all())
+        require(within, f"cells of type {name} have numbers that are no points", connectivity)
+
+
+def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) -> None:
+    """apply is linear, pure and what diagonal_blocks and dense say; data move the offset and nothing else."""
+    random = np.random.default_rng(0)
+    n = len(system.points)
+    loads = random.normal(size=(3, n, 5)) * _typical_load(system)
+    kept = loads.copy()
+    answers = np.array([system.apply(load) for load in loads])
+    require(np.array_equal(loads, kept), "apply changes its argument, so that solvers lose their state", n)
+    again = system.apply(loads[0])
+    require(np.array_equal(again, answers[0]), "apply depends on earlier calls", _worst(again, answers[0]))
+    combined = system.apply(2.0 * loads[0] - 3.0 * loads[1])
+    error = _worst(combined, 2.0 * answers[0] - 3.0 * answers[1])
+    require(error < _ROUND_OFF, "apply is not linear: Newton's steps would be wrong", error)
+    _check_blocks(system)
+    matrix = system.dense()
+    if matrix is not None:
+        require(matrix.shape == (n, 5, n, 5), "dense is not (n, 5, n, 5)", matrix.shape)
+        error = _worst(np.einsum("namb,mb->na", matrix, loads[0]), answers[0])
+        require(error < _ROUND_OFF, "dense is not the matrix of apply: solvers that use either differ", error)
+    still = formulation.reduce(replace(body, conditions=tuple(replace(c, data=0.0 * c.data) for c in body.conditions)))
+    scale = np.abs(system.offset).max(axis=0)
+    error = float((np.abs(still.offset).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())
+    require(error < _ROUND_OFF, "the offset is not zero though all prescribed data are", error)
+    error = _worst(still.apply(loads[0]), answers[0])
+    require(error < _ROUND_OFF, "the compliance depends on the prescribed data, so that it is not linear", error)
+
+
+def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:
+    """offset + compliance(load of an exact field) is that field: signs, frames, units and data are right together."""
+    load = _turned(system, field.fluxes(system.points, system.frames[:, 2]))
+    exact = _turned(system, field.values(system.points))
+    exact[:, ELECTRIC:] *= -1.0
+    computed = system.offset + system.apply(load)
+    error = np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0)
+    names = ("u.e1", "u.e2", "u.nu", "-phi", "-psi")
+    worst = int(error.argmax())
+    require(bool(error[worst] <= tolerance), f"a field that is exact is not met in {names[worst]}", error)
+
+
+def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
+    """The work of one load on the displacement of another is that of the other (Betti); own works are positive."""
+    loads = _smooth_loads(system)
+    answers = np.array([system.apply(load) for load in loads])
+    own = np.einsum("n,knf,knf->k", system.weights, loads, answers)
+    require(bool((own > 0.0).all()), "a load gains energy: contact on such a body has no solution", own)
+    # the potentials' sign in the reduced system makes the coupling of mechanical and other fields antisymmetric
+    work = np.einsum("n,f,knf,lnf->kl", system.weights, _SIGNS, loads, answers)
+    error = float((np.abs(work - work.T) / np.sqrt(np.outer(own, own))).max())
+    require(error <= asymmetry, "the reciprocal theorem does not hold", error)
+
+
+def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
+    """recover has, on the zone, the load and its displacement, and on supports the prescribed values."""
+    load = _smooth_loads(system)[0]
+    fields = system.recover(load)
+    shape = (len(fields.points), 5)
+    require(fields.values.shape == fields.fluxes.shape == shape, "recover gives no (p, 5) fields", fields.values.shape)
+    expected = system.offset + system.apply(load)
+    expected[:, ELECTRIC:] *= -1.0
+    distance = np.linalg.norm(system.points[:, None] - fields.points, axis=2)
+    found, reach = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
+    require(bool((distance.min(axis=1) <= reach).all()), "recover has no point at a node of the zone", distance.min())
+    error = _worst(_turned(system, fields.values[found]), expected)
+    require(error <= tolerance, "recover has other values on the zone than the compliance", error)
+    scale = np.abs(fields.values).max(axis=0)
+    for condition in body.conditions:
+        points = body.mesh.points[body.mesh.group_points(condition.group)]
+        near = np.linalg.norm(points[:, None] - fields.points, axis=2)
+        held, nearest = near.min(axis=1) <= reach, near.argmin(axis=1)
+        data = np.broadcast_to(condition.data, len(points))
+        if condition.kind == "value":
+            off = np.abs(fields.values[nearest, condition.field] - data)[held].max(initial=0.0)
+            what = f"recover misses the prescribed field {condition.field} of {condition.group!r}"
+            require(bool(off <= tolerance * scale[condition.field]), what, off)
+
+
+def check_refusals(formulation: Formulation, body: Body) -> None:
+    """check refuses what reduce cannot do, by an error that a user can mend."""
+    formulation.check(body)
+    first = body.conditions[0]
+    wrong = {
+        "an unknown contact zone": replace(body, contact_group="nowhere"),
+        "an unknown face group": replace(body, conditions=(*body.conditions, replace(first, group="nowhere"))),
+        "a field prescribed twice": replace(body, conditions=(*body.conditions, first)),
+        "a condition on the contact zone": replace(
+            body, conditions=(*body.conditions, BoundaryCondition(body.contact_group or "", 2, "flux"))
+        ),
+    }
+    for name, other in wrong.items():
+        try:
+            formulation.check(other)
+            if other.contact_group == body.contact_group:
+                raise AssertionError(f"check accepts {name}: it would fail after the work is done, or silently")
+            formulation.reduce(other)
+        except MeeframeError:
+            continue
+        raise AssertionError(f"reduce accepts {name}")
+
+
+def check_indentation(formulation: Formulation, body: Body | None = None, tolerance: float = 0.05) -> None:
+    """A rigid sphere on the body against the closed form for a half space (eq. 33): the force, within a tolerance.
+
+    body: transversely isotropic about x3, its zone flat, in x3 = 0 about the origin and 5 mm wide; large against that,
+    as the block taken without it is.
+    """
+    body = body or _block()
+    approach, radius = 3e-5, 0.1
+    system = formulation.reduce(body)
+    x, y, _ = system.points.T
+    problem = indentation_problem(system, (x**2 + y**2) / (2.0 * radius), approach)
+    solution = solve(problem, SemismoothNewton())
+    force = -float(system.weights @ solution.state.load[:, 2])
+    exact = indent(axisymmetric_compliance(body.stiffness), Sphere(radius), approach).force
+    error = abs(force / exact - 1.0)
+    what = f"a sphere pressed {approach:g} m deep meets {force:g} N, in closed form {exact:g} N"
+    require(error <= tolerance, what, error)
+
+
+def _block() -> Body:
+    mesh = block_mesh(0.05, 0.12, 0.005, 8, 4, 3, Quad4())
+    conditions = tuple(BoundaryCondition("base", field, "value") for field in range(5))
+    return Body(library_material("batio3-cofe2o4").stiffness, mesh, conditions, "contact")
+
+
+def _patch() -> tuple[Body, ExactField]:
+    """A block of a rotated orthotropic material under a linear field: values on its base, fluxes on its other faces."""
+    stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+    mesh = block_mesh(0.5, 0.8, 0.5, 3, 1, 2, Quad4())
+    field = LinearField.random(stiffness, seed=5)
+    body = prescribe(mesh, field, stiffness, {"base": "vvvvv", **dict.fromkeys(_GROUPS, "fffff")})
+    return replace(body, contact_group="contact"), field
+
+
+def _check_blocks(system: ReducedSystem) -> None:
+    blocks = system.diagonal_blocks()
+    n = len(system.points)
+    require(blocks.shape == (n, 5, 5), "diagonal_blocks is not (n, 5, 5)", blocks.shape)
+    for node in {0, n // 2, n - 1}:
+        for number in range(5):
+            load = np.zeros((n, 5))
+            load[node, number] = 1.0
+            answer = system.apply(load)[node]
+            scale = np.abs(blocks[node, :, number]).max()
+            error = float(np.abs(answer - blocks[node, :, number]).max() / scale)
+            require(error < _ROUND_OFF, f"diagonal_blocks is not what node {node} answers to itself", error)
+
+
+def _typical_load(system: ReducedSystem) -> Array:
+    """Sizes (5,) of loads whose own displacements do work alike."""
+    own: Array = np.einsum("naa->na", system.diagonal_blocks()).mean(axis=0)
+    return 1.0 / np.sqrt(np.abs(own))
+
+
+def _smooth_loads(system: ReducedSystem) -> Array:
+    """Loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
+    middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
+    place = (system.points - middle) / np.ptp(system.points, axis=0).max()
+    random = np.random.default_rng(1)
+    shapes = np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
+    loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(_LOADS, 5, len(shapes))), shapes)
+    return loads * _typical_load(system)
+
+
+def _turned(system: ReducedSystem, extended: Array) -> Array:
+    """Extended vectors (n, 5) in global axes seen in the local frames."""
+    local = extended.copy()
+    local[:, :3] = np.einsum("nai,ni->na", system.frames, extended[:, :3])
+    return local
+
+
+def _worst(actual: Array, expected: Array) -> float:
+    """Largest difference of (n, 5) relative to the largest expected entry of its field."""
+    scale = np.abs(expected).max(axis=0)
+    return float((np.abs(actual - expected).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())

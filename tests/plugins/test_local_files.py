@@ -1,0 +1,128 @@
+"""Plugins from files: found by --plugin only; whatever is wrong with one is told with file, line and cause."""
+
+import textwrap
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from meeframe.cli import app
+from meeframe.core.errors import PluginError
+from meeframe.plugin.describe import find, parameters
+from meeframe.plugin.registry import Kind, load
+
+LAW = """
+    import math
+    from dataclasses import dataclass, field
+    from pathlib import Path
+    from typing import Annotated, Literal
+
+    import numpy as np
+    from pydantic import Field
+
+    from meeframe.plugin import Array, ConductivityLaw, Quantity, Record, hookimpl
+
+
+    @dataclass(frozen=True)
+    class Linear(ConductivityLaw):
+        '''kappa = slope p.'''
+
+        slope: Annotated[float, Quantity("F/m^2/Pa", "H/m^2/Pa", gt=0, lt=math.inf)]
+        table: Path | None = None
+        order: Annotated[int, Field(ge=1, le=3)] = 2
+        way: Literal["up", "down"] = "up"
+        inner: ConductivityLaw | None = None
+
+        def conductivity(self, normal_traction: Array) -> Array:
+            return np.maximum(-normal_traction, 0.0) * self.slope
+
+
+    @hookimpl
+    def meeframe_conductivity_laws():
+        return [Record("linear", Linear, "linear in the pressure", "nobody")]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def make(text, name="laws.py"):
+        path = tmp_path / name
+        path.write_text(textwrap.dedent(text), encoding="utf-8")
+        return path
+
+    return make
+
+
+def test_a_file_registers_by_the_same_hooks_and_only_where_it_is_named(write):
+    registry = load(write(LAW))
+    law = registry.create(Kind.CONDUCTIVITY_LAW, {"name": "linear", "slope": 2})
+    np.testing.assert_allclose(law.conductivity(np.array([-3.0, 1.0])), [6.0, 0.0])
+    assert "linear" not in load().names(Kind.CONDUCTIVITY_LAW)
+    (entry,) = find(registry, "linear")
+    assert entry.provider.name.endswith("laws.py")
+    assert entry.provider.version.startswith("sha256:")
+
+
+def test_parameters_in_words(write):
+    registry = load(write(LAW))
+    shown = {p.name: (p.unit, p.allowed, p.default) for p in parameters(find(registry, "linear")[0], registry)}
+    assert shown == {
+        "slope": ("F/m^2/Pa or H/m^2/Pa", "> 0 and finite", "required"),
+        "table": ("", "path of a file or nothing", "None"),
+        "order": ("", "whole number >= 1 <= 3", "2"),
+        "way": ("", "'up' or 'down'", "up"),
+        "inner": ("", "conductivity law, name or table or nothing", "None"),
+    }
+    (built_in,) = find(registry, "dense-bem")
+    assert [p.default for p in parameters(built_in, registry)] == ["tabulated", "1e-05", "0.523599"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1\n\nlaw = (", r"line 3: SyntaxError: '\(' was never closed"),
+        ("import math\nslope = math.sine(1)\n", "line 2: AttributeError: module 'math' has no attribute 'sine'"),
+        ("import nobody_has_this\n", "line 1: ModuleNotFoundError: No module named 'nobody_has_this'"),
+        ("import sys\nsys.exit(3)\n", "line 2: SystemExit: 3"),
+        ("x = 1\n", "PluginError: it implements no hook of meeframe"),
+        ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solvers():\n    return 1 / 0\n",
+         "line 4: meeframe_solvers: ZeroDivisionError"),
+        ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solver():\n    return []\n",
+         "unknown hook 'meeframe_solver'"),
+        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.core.contact.ConductivityLaw"),
+        (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
+    ],
+)  # fmt: skip
+def test_a_bad_file_is_told_with_line_and_cause(write, text, message):
+    with pytest.raises(PluginError, match=f"plugin file .*laws.py.*{message}"):
+        load(write(text))
+
+
+def test_the_command_line_says_so_without_a_traceback(write, tmp_path):
+    for arguments in (["plugins"], ["check", "case.toml"], ["run", "case.toml", "--out", str(tmp_path / "out")]):
+        for file, message in ((tmp_path / "missing.py", "cannot be read"), (write("1 / 0\n"), "line 1: ZeroDivisionE")):
+            done = CliRunner().invoke(app, [*arguments, "--plugin", str(file)])
+            assert done.exit_code == 2
+            assert done.stderr.startswith(f"error: plugin file {file}")
+            assert message in done.stderr
+
+
+def test_files_that_register_one_name_twice_are_refused(write):
+    with pytest.raises(PluginError, match=r"conductivity law 'linear' is provided twice: by .*a.py .*and by .*b.py "):
+        load(write(LAW, "a.py"), write(LAW, "b.py"))
+
+
+def test_show_lists_near_names():
+    done = CliRunner().invoke(app, ["plugins", "show", "orthotropic-colomb"])
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "unknown name 'orthotropic-colomb'; did you mean 'orthotropic-coulomb'? allowed: " in done.stderr
+
+
+def test_show_prints_parameters_and_formula():
+    done = CliRunner().invoke(app, ["plugins", "show", "orthotropic-coulomb"])
+    assert done.exit_code == 0
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert ["mu1", "1", ">=", "0", "required"] in lines
+    assert ["angle", "rad", "finite", "0"] in lines
+    assert "source: the reference paper, eqs. 11-16" in done.stdout
+    assert "radial return of eq. (16)" in done.stdout
