@@ -10,6 +10,7 @@ import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe.core.result import Zone
+from meeframe.report.canvas import MAP_COLOURS, sheet
 from meeframe.report.picture import Picture
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 _MARKERS: Final = "osD^vPX*"
-_MAP_COLOURS: Final = "cividis"
 _ARROWS: Final = 9
 """Arrows along a side of a map, at most."""
 _STILL: Final = 1e-3
@@ -30,8 +30,8 @@ class Panel:
     """Runs shown together.
 
     axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, (m,)
-    totals, (m, n) fields on the zone or (m, n, 2) tangential fields, divided by their references [SI]; converged: (m,);
-    messages: why each run ended, in words.
+    totals, (m, n) fields on the zone or (m, n, 2) tangential fields, divided by their references [SI]; converged: (m,),
+    whether run and references did; messages: why each run ended, in words.
     """
 
     title: str
@@ -92,16 +92,12 @@ def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
 
 def study_figure(study: Study) -> "Figure":
     """The figure: a column for each panel; maps have one for each run."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     draw, width, height = {
         "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
         "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
-        "maps": (_maps, 2.9 * sum(len(p.runs) for p in study.panels) + 1.2, 2.7 * _rows(study) + 0.5),
+        "maps": (_maps, 2.4 * sum(len(p.runs) for p in study.panels) + 1.2, 2.3 * _rows(study) + 0.5),
     }[study.kind]
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = sheet((width, height))
     draw(figure, study)
     return figure
 
@@ -170,9 +166,17 @@ def _maps(figure: "Figure", study: Study) -> None:
         grid[row, 0].set_ylabel("y [mm]")
     for column, (panel, run) in enumerate(columns):
         several = len(panel.runs) > 1 or len(study.panels) == 1
-        title = "\n".join(filter(None, [panel.title, f"{panel.axis} {panel.runs[run]}".strip() if several else ""]))
+        title = "\n".join(filter(None, [panel.title, _run_title(panel, run) if several else ""]))
         grid[0, column].set_title(title, fontsize=9)
         grid[-1, column].set_xlabel("x [mm]")
+
+
+def _run_title(panel: Panel, run: int) -> str:
+    """Label of a run, with the axis if it is a number on it."""
+    try:
+        return f"{panel.axis} = {float(panel.runs[run]):g}" if panel.axis else panel.runs[run]
+    except ValueError:
+        return panel.runs[run]
 
 
 def _each(study: Study, name: str) -> Iterator[Array]:
@@ -183,7 +187,7 @@ def _map(axes: Any, panel: Panel, values: Array, limits: tuple[float, float]) ->
     """One map; a tangential field by its modulus and by arrows of its direction."""
     picture = Picture.of(panel.zone)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-    shading = {"shading": "gouraud", "cmap": _MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
+    shading = {"shading": "gouraud", "cmap": MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
     drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)
     if values.ndim == 2:
         chosen = _spread(picture.points, modulus > _STILL * max(limits[1], _TINY))

@@ -123,6 +123,8 @@ class StudyTable(_Table):
                 if isinstance(reference, str) and reference not in self.references:
                     known = choices(reference, tuple(self.references))
                     raise ValueError(f"references: unknown reference {reference!r}; {known}")
+        if self.kind == "maps" and len({tuple(self.shown(panel)) for panel in self.panels}) > 1:
+            raise ValueError("maps: all panels have to show the same quantities")
         return self
 
     def shown(self, panel: PanelTable) -> dict[str, str | float]:

@@ -56,8 +56,9 @@ class Runner:
 def solve_study(file: Path, cache: Path, progress: Progress = silent, registry: Registry | None = None) -> Study:
     """The study of a file, solved; cache: folder of reduced systems, see meeframe.case.cache.
 
-    Progress counts runs. Runs that do not converge raise nothing: the panel says so.
-    Raises CaseError for a study or a case with problems; else as cached_reduce.
+    Progress counts panels. Runs that do not converge raise nothing: the panel says so.
+    Raises CaseError for a study or a case with problems, or if a quantity would be divided by zero; else as
+    cached_reduce.
     """
     table, tables = load_study(file)
     runner = Runner(file, tables, (file.parent / table.case).parent, cache, registry, progress)
@@ -79,6 +80,12 @@ def _panel(study: StudyTable, panel: PanelTable, runner: Runner) -> Panel:
         quantity: _scale(study, quantity, references[scale]) if isinstance(scale, str) else scale
         for quantity, scale in shown.items()
     }
+    for quantity, scale in scales.items():
+        if scale == 0.0 or not np.isfinite(scale):
+            raise CaseError(
+                f"{runner.file}: {panel.title}: {quantity} is divided by {shown[quantity]!r}, where it is {scale:g}; "
+                "allowed: references in which it is not zero"
+            )
     return Panel(
         title=panel.title,
         axis=panel.axis,
@@ -86,7 +93,7 @@ def _panel(study: StudyTable, panel: PanelTable, runner: Runner) -> Panel:
         values=np.array([np.nan if run.value is None else run.value for run in tables]),
         quantities={name: np.array([_values(study, name, run) for run in runs]) / scales[name] for name in shown},
         references=scales,
-        converged=tuple(run.converged for run in runs),
+        converged=tuple(run.converged and all(r.converged for r in references.values()) for run in runs),
         messages=tuple(run.step.message for run in runs),
         zone=runs[0].zone,
     )

@@ -13,7 +13,7 @@ from meeframe.report.study import study_json
 from meeframe.study.solve import solve_study
 
 STUDIES = Path(__file__).parents[2] / "validation"
-COARSE = (("divisions = 16", "divisions = 8"), ("rings = 7", "rings = 4"))
+COARSE = (("divisions = 16", "divisions = 12"), ("rings = 7", "rings = 4"))
 
 
 def load_claims():
@@ -29,7 +29,7 @@ figures, claims = load_claims()
 
 @pytest.fixture(scope="module")
 def figure(tmp_path_factory):
-    """Solves a study of the three sections on 8 x 8 elements in the zone."""
+    """Solves a study of the three sections on 12 x 12 elements in the zone."""
     folder = tmp_path_factory.mktemp("orthotropic")
 
     def solved(name):
@@ -92,6 +92,7 @@ def test_tangential_load(figure):
         assert ratio["full slip"] == pytest.approx(1.0, abs=1e-6)
         assert abs(ratio["full stick"]) < 1e-6  # by symmetry
         assert panel.stick_area("full stick") == 1.0
+        assert panel.stick_area("full slip") == 0.0
 
 
 @pytest.mark.parametrize("name", ["orthotropic-mee", "batio3-cofe2o4"])
@@ -121,9 +122,3 @@ def test_direction_of_sliding_shapes_everything(figure, name):
         expected = np.array(law) ** 2 * slip / np.linalg.norm(np.array(law) * slip)
         found_ratio = panel.of("tangential_traction", "full slip")[closed] / pressure[closed, None]
         np.testing.assert_allclose(found_ratio, np.broadcast_to(expected, found_ratio.shape), atol=0.01)
-
-
-def test_sliding_is_steady_where_it_is_said_to_be(figure):
-    """Without sticking nodes at full slip, whatever the friction."""
-    panel = figure("fig-10").panels[1]
-    assert panel.stick_area("full slip") == 0.0

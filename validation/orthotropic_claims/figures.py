@@ -45,6 +45,11 @@ class Panel:
         """Share of the contact that sticks."""
         return float(self.weights @ self.of("stick", run) / (self.weights @ (self.of("pressure", run) > 0)))
 
+    @property
+    def one_node(self) -> float:
+        """Share of an inner node in the smallest contact of these runs."""
+        return float(self.weights.max() / (self.quantities["pressure"] > 0).dot(self.weights).min())
+
     def stick_centre(self, run: str) -> float:
         """Middle of the stick zone along x [mm]; nan if there is none."""
         mass = self.weights * self.of("stick", run)

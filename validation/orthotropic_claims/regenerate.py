@@ -8,7 +8,6 @@ reproduced figures and of the cache of reduced systems, `--out` that of the page
 
 import argparse
 import json
-import shutil
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -17,12 +16,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from claims import Claim, claims
 from figures import Figure, read_figure
+from PIL import Image
 
 from meeframe.study.reproduce import ALL, reproduce
 
 HERE = Path(__file__).parent
 STUDIES = HERE.parent
 PAGE = "orthotropic"
+COLOURS = 128
 ROOT = HERE.parents[1]
 
 
@@ -37,7 +38,8 @@ def main() -> None:
     for study in reproduce([ALL], STUDIES, arguments.work):
         print(study.name, flush=True)
         figures.append(read_figure(arguments.work / f"{study.name}.json"))
-        shutil.copyfile(arguments.work / f"{study.name}.png", arguments.out / f"{PAGE}_{study.name}.png")
+        with Image.open(arguments.work / f"{study.name}.png") as picture:  # fewer colours, a fraction of the size
+            picture.convert("RGB").quantize(COLOURS).save(arguments.out / f"{PAGE}_{study.name}.png", optimize=True)
     found = {figure.name: claims(figure) for figure in figures}
     (arguments.out / f"{PAGE}.md").write_text(page(figures, found), encoding="utf-8")
     numbers = [asdict(claim) for group in found.values() for claim in group]

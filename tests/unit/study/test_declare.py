@@ -1,5 +1,8 @@
 """Study files: what they may say, how they change a case, and what is said of wrong ones."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from meeframe.core.errors import CaseError
@@ -107,6 +110,26 @@ def test_wrong_studies(write, kind):
         load_study(write(change))
     assert text in str(caught.value)
     assert "study.toml" in str(caught.value) or kind == "no case"
+
+
+def test_maps_that_show_different_quantities(write):
+    changes = [('"curves"', '"maps"'), ('{ force = "base", charge = 2.0 }', '{ pressure = "base" }')]
+    path = write(*changes)
+    more = '\n[[panels]]\ntitle = "other"\nquantities = { stick = 1.0 }\nruns = [{ label = "one" }]\n'
+    path.write_text(path.read_text() + more)
+    with pytest.raises(CaseError, match="maps: all panels have to show the same quantities"):
+        load_study(path)
+
+
+def test_the_documented_study_is_one(tmp_path):
+    page = Path(__file__).parents[3] / "docs" / "reproduce.md"
+    (example,) = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "emii.toml").write_text("")
+    (tmp_path / "study.toml").write_text(example, encoding="utf-8")
+    study, _ = load_study(tmp_path / "study.toml")
+    (panel,) = study.panels
+    assert [run.label for run in panel.all_runs()] == ["0", "0.1", "0.3", "no friction"]
+    assert study.shown(panel) == {"force": "frictionless"}
 
 
 def test_a_panel_without_runs(write):

@@ -1,0 +1,44 @@
+"""The studies that come with the package: their keys lead into their cases, and their numbers are the closed forms'."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meeframe.case.load import case_from_tables, load_case
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.study.declare import changed, load_study
+from meeframe.study.reproduce import known_studies
+from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
+
+STUDIES = known_studies(Path(__file__).parents[3] / "validation")
+
+
+def test_the_papers_figures_are_there():
+    assert {f"fig-{number:02d}" for number in range(3, 15)} <= set(STUDIES)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_first_and_last_run_and_references_are_cases(name):
+    study, tables = load_study(STUDIES[name])
+    tables = changed(tables, {"mesh.divisions": 4, "mesh.rings": 2})
+    for panel in study.panels:
+        runs = [panel.all_runs()[place].set for place in (0, -1)]
+        for changes in (*runs, *study.references.values()):
+            case_from_tables(changed(tables, panel.set, changes), folder=STUDIES[name].parent)
+
+
+def test_numbers_of_figs_3_and_4_are_the_half_spaces():
+    case = load_case(STUDIES["fig-03"].parent / "emii.toml")
+    xi = axisymmetric_compliance(case.material.stiffness)
+    exact = {
+        name: indent(xi, Sphere(case.indenter.radius), case.steps[0].approach, *potentials)
+        for name, potentials in CONDITIONS.items()
+    }
+    totals = load_study(STUDIES["fig-03"])[0].quantities
+    assert totals["force"] == pytest.approx(exact["EMII"].force, rel=1e-5)
+    assert totals["charge"] == pytest.approx(exact["ECMII"].charge, rel=1e-5)
+    assert totals["magnetic_flux"] == pytest.approx(exact["EIMCI"].magnetic_flux, rel=1e-5)
+    fields = load_study(STUDIES["fig-04"])[0].quantities
+    for name, value in fields.items():
+        assert value == pytest.approx(getattr(exact["EMII"], name)(np.zeros(1))[0], rel=1e-4), name
