@@ -34,7 +34,7 @@ def write(write_case):
 
 
 def test_quantities_are_divided_by_their_references(write, registry, tmp_path):
-    """The pressure at the apex is stiffness times depth; the reference has a tenth of the stiffness at the least depth."""
+    """Pressure at the apex is stiffness times depth; the reference has a tenth of the stiffness, at 10 um."""
     study = solve_study(write('{ max_pressure = "soft", force = 2.0 }'), tmp_path / "cache", registry=registry)
     (panel,) = study.panels
     np.testing.assert_allclose(panel.quantities["max_pressure"], [10.0, 20.0], rtol=1e-9)
