@@ -16,12 +16,22 @@ def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
+def block_with(beginning):
+    (text,) = [text for text in blocks("toml") if text.startswith(beginning)]
+    return text
+
+
 def test_the_case_file_with_all_tables_is_accepted(tmp_path):
-    (text,) = blocks("toml")
+    text = block_with("title")
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
     case = load_case(tmp_path / "case.toml")
     assert [step.approach for step in case.steps] == pytest.approx([2e-5, 4e-5])
     assert (case.potentials, case.steps[1].electric_potential) == ((0.0, 0.0), 10.0)
+
+
+def test_the_counter_body_is_accepted_in_that_file(tmp_path):
+    (tmp_path / "case.toml").write_text(block_with("title") + block_with("[counter_body]"), encoding="utf-8")
+    assert load_case(tmp_path / "case.toml").counter.material.name == "orthotropic-mee"
 
 
 def test_the_case_from_objects_runs():
