@@ -31,6 +31,7 @@ plugins_app = typer.Typer()
 app.add_typer(plugins_app, name="plugins")
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
+Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Name or inline table; repeatable.")]
 PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")
 ]
@@ -127,6 +128,41 @@ def new_plugin(
 
         folder = write_plugin(kind_called(kind), name, _registry(None), out)
         print(f"{folder}: {', '.join(sorted(str(p.relative_to(folder)) for p in folder.rglob('*') if p.is_file()))}")
+
+
+@app.command()
+def compare(
+    case: CaseFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for table and figure; made if it does not exist.")],
+    contact_law: Choices = None,
+    conductivity_law: Choices = None,
+    solver: Choices = None,
+    formulation: Choices = None,
+    fundamental_solution: Choices = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what DIR holds.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Run a case with all combinations of laws, solvers and formulations; write compare.json and sections.png.
+
+    Each option takes a name or an inline table as in a case file, and may be repeated; a name takes the keys of the
+    case that fit it. Exit status 0 if every run converged, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED):
+        from meeframe.report.compare import comparison_table
+        from meeframe.study.compare import compare as compare_runs
+
+        options = {
+            "contact-law": contact_law or [],
+            "conductivity-law": conductivity_law or [],
+            "solver": solver or [],
+            "formulation": formulation or [],
+            "fundamental-solution": fundamental_solution or [],
+        }
+        registry = _registry(plugin)
+        with _progress() as progress:
+            comparison = compare_runs(case, options, out, overwrite, registry, progress)
+        _console().print(comparison_table(comparison))
+        raise typer.Exit(CONVERGED if all(run.status == "converged" for run in comparison.runs) else NOT_CONVERGED)
 
 
 @app.command()

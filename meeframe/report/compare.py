@@ -1,0 +1,225 @@
+"""What the runs of a comparison have in common and where they differ: table, figure, JSON."""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from meeframe.core.contact import Status
+from meeframe.core.fields import Array
+from meeframe.core.result import Resultants, StepResult, Zone, resultants
+from meeframe.report.study import Panel, Study, study_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REFUSED: Final = "refused"
+UNFINISHED: Final = "unfinished"
+
+_TOTALS: Final[Mapping[str, tuple[str, Callable[[Resultants], Any]]]] = {
+    "force": ("N", lambda totals: totals.force),
+    "charge": ("C", lambda totals: totals.charge),
+    "magnetic_flux": ("Wb", lambda totals: totals.magnetic_flux),
+    "contact_area": ("m^2", lambda totals: totals.contact_area),
+    "max_pressure": ("Pa", lambda totals: totals.max_pressure),
+    "max_abs_electric_potential": ("V", lambda totals: totals.max_abs_electric_potential),
+    "max_abs_magnetic_potential": ("A", lambda totals: totals.max_abs_magnetic_potential),
+}
+_FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = {
+    "pressure": ("Pa", lambda _, step: 0.0 - step.traction[:, 2]),
+    "traction_x": ("Pa", lambda zone, step: _along(zone, step, 0)),
+    "traction_y": ("Pa", lambda zone, step: _along(zone, step, 1)),
+    "electric_potential": ("V", lambda _, step: step.potentials[:, 0]),
+    "magnetic_potential": ("A", lambda _, step: step.potentials[:, 1]),
+}
+"""Nodal fields: pressure and tangential tractions on the body along global x1, x2, potentials of the body."""
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """One combination. choices: what was chosen, by option; zone, steps: as in Result; planned: increments of the case;
+    seconds: of the increments so far; system_seconds: of the reduced system, which others may share; refusal: why a
+    solver or law cannot take the case, if so."""
+
+    choices: Mapping[str, str]
+    zone: Zone
+    planned: int
+    steps: tuple[StepResult, ...] = ()
+    seconds: float = 0.0
+    system_seconds: float = 0.0
+    refusal: str = ""
+
+    @property
+    def label(self) -> str:
+        """The choices in one line."""
+        return ", ".join(self.choices.values())
+
+    @property
+    def status(self) -> str:
+        """'converged' if all increments did; else that of the first that did not, 'refused' or 'unfinished'."""
+        failed = next((str(step.status) for step in self.steps if step.status is not Status.CONVERGED), "")
+        if self.refusal or failed:
+            return REFUSED if self.refusal else failed
+        return str(Status.CONVERGED) if len(self.steps) == self.planned else UNFINISHED
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs of one case with combinations of laws, formulations and solvers; title, text: of the case."""
+
+    title: str
+    text: str
+    runs: tuple[ComparedRun, ...] = ()
+
+
+def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
+    """How far the last increment of a run is from that of the first one, by quantity.
+
+    Totals: modulus of the difference over that of the first; fields: largest difference over largest modulus. None
+    where the first is zero and the run is not, or where there is nothing to compare.
+    """
+    if not run.steps or len(run.steps) != len(first.steps):
+        return dict.fromkeys([*_TOTALS, *_FIELDS])
+    mine, others = ((r.zone, r.steps[-1]) for r in (run, first))
+    found = {
+        name: _relative(np.linalg.norm, np.atleast_1d(of(resultants(*mine))), np.atleast_1d(of(resultants(*others))))
+        for name, (_, of) in _TOTALS.items()
+    }
+    same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
+    for name, (_, of) in _FIELDS.items():
+        found[name] = _relative(lambda field: np.abs(field).max(), of(*mine), of(*others)) if same else None
+    return found
+
+
+def _relative(size: Callable[[Array], Any], value: Array, reference: Array) -> float | None:
+    difference, scale = float(size(value - reference)), float(size(reference))
+    if difference == 0.0:
+        return 0.0
+    return difference / scale if scale > 0.0 and math.isfinite(difference) else None
+
+
+def _along(zone: Zone, step: StepResult, axis: int) -> Array:
+    along: Array = np.einsum("na,na->n", step.traction[:, :2], zone.frames[:, :2, axis])
+    return along
+
+
+def comparison_json(comparison: Comparison) -> str:
+    """All numbers: of each run its choices, status, times and increments, and of its last increment the fields on the
+    zone and the differences to the first run. Numbers that are not finite become null."""
+    runs = [_numbers(run, comparison.runs[0]) for run in comparison.runs]
+    return (
+        json.dumps({"title": comparison.title, "case": comparison.text, "runs": runs}, indent=1, allow_nan=False) + "\n"
+    )
+
+
+def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
+    last = run.steps[-1] if run.steps else None
+    return {
+        "label": run.label,
+        "choices": dict(run.choices),
+        "status": run.status,
+        "message": run.refusal or (last.message if last else ""),
+        "seconds": run.seconds,
+        "system_seconds": run.system_seconds,
+        "iterations": sum(step.iterations for step in run.steps),
+        "increments": [_increment(run.zone, step) for step in run.steps],
+        "differences": differences(run, first),
+        "points": run.zone.points.tolist(),
+        "fields": {name: _plain(of(run.zone, last)) for name, (_, of) in _FIELDS.items()} if last else {},
+    }
+
+
+def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
+    totals = resultants(zone, step)
+    return {
+        "step": step.step,
+        "increment": step.increment,
+        "status": str(step.status),
+        "iterations": step.iterations,
+        "residual": _plain(step.residual),
+        **{name: _plain(of(totals)) for name, (_, of) in _TOTALS.items()},
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Lists and numbers of JSON."""
+    if isinstance(value, np.ndarray | list):
+        return [_plain(item) for item in value]
+    return float(value) if math.isfinite(value) else None
+
+
+def comparison_table(comparison: Comparison) -> RenderableType:
+    """A column for each run: last increment, work, and differences to the first run."""
+    runs = comparison.runs
+    table = Table(title=comparison.title or None, title_justify="left")
+    table.add_column("")
+    table.add_column("unit")
+    for run in runs:
+        table.add_column("\n".join(run.choices.values()), justify="right")
+    ends = [resultants(run.zone, run.steps[-1]) if run.steps else None for run in runs]
+    for name, (unit, of) in _TOTALS.items():
+        parts = ("x", "y", "z") if name == "force" else ("",)
+        for i, part in enumerate(parts):
+            values = [None if end is None else float(np.atleast_1d(of(end))[i]) for end in ends]
+            table.add_row(f"{_words(name)} {part}".strip(), unit, *map(_shown, values))
+    apart = [differences(run, runs[0]) for run in runs]
+    for name in ("force", "pressure", "traction_x", "electric_potential", "magnetic_potential"):
+        table.add_row(f"difference in {_words(name)}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
+    table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
+    table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
+    table.add_row("time of the reduced system", "s", *(f"{run.system_seconds:.3g}" for run in runs))
+    table.add_row("status", "", *(run.status for run in runs))
+    return Group(table, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal))
+
+
+def _words(name: str) -> str:
+    return name.replace("max_abs_", "largest |").replace("max_", "largest ").replace("_", " ") + "|" * ("abs" in name)
+
+
+def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
+    return "-" if value is None else f"{factor * value:{form}}"
+
+
+def comparison_figure(comparison: Comparison) -> "Figure | None":
+    """Sections through the zone, the runs over each other; runs on other points in panels of their own.
+
+    None if no run has a finished increment.
+    """
+    done = [run for run in comparison.runs if run.steps]
+    if not done:
+        return None
+    zones: list[list[ComparedRun]] = []
+    for run in done:
+        alike = (group for group in zones if np.array_equal(group[0].zone.points, run.zone.points))
+        group = next(alike, None)
+        if group is None:
+            zones.append([run])
+        else:
+            group.append(run)
+    shown = [name for name, (_, of) in _FIELDS.items() if any(of(run.zone, run.steps[-1]).any() for run in done)]
+    panels = tuple(_panel(comparison.title if i == 0 else "", group, shown) for i, group in enumerate(zones))
+    return study_figure(Study("compare", comparison.title, "", "sections", "linear", panels))
+
+
+def _panel(title: str, runs: list[ComparedRun], shown: list[str]) -> Panel:
+    names = {name: f"{name} [{_FIELDS[name][0]}]" for name in shown}
+    return Panel(
+        title=title,
+        axis="",
+        runs=tuple(run.label for run in runs),
+        values=np.full(len(runs), np.nan),
+        quantities={
+            label: np.array([_FIELDS[name][1](run.zone, run.steps[-1]) for run in runs])
+            for name, label in names.items()
+        },
+        references=dict.fromkeys(names.values(), 1.0),
+        converged=tuple(run.status == Status.CONVERGED for run in runs),
+        messages=tuple(run.steps[-1].message for run in runs),
+        zone=runs[0].zone,
+    )
