@@ -15,7 +15,7 @@ from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter, motion_modes
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import Placement, check_contact_zone, initial_gap, zone_frames
+from meeframe.geometry import FrictionAxes, Placement, check_contact_zone, initial_gap, zone_frames
 from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material
 from meeframe.solvers import Auto, Limits
@@ -36,8 +36,9 @@ class Case:
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
     contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
     from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
-    counter: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose distance
-    from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
+    axes: which way the local axis e1 points, from which a contact law measures its angle, by default as frames_of has
+    it; counter: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose
+    distance from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
@@ -56,6 +57,7 @@ class Case:
     restart: Restart | None = None
     zone: str = "contact"
     contact_law: ContactLaw = field(default_factory=Signorini)
+    axes: FrictionAxes | None = None
     electric_law: ConductivityLaw = field(default_factory=Insulating)
     magnetic_law: ConductivityLaw = field(default_factory=Insulating)
     formulation: Formulation = field(default_factory=DenseBEM)

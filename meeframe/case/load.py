@@ -143,6 +143,7 @@ def _assemble(
         potentials=(table.indenter.electric_potential, table.indenter.magnetic_potential),
         zone=table.contact.zone,
         contact_law=table.contact.law,
+        axes=table.contact.axes,
         electric_law=table.conductivity.electric,
         magnetic_law=table.conductivity.magnetic,
         formulation=table.formulation,

@@ -26,7 +26,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter
 from meeframe.core.quantities import Quantity
-from meeframe.geometry import Placement
+from meeframe.geometry import FrictionAxes, Placement
 from meeframe.plugin.registry import CONTRACTS, Registry
 from meeframe.plugin.validation import Problem, TableError, build, problems_of
 from meeframe.solvers import Limits
@@ -192,11 +192,16 @@ class CounterBodyTable(Table):
     formulation: Annotated[Formulation, _by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
 
 
+def _axes(value: Any) -> Any:
+    return build(FrictionAxes, value) if isinstance(value, Mapping) else value
+
+
 class ContactTable(Table):
-    """[contact]: the face group that may come into contact, and its law."""
+    """[contact]: the face group that may come into contact, its law, and the axes of its friction."""
 
     zone: Text = "contact"
     law: Annotated[ContactLaw, _by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
+    axes: Annotated[FrictionAxes | None, BeforeValidator(_axes)] = None
 
 
 _INSULATING: Final = Field(default="insulating", validate_default=True)

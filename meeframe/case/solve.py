@@ -32,6 +32,7 @@ from meeframe.core.result import (
     split_displacement,
     split_load,
 )
+from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
 from meeframe.solvers import solve
 
@@ -57,8 +58,10 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
 
 
 def joined(case: Case, reducer: Callable[[Formulation, Body], ReducedSystem]) -> ReducedSystem:
-    """The reduced system of a case; the reducer makes that of each body."""
+    """The reduced system of a case, in frames along its friction axes; the reducer makes that of each body."""
     first = reducer(case.formulation, case.body)
+    if case.axes is not None:
+        first = turned(first, case.axes.directions(first.points))
     if case.counter is None:
         return first
     return pair(first, reducer(case.counter.formulation, case.counter.body))

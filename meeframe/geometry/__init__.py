@@ -1,5 +1,6 @@
 """Meshes and their generators, readers and checks; the contact zone; indenters and the gap to them."""
 
+from meeframe.geometry.axes import FrictionAxes
 from meeframe.geometry.checks import check_mesh, merge_points, orient_outward
 from meeframe.geometry.generators import Grading, block_mesh, box_mesh, half_space_mesh, sphere_mesh
 from meeframe.geometry.heights import Heights, SampledHeights
@@ -14,6 +15,7 @@ __all__ = [
     "ContactZone",
     "Cylinder",
     "FlatPunch",
+    "FrictionAxes",
     "Grading",
     "Heights",
     "Placement",

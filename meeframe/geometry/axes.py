@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
+from meeframe.core.quantities import Quantity
 
 Vector = tuple[float, float, float]
+Length = Annotated[float, Quantity("m", gt=-math.inf, lt=math.inf)]
 
 ON_AXIS: Final = 1e-9
 """Points nearer to the axis than this fraction of the zone's extent lie on it."""
@@ -27,7 +29,7 @@ class FrictionAxes:
 
     direction: Vector | None = None
     around: Vector | None = None
-    centre: Vector = (0.0, 0.0, 0.0)
+    centre: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if (self.direction is None) == (self.around is None):

@@ -61,7 +61,7 @@ def test_slip_dissipates_at_every_node_in_every_step(seed: int, mu: tuple[float,
     assert dissipation.min() >= -1e-9 * scale
     assert dissipation.sum() > 1e-4 * scale
     assert work.sum() >= dissipation.sum() - 1e-9 * scale
-    assert not left.any()
+    assert np.abs(left).max() < 1.0  # Pa, of some 1e7
 
 
 def test_all_work_over_a_cycle_is_dissipated_by_slip_as_steps_become_small() -> None:

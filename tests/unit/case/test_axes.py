@@ -1,0 +1,96 @@
+"""Friction axes of a case: what files may say, and what becomes of it on independent springs."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.cache import cached_reduce
+from meeframe.case.load import load_case
+from meeframe.case.solve import reduce
+from meeframe.core.errors import CaseError
+from meeframe.core.result import RunStatus
+from meeframe.geometry import FrictionAxes
+from meeframe.laws import OrthotropicCoulomb
+
+CONTACT = '\n[contact]\nlaw = {{name = "orthotropic-coulomb", mu1 = 0.1, mu2 = 0.4}}\naxes = {}\n'
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(), registry)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{direction = [1, 1, 0]}", FrictionAxes(direction=(1.0, 1.0, 0.0))),
+        ("{around = [0, 0, 1]}", FrictionAxes(around=(0.0, 0.0, 1.0))),
+        ('{around = [0, 0, 2], centre = ["1 mm", 0, 0]}', FrictionAxes((None), (0.0, 0.0, 2.0), (1e-3, 0.0, 0.0))),
+    ],
+)
+def test_axes_of_a_file(write_case, registry, text, expected):
+    assert load_case(write_case(more=CONTACT.format(text)), registry).axes == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{}", "contact.axes.*neither of direction and around"),
+        ("{direction = [1, 0, 0], around = [0, 0, 1]}", "contact.axes.*both of direction and around"),
+        ("{direction = [0, 0, 0]}", "contact.axes.*not all zero"),
+        ('{around = [0, 0, 1], centre = ["1 kg", 0, 0]}', "contact.axes.centre.*wrong unit"),
+        ("{around = [0, 1]}", "contact.axes.around"),
+        ("{along = [0, 1, 0]}", "contact.axes.along.*unknown key"),
+        ("[1, 0, 0]", "contact.axes"),
+    ],
+)
+def test_axes_that_are_none_are_refused(write_case, registry, text, message):
+    with pytest.raises(CaseError, match=message):
+        load_case(write_case(more=CONTACT.format(text)), registry)
+
+
+def pulled(case, law, axes=None, **step):
+    """Points, pressures (n,), and tangential tractions (n, 2) along global x1, x2, of the last step."""
+    steps = (dataclasses.replace(case.steps[0], **step),)
+    result = meeframe.solve_case(dataclasses.replace(case, contact_law=law, axes=axes, steps=steps))
+    assert result.status is RunStatus.CONVERGED
+    traction = result.steps[-1].traction
+    tangential = np.einsum("na,nai->ni", traction[:, :2], result.zone.frames[:, :2, :2])
+    return result.zone.points, -traction[:, 2], tangential
+
+
+def test_one_direction_is_the_angle_of_the_law_on_a_flat_zone(case):
+    angle, drag = 0.7, (2e-4, -1e-4)
+    _, _, expected = pulled(case, OrthotropicCoulomb(0.1, 0.4, angle), translation=drag)
+    axes = FrictionAxes(direction=(np.cos(angle), np.sin(angle), 3.0))
+    _, _, found = pulled(case, OrthotropicCoulomb(0.1, 0.4), axes, translation=drag)
+    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
+    _, _, other = pulled(case, OrthotropicCoulomb(0.1, 0.4), translation=drag)
+    assert np.abs(other - expected).max() > 0.1 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(("axes", "coefficient"), [((0.0, 0.0, 1.0), 0.4), (None, None)])
+def test_around_an_axis_a_twist_meets_the_second_coefficient(case, axes, coefficient):
+    """Far beyond the limit each spring carries mu2 p across its arm."""
+    field = None if axes is None else FrictionAxes(around=axes)
+    points, pressure, traction = pulled(case, OrthotropicCoulomb(0.1, 0.4), field, twist=50.0)
+    firm = (pressure > 0.0) & (np.linalg.norm(points, axis=1) > 1e-9)
+    arms = points[firm, :2] / np.linalg.norm(points[firm], axis=1, keepdims=True)
+    across = np.column_stack([-arms[:, 1], arms[:, 0]])
+    along = np.einsum("ni,ni->n", traction[firm], across) / pressure[firm]
+    if coefficient is None:
+        assert np.ptp(along) > 0.1, "without axes the coefficient depends on the direction"
+    else:
+        np.testing.assert_allclose(along, coefficient, rtol=1e-6)
+        np.testing.assert_allclose(np.einsum("ni,ni->n", traction[firm], arms) / pressure[firm], 0.0, atol=1e-6)
+
+
+def test_reduced_systems_from_the_cache_are_turned_too(case, tmp_path):
+    turned = dataclasses.replace(case, axes=FrictionAxes(around=(0.0, 0.0, 1.0)))
+    for again in (turned, case, turned):
+        expected, found = reduce(again), cached_reduce(again, tmp_path)
+        np.testing.assert_array_equal(found.frames, expected.frames)
+        np.testing.assert_array_equal(found.dense(), expected.dense())
+    assert len(list(tmp_path.glob("*.h5"))) == 1
