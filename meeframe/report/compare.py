@@ -14,13 +14,16 @@ from rich.text import Text
 from meeframe.core.contact import Status
 from meeframe.core.fields import Array
 from meeframe.core.result import Resultants, StepResult, Zone, resultants
-from meeframe.report.study import Panel, Study, study_figure
+from meeframe.report.canvas import prefixed, sheet
+from meeframe.report.study import middle_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REFUSED: Final = "refused"
 UNFINISHED: Final = "unfinished"
+_ROUND_OFF: Final = 1e-6
+"""Of the largest pressure: smaller tangential tractions are not drawn."""
 
 _TOTALS: Final[Mapping[str, tuple[str, Callable[[Resultants], Any]]]] = {
     "force": ("N", lambda totals: totals.force),
@@ -187,39 +190,38 @@ def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 
 
 def comparison_figure(comparison: Comparison) -> "Figure | None":
-    """Sections through the zone, the runs over each other; runs on other points in panels of their own.
-
-    None if no run has a finished increment.
-    """
+    """Sections along x through the middle of the zone, the runs over each other; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    if not done:
+    shown = [name for name in _FIELDS if _visible(name, done)]
+    if not shown:
         return None
-    zones: list[list[ComparedRun]] = []
-    for run in done:
-        alike = (group for group in zones if np.array_equal(group[0].zone.points, run.zone.points))
-        group = next(alike, None)
-        if group is None:
-            zones.append([run])
-        else:
-            group.append(run)
-    shown = [name for name, (_, of) in _FIELDS.items() if any(of(run.zone, run.steps[-1]).any() for run in done)]
-    panels = tuple(_panel(comparison.title if i == 0 else "", group, shown) for i, group in enumerate(zones))
-    return study_figure(Study("compare", comparison.title, "", "sections", "linear", panels))
+    figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.25 * len(done)))
+    grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
+    for axes, name in zip(grid, shown, strict=False):
+        fields = [_FIELDS[name][1](run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(fields), _FIELDS[name][0])
+        for number, (run, field) in enumerate(zip(done, fields, strict=True)):
+            nodes, x = middle_line(run.zone)
+            # wide lines below narrow ones, so that those which coincide are seen
+            style = {
+                "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
+                "color": f"C{number}",
+                "marker": "o",
+                "ms": 2.5,
+            }
+            axes.plot(x * 1e3, field[nodes] / factor, label=run.label, **style)
+        axes.set(xlabel="x [mm]", ylabel=f"{_words(name)} [{unit}]")
+        axes.grid(alpha=0.3)
+    for axes in grid[len(shown) :]:
+        axes.remove()
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
+    figure.suptitle(comparison.title)
+    return figure
 
 
-def _panel(title: str, runs: list[ComparedRun], shown: list[str]) -> Panel:
-    names = {name: f"{name} [{_FIELDS[name][0]}]" for name in shown}
-    return Panel(
-        title=title,
-        axis="",
-        runs=tuple(run.label for run in runs),
-        values=np.full(len(runs), np.nan),
-        quantities={
-            label: np.array([_FIELDS[name][1](run.zone, run.steps[-1]) for run in runs])
-            for name, label in names.items()
-        },
-        references=dict.fromkeys(names.values(), 1.0),
-        converged=tuple(run.status == Status.CONVERGED for run in runs),
-        messages=tuple(run.steps[-1].message for run in runs),
-        zone=runs[0].zone,
-    )
+def _visible(name: str, runs: list[ComparedRun]) -> bool:
+    """Whether a field is more than round-off; tractions are measured by the pressure."""
+    measure = "pressure" if name.startswith("traction") else name
+    sizes = [np.abs(_FIELDS[which][1](run.zone, run.steps[-1])).max() for which in (name, measure) for run in runs]
+    largest, scale = max(sizes[: len(runs)], default=0.0), max(sizes[len(runs) :], default=0.0)
+    return bool(largest > _ROUND_OFF * scale)
