@@ -58,7 +58,7 @@ def _solve(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> 
     """Solutions (k, 1 + m) of the coupled rows (k of them)."""
     matrix = equation.problem.system.dense()
     if matrix is None:
-        return np.column_stack([_krylov(equation, blocks, coupled, right) for right in rights.T])
+        return _krylov(equation, blocks, coupled, rights)
     size = equation.problem.system.offset.size
     return _direct(equation, blocks, coupled, rights, matrix.reshape(size, size))
 
@@ -66,7 +66,7 @@ def _solve(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
     """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m)."""
     if blocks.balance.size == 0 or not np.isfinite(responses).all():
-        return np.full(blocks.balance.shape, 0.0 if blocks.balance.size == 0 else np.nan)
+        return np.full(blocks.balance.shape, np.nan)
     resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :N_FIELDS])
     right = -blocks.balance - resultants[:, 0]
     return np.asarray(np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0])
@@ -122,8 +122,8 @@ def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, ma
     return solved
 
 
-def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> Array:
-    """Solution by GMRES, preconditioned by the inverse of each node's own block."""
+def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> Array:
+    """Solutions by GMRES, preconditioned by the inverse of each node's own block."""
     unit = np.broadcast_to(_unit(equation, np.arange(6)), coupled.shape)
     both = coupled[:, :, None] & coupled[:, None, :]
     extended = np.zeros((len(coupled), N_FIELDS, CLOSED + 1))
@@ -145,8 +145,9 @@ def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, right: Array) -> 
     def precondition(values: Array) -> Array:
         return np.asarray((inverse @ full(values)[:, :, None])[:, :, 0][coupled])
 
-    shape = (right.size, right.size)
+    shape = (len(rights), len(rights))
     operator = LinearOperator(shape, matvec=multiply, dtype=np.float64)
     preconditioner = LinearOperator(shape, matvec=precondition, dtype=np.float64)
-    solved, _ = gmres(operator, right, rtol=KRYLOV_TOLERANCE, restart=RESTART, maxiter=CYCLES, M=preconditioner)
-    return np.asarray(unit[coupled] * solved)
+    options = {"rtol": KRYLOV_TOLERANCE, "restart": RESTART, "maxiter": CYCLES, "M": preconditioner}
+    solved = [gmres(operator, right, **options)[0] for right in rights.T]
+    return np.asarray(unit[coupled][:, None] * np.column_stack(solved))
