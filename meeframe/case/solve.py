@@ -34,6 +34,7 @@ from meeframe.core.result import (
 )
 from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
+from meeframe.plugin.sources import local_files
 from meeframe.solvers import solve
 
 
@@ -148,7 +149,7 @@ def provenance(case: Case) -> Provenance:
     """What makes a result of this case, here and now."""
     libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
     versions = {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
-    versions |= {provider.name: provider.version for provider in plugins.load().providers}
+    versions |= {provider.name: provider.version for provider in plugins.load().providers} | local_files()
     return Provenance(case.title, case.text, versions, numba.get_num_threads())
 
 

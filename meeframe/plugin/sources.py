@@ -9,11 +9,15 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
+from typing import Final
 
 from packaging.requirements import InvalidRequirement, Requirement
 
 from meeframe.core.errors import PluginError
 from meeframe.plugin.hookspecs import PROJECT
+
+_LOCAL: Final = f"{PROJECT}_file_"
+"""How names of modules that come from local files begin."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
     except OSError as error:
         raise PluginError(f"plugin file {path} cannot be read: {error.strerror or error}") from None
     digest = hashlib.sha256(source).hexdigest()
-    name = f"{PROJECT}_file_{path.stem}_{digest[:12]}"
+    name = f"{_LOCAL}{path.stem}_{digest[:12]}"
     module = ModuleType(name)
     module.__file__ = str(path.resolve())
     linecache.checkcache(module.__file__)
@@ -81,6 +85,12 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
         del sys.modules[name]
         raise PluginError(file_fault(path, reason(error), line_in(error, module.__file__))) from None
     return Provider(str(path), f"sha256:{digest[:12]}"), module
+
+
+def local_files() -> dict[str, str]:
+    """Names and shortened SHA-256 of the local files that this process has loaded: they go into its results."""
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(_LOCAL)]
+    return {Path(str(module.__file__)).name: f"sha256:{module.__name__.rpartition('_')[2]}" for module in modules}
 
 
 def file_fault(path: Path | str, cause: str, line: int | None) -> str:

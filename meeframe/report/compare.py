@@ -220,8 +220,13 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
 
 
 def _visible(name: str, runs: list[ComparedRun]) -> bool:
-    """Whether a field is more than round-off; tractions are measured by the pressure."""
+    """Whether a field is more than round-off on the section; tractions are measured by the pressure."""
     measure = "pressure" if name.startswith("traction") else name
-    sizes = [np.abs(_FIELDS[which][1](run.zone, run.steps[-1])).max() for which in (name, measure) for run in runs]
-    largest, scale = max(sizes[: len(runs)], default=0.0), max(sizes[len(runs) :], default=0.0)
+    largest, scale = (
+        max(
+            (np.abs(_FIELDS[which][1](run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            default=0,
+        )
+        for which in (name, measure)
+    )
     return bool(largest > _ROUND_OFF * scale)

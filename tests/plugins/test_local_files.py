@@ -1,5 +1,7 @@
 """Plugins from files: found by --plugin only; whatever is wrong with one is told with file, line and cause."""
 
+import hashlib
+import json
 import textwrap
 
 import numpy as np
@@ -75,6 +77,16 @@ def test_parameters_in_words(write):
     }
     (built_in,) = find(registry, "dense-bem")
     assert [p.default for p in parameters(built_in, registry)] == ["tabulated", "1e-05", "0.523599"]
+
+
+def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
+    file = write(LAW)
+    with case_file.open("a", encoding="utf-8") as text:
+        text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
+    arguments = ["run", str(case_file), "--out", str(tmp_path / "out"), "--plugin", str(file)]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    versions = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["versions"]
+    assert versions["laws.py"] == f"sha256:{hashlib.sha256(file.read_bytes()).hexdigest()[:12]}"
 
 
 @pytest.mark.parametrize(
