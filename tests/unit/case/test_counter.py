@@ -77,6 +77,18 @@ def test_springs_in_series(case):
     np.testing.assert_allclose(step.boundary.values[:, 2], step.displacement[:, 2], atol=1e-14)
 
 
+def test_the_force_in_place_of_the_approach(case):
+    (moved,) = meeframe.solve_case(case).steps
+    pressed = replace(case, steps=(meeframe.Step(normal_force=case_force(case, moved)),))
+    (step,) = meeframe.solve_case(pressed).steps
+    assert step.loading.approach == pytest.approx(1e-5, rel=1e-8)
+    np.testing.assert_allclose(step.counter.displacement, moved.counter.displacement, rtol=1e-7, atol=1e-14)
+
+
+def case_force(case, step):
+    return float(-reduce(case).weights @ step.traction[:, 2])
+
+
 @pytest.fixture
 def live(write_case, registry):
     """Perfectly conducting, 2 kV between the grounds, stuck and moved sideways."""
