@@ -156,6 +156,7 @@ def middle_line(zone: Zone) -> tuple[Any, Array]:
 def _maps(figure: "Figure", study: Study) -> None:
     columns = [(panel, run) for panel in study.panels for run in range(len(panel.runs))]
     grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # labels of bars
     for row, name in enumerate(_names(study)):
         shown = [np.linalg.norm(v, axis=-1) if v.ndim == 3 else v for v in _each(study, name)]
         low, high = min(v.min() for v in shown), max(v.max() for v in shown)
