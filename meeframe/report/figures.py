@@ -65,7 +65,7 @@ def _title(result: Result) -> str:
     """Title of the case, and the increment where there are several."""
     step = f"{name_of(result, result.steps[-1])}, approach {result.steps[-1].loading.approach * 1e6:.6g} µm"
     parts = [result.provenance.title, step if result.planned_steps > 1 else ""]
-    return ", ".join(filter(None, parts))
+    return "\n".join(filter(None, parts))
 
 
 def _map(quantity: _Quantity, step: StepResult, picture: Picture, title: str) -> "Figure":
