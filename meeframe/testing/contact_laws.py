@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.fields import Array
-from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, require
+from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, each, require
+from meeframe.testing.search import search_tractions, search_trials
 
 _SAMPLES: Final = 400
 _REST_STEPS: Final = 300
@@ -23,12 +24,16 @@ _KINK: Final = 0.02
 """One-sided differences that differ by more belong to a trial where the projection has a kink."""
 
 
-def check_contact_law(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
+def check_contact_law(
+    law: ContactLaw, pressure: float = 1e6, seed: int = 0, reference: ContactLaw | None = None
+) -> None:
     """Frozen; project is pure, admissible, idempotent, local and non-expansive in the law's metric; rests do not depend
     on the step, and slip dissipates; tangent is the derivative of project where that has one.
 
-    pressure: magnitude of the random trial tractions [Pa]; pass one that is typical for the law. Properties that a law
-    need not have are checked apart: check_homogeneous, check_associated, check_isotropic, check_orthotropic.
+    pressure: magnitude of the random trial tractions [Pa]; pass one that is typical for the law. Beside them hypothesis
+    looks for simple trials that break it. reference: a law that has to agree, as the plain one of a compiled one.
+    Properties that a law need not have are checked apart: check_homogeneous, check_associated, check_isotropic,
+    check_orthotropic.
     """
     check_frozen(law)
     _check_scaling(law)
@@ -36,18 +41,26 @@ def check_contact_law(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> 
     trial = pressure * random.normal(size=(_SAMPLES, 3))
     traction = _pure(law.project, trial, "project")
     require(traction.shape == trial.shape, "project changes the shape", traction.shape)
-    require(bool(np.isfinite(traction).all()), "project gives tractions that are not finite", traction)
-    require(bool((traction[:, 2] <= 0.0).all()), "normal traction pulls", traction[:, 2].max())
-    open_ = traction[trial[:, 2] >= 0.0]
-    require(not open_.any(), "traction where the trial is open", open_)
+    each(np.isfinite(traction).all(axis=1), "project gives tractions that are not finite", trial, traction)
+    each(traction[:, 2] <= 0.0, "normal traction pulls", trial, traction)
+    closed = trial[:, 2] < 0.0
+    each(closed | ~traction.any(axis=1), "traction where the trial is open", trial, traction)
     beyond = np.column_stack([trial[:, :2], np.full(_SAMPLES, np.inf)])
-    require(not law.project(beyond).any(), "traction where there is no indenter above", law.project(beyond))
-    close(law.project(traction), traction, pressure, "project is not idempotent")
+    beside = law.project(beyond)
+    each(~beside.any(axis=1), "traction where there is no indenter above", beyond, beside)
+    again = law.project(traction)
+    each(np.abs(again - traction).max(axis=1) <= ROUND_OFF * pressure, "project is not idempotent", traction, again)
     some = random.permutation(_SAMPLES)[: _SAMPLES // 3]
     close(law.project(trial[some]), traction[some], pressure, "project depends on other nodes")
     _check_non_expansive(law, trial, pressure, random)
     _check_rests(law, pressure, random)
     _check_tangent(law, trial, beyond)
+    search_trials(law, pressure)
+    if reference is not None:
+        what = "differs from the reference law"
+        for size in (1e-3, 1.0, 1e3):
+            close(law.project(size * trial), reference.project(size * trial), size * pressure, what)
+        close(law.tangential_scaling(), reference.tangential_scaling(), 1.0, f"tangential_scaling {what}")
 
 
 def check_homogeneous(law: ContactLaw, seed: int = 0) -> None:
@@ -115,7 +128,7 @@ def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: in
     traction = np.concatenate([-pressure * 10.0 ** random.uniform(-6, 2, _SAMPLES), [0.0, -np.finfo(float).tiny]])
     kappa = _pure(law.conductivity, traction, "conductivity")
     require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
-    require(bool((kappa >= 0.0).all()), "conductivity is negative or NaN", kappa)
+    each(kappa >= 0.0, "conductivity is negative or NaN", traction, kappa)
     some = random.permutation(len(traction))[: _SAMPLES // 3]
     alone = law.conductivity(traction[some])
     require(np.array_equal(alone, kappa[some]), "conductivity depends on other nodes", kappa)
@@ -124,6 +137,7 @@ def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: in
     require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
     jump = np.abs(nearby[bounded] - kappa[bounded]) - 1e-6 * kappa[bounded]
     require(bool((jump <= 0.0).all()), "conductivity jumps under pressure", jump)
+    search_tractions(law, pressure)
 
 
 def _pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
@@ -163,8 +177,8 @@ def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random:
     metric = _metric(law)
     after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ metric, axis=1)
     before = np.linalg.norm((trial - other)[:, :2] @ metric, axis=1)
-    worst = (after - before).max()
-    require(bool(worst <= 1e-9 * pressure * np.abs(metric).max()), "project is expansive in the law's metric", worst)
+    within = after - before <= 1e-9 * pressure * np.abs(metric).max()
+    each(within, "project is expansive in the law's metric", np.hstack([trial, other]), after - before)
 
 
 @dataclass(frozen=True, eq=False)

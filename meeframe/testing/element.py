@@ -5,6 +5,7 @@ import numpy as np
 from meeframe.core.element import SurfaceElement, shape_coefficients, shape_derivatives, shape_functions
 from meeframe.core.fields import Array
 from meeframe.elements.quadrature import tensor_rule
+from meeframe.testing.requirements import explained
 
 _ROUND_OFF = 1e-12
 _CORNERS = {
@@ -16,12 +17,13 @@ _AREAS = {"quadrilateral": 4.0, "triangle": 0.5}
 
 def check_element(element: SurfaceElement, seed: int = 0) -> None:
     """All checks of this module. Raises AssertionError."""
-    check_nodes(element)
-    points = reference_points(element, 20, seed)
-    check_interpolation(element, points)
-    check_derivatives(element, points)
-    check_traces(element)
-    check_orientation(element)
+    with explained(element):
+        check_nodes(element)
+        points = reference_points(element, 20, seed)
+        check_interpolation(element, points)
+        check_derivatives(element, points)
+        check_traces(element)
+        check_orientation(element)
 
 
 def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:

@@ -16,7 +16,7 @@ from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe
-from meeframe.testing.requirements import check_frozen, require
+from meeframe.testing.requirements import check_frozen, explained, require
 
 _ROUND_OFF = 1e-9
 _LOADS = 6
@@ -43,13 +43,14 @@ def check_formulation(
     if body is None or field is None:
         check_indentation(formulation)
         body, field = _patch()
-    system = formulation.reduce(body)
-    check_form(system, body)
-    check_linear(formulation, body, system)
-    check_exact(system, field, tolerance)
-    check_reciprocity(system, asymmetry)
-    check_recovery(system, body, tolerance)
-    check_refusals(formulation, body)
+    with explained(formulation):
+        system = formulation.reduce(body)
+        check_form(system, body)
+        check_linear(formulation, body, system)
+        check_exact(system, field, tolerance)
+        check_reciprocity(system, asymmetry)
+        check_recovery(system, body, tolerance)
+        check_refusals(formulation, body)
 
 
 def check_form(system: ReducedSystem, body: Body) -> None:

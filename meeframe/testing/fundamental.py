@@ -7,6 +7,7 @@ import numpy as np
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.fundamental import FundamentalSolution, Kernel
 from meeframe.fundamental import LineIntegral
+from meeframe.testing.requirements import explained
 
 
 def check_fundamental_solution(
@@ -22,15 +23,16 @@ def check_fundamental_solution(
     """
     random = np.random.default_rng(seed)
     offset, normal = unit_vectors(random, 40) * random.uniform(0.5, 2.0, (40, 1)), unit_vectors(random, 40)
-    kernel = solution.bind(stiffness)
-    check_form(kernel, offset, normal)
-    check_symmetry(kernel, offset, normal)
-    check_traction(kernel, stiffness, offset, normal)
-    check_gradient(kernel, offset)
-    check_equilibrium(kernel, stiffness, offset)
-    check_unit_flux(kernel, 10.0 * traction_tolerance)
-    reference = LineIntegral().bind(stiffness)
-    check_agreement(kernel, reference, offset, normal, displacement_tolerance, traction_tolerance)
+    with explained(solution):
+        kernel = solution.bind(stiffness)
+        check_form(kernel, offset, normal)
+        check_symmetry(kernel, offset, normal)
+        check_traction(kernel, stiffness, offset, normal)
+        check_gradient(kernel, offset)
+        check_equilibrium(kernel, stiffness, offset)
+        check_unit_flux(kernel, 10.0 * traction_tolerance)
+        reference = LineIntegral().bind(stiffness)
+        check_agreement(kernel, reference, offset, normal, displacement_tolerance, traction_tolerance)
 
 
 def unit_vectors(random: np.random.Generator, count: int) -> Array:

@@ -1,7 +1,9 @@
 """What the conformance checks share: a property that holds, or an AssertionError that names it and shows a value."""
 
 import dataclasses
-from typing import Final
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
 
 import numpy as np
 
@@ -9,11 +11,93 @@ from meeframe.core.fields import Array
 
 ROUND_OFF: Final = 1e-12
 
+REASONS: Final = {
+    "no frozen dataclass": "its fields are the case file's keys, and results are only as good as what cannot change.",
+    "not equal to its copy": "reduced systems and bound kernels are found again by what they were made from.",
+    "changes the shape": "each node has one traction.",
+    "not finite": "one such number spreads over all nodes in the next product with the compliance.",
+    "normal traction pulls": "t_nu <= 0 in compression (eq. 10): nothing holds the bodies together.",
+    "traction where the trial is open": "the gap is open there, so that nothing can be transmitted (eq. 11).",
+    "no indenter above": "the gap is infinite beside a punch; inf times zero must not become NaN.",
+    "not idempotent": "an admissible traction has to stay as it is, or no state is ever a solution.",
+    "other nodes": "solvers evaluate subsets of nodes, and the law is one of each point.",
+    "expansive": "solvers converge because projections bring tractions no farther apart; tangential_scaling has to be"
+    " that of the metric in which project is one (notes, section 7).",
+    "comes to no rest": "under constant slip the traction has to settle, or no solver can.",
+    "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
+    " metric of project.",
+    "gains energy": "friction dissipates: the traction on the body has the sign of the indenter's slip over it.",
+    "tangent is not the derivative": "Newton's method converges by it; leave it out and differences serve.",
+    "tangent": "Newton's method takes it as (n, 3, 3), rows of the traction, finite everywhere.",
+    "kinks at most": "a law with kinks nearly everywhere has no derivative for Newton's method.",
+    "tangential_scaling": "step sizes and the residual use it as the metric of project.",
+    "changes its argument": "solvers keep the array, and go on with what the law left in it.",
+    "changes what it gave before": "solvers keep the array they were given; hand out a new one each time.",
+    "earlier calls": "a result has to follow from the case file alone.",
+    "another shape": "one number for each node.",
+    "negative or NaN": "a negative conductivity makes energy, NaN spreads.",
+    "jumps to infinity": "solvers treat perfect conduction apart and cannot switch to it under pressure.",
+    "jumps under pressure": "a jump leaves no solution where the pressure is that of the jump; at zero traction it is"
+    " allowed.",
+    "differs from the reference law": "a fast version is worth nothing if it solves another problem.",
+    "friction depends on the direction": "an isotropic law commutes with every rotation.",
+    "friction limit": "the coefficient is the limit of |t| / p along its axis.",
+    "slip does not dissipate the most": "the associated rule (eq. 12) is that of maximum dissipation.",
+    "not homogeneous": "without a stress of its own a law cannot know how large a pressure is.",
+    "changes the problem": "later load steps solve on the same arrays.",
+    "leaves its own solution": "load steps start from the state before.",
+    "units": "answers and work must not depend on metres or millimetres; look for absolute numbers.",
+    "converged, but": "a wrong answer must never be called converged.",
+    "least squares": "the frictionless problem has one solution, found there without iteration on gaps.",
+    "reference domain": "quadrature covers the reference domain, and nothing outside it.",
+    "first nodes must be the corners": "mesh generators, areas and pictures take the corners from there.",
+    "hash": "tables of shape functions are found again by the element.",
+    "shape functions": "a constant field has to be one: N_n is one at node n, zero at others, and they add up to one.",
+    "order is overstated": "orders of convergence are judged by it.",
+    "dN/dxi": "normals and areas follow from the derivatives.",
+    "nodes off a side": "neighbours would not fit together: the surface had gaps.",
+    "normal not upwards": "tractions take their sign from the outward normal: corners run counter-clockwise.",
+    "wrong area": "resultants are integrals over elements.",
+    "C-contiguous": "kernels of the assembly read the arrays in that order.",
+    "order of the points": "assembly shares the points out over threads, in any order.",
+    "no points": "assembly asks for none where an element has no far points.",
+    "not symmetric": "the reciprocal theorem: U_JK = U_KJ.",
+    "not even": "U depends on the distance along a line, not on its sense.",
+    "not odd": "a source and its mirror image have opposite fluxes.",
+    "not homogeneous of degree": "infinite space has no length: assembly works in units of its own.",
+    "C : grad U": "the traction of the field U on the normal (eq. 47).",
+    "differences of U": "U,q has to be the derivative of U, with respect to x and not x'.",
+    "differential equation": "away from the source nothing acts: C_iJKm U_KL,mi = 0.",
+    "flux through a sphere": "the source is a unit one, and this fixes sign and size of everything.",
+    "differs from the reference": "the line integral is exact to round-off.",
+}
+"""Why a property matters, by a part of its name; the first that fits is told."""
+
 
 def require(holds: bool, what: str, value: object) -> None:
-    """Raises AssertionError with the name of the property and an offending value unless it holds."""
+    """Raises AssertionError with the name of the property, an offending value and why it matters unless it holds."""
     if not holds:
-        raise AssertionError(f"{what}: {value}")
+        raise AssertionError(f"{what}: {value}{_reason(what)}")
+
+
+@contextmanager
+def explained(subject: object) -> Iterator[None]:
+    """What fails inside says of what it does and why it matters."""
+    try:
+        yield
+    except AssertionError as error:
+        raise AssertionError(f"{subject}: {error}{_reason(str(error))}") from None
+
+
+def _reason(what: str) -> str:
+    return next((f"\nwhy it matters: {why}" for part, why in REASONS.items() if part in what), "")
+
+
+def each(holds: Any, what: str, given: Array, found: Array) -> None:
+    """Requires a property at every node, booleans (n,); shows what was given and found at the first where it fails."""
+    if not np.all(holds):
+        node = int(np.argmin(holds))
+        require(False, what, f"for {given[node]} it gives {found[node]}")
 
 
 def close(actual: Array, expected: Array, scale: float, what: str) -> None:

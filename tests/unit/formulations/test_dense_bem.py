@@ -17,6 +17,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
 from meeframe.geometry import block_mesh, box_mesh
 from meeframe.materials import library_material, rotation_about
+from meeframe.testing import check_formulation
 from meeframe.testing.manufactured import LinearField, prescribe, relative_errors
 from meeframe.testing.strategies import materials
 
@@ -181,3 +182,7 @@ def test_open_meshes_and_missing_zones_are_refused():
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, None))
     with pytest.raises(MeshError, match="no face group 'nowhere'"):
         DenseBEM().reduce(Body(body.stiffness, body.mesh, body.conditions, "nowhere"))
+
+
+def test_conforms():
+    check_formulation(DenseBEM(Tabulated()))
