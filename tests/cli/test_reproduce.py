@@ -52,10 +52,10 @@ def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeyp
         assert values[0] == pytest.approx(1.0), name
         assert values[-1] > 1.05, name
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise AssertionError("this reduced system is in the cache")
 
-    monkeypatch.setattr(cache, "reduce", refuse)
+    monkeypatch.setattr(cache, "reduce_body", refuse)
     first = (out / "fig-07.json").read_bytes()
     assert reproduce("all", "--validation", studies, "--out", out)[0] == 0
     assert (out / "fig-07.json").read_bytes() == first
