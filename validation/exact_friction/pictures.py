@@ -94,7 +94,7 @@ def loop_picture(loop: Loop, coarser: list[Loop]) -> Figure:
     axes[1].loglog(cells, [100 * f.curve for f in coarser], "o-", color=COLOURS[2], label="largest difference of Q")
     axes[1].set(xlabel="cells along a side", ylabel="difference [%]")
     axes[1].set_xticks(cells, [str(c) for c in cells], minor=False)
-    axes[1].xaxis.set_minor_formatter("")
+    axes[1].set_xticks([], minor=True)
     axes[1].yaxis.set_major_formatter("{x:g}")
     axes[1].yaxis.set_minor_formatter("")
     _finish(axes)
@@ -119,6 +119,7 @@ def full_stick_picture(pressed: list[Pressed], punches: list[BondedRow]) -> Figu
         rows = [row for row in punches if row.poisson == poisson]
         axes[1].plot([1 / r.cells for r in rows], [r.ratio for r in rows], "o-", color=colour, label=f"ν = {poisson:g}")
         axes[1].plot(0, bonding_factor(poisson), "*", ms=10, color=colour)
+    axes[1].legend(fontsize=8, loc="center right")
     axes[1].set(xlabel="1 / cells along the diameter", ylabel="bonded / frictionless load, flat punch; star: c")
     _finish(axes)
     return figure
@@ -127,4 +128,5 @@ def full_stick_picture(pressed: list[Pressed], punches: list[BondedRow]) -> Figu
 def _finish(axes: Sequence[Axes]) -> None:
     for axis in axes:
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8, ncols=1 + (len(axis.get_legend_handles_labels()[0]) > 6))
+        if not axis.get_legend():
+            axis.legend(fontsize=8, ncols=1 + (len(axis.get_legend_handles_labels()[0]) > 6))

@@ -45,7 +45,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page (default: docs/validation)")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    grids, finest, elements = ((8, 12, 16), 24, (12,)) if arguments.quick else ((8, 16, 24, 32), 40, (16, 24))
+    grids, finest, elements = ((8, 12, 16), 24, (12,)) if arguments.quick else ((8, 16, 24, 32), 40, (16, 20, 24, 28))
 
     def picture(figure, kind: str) -> None:
         figure.savefig(arguments.out / f"{NAME}_{kind}.png", dpi=110)
