@@ -8,19 +8,12 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from meeframe.case.body_tables import BoundaryTable, CounterBodyTable, FileTable, HalfSpaceTable, MeshTable
 from meeframe.case.case import Case, Output
 from meeframe.case.counter import CounterBody
 from meeframe.case.locate import locate, locate_in_counter
 from meeframe.case.restart import Restart, read_restart
-from meeframe.case.schema import (
-    BoundaryTable,
-    CaseTable,
-    CounterBodyTable,
-    FileTable,
-    HalfSpaceTable,
-    MeshTable,
-    RestartTable,
-)
+from meeframe.case.schema import CaseTable, RestartTable
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh

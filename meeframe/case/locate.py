@@ -5,10 +5,11 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+from meeframe.case.body_tables import CounterBodyTable
 from meeframe.case.case import check_reach, resistance
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
-from meeframe.case.schema import CaseTable, CounterBodyTable
+from meeframe.case.schema import CaseTable
 from meeframe.case.step import check_first, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
