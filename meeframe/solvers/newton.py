@@ -5,7 +5,7 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
@@ -22,11 +22,15 @@ FALL: Final = 0.99
 """So far below, as a fraction."""
 FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
+ROUND_OFF: Final = 1e-14
+"""A normal traction below this fraction of the characteristic one is none."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
 BALANCED: Final = 1e-6
 """Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
+STIFFENING: Final = (1.0, 4.0, 16.0)
+"""Of the step that finds it: friction bears more where the same overlap presses more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +90,17 @@ class SemismoothNewton(Solver):
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
     """Motion (m,) at which the tractions of one projected step bear the prescribed resultants: something is touched."""
-    traction, r = point.load[:, MECHANICAL], point.equation.r
-    displacement = problem.system.offset + problem.system.apply(point.load)
+    moving, load = motions(problem), point.load.copy()
+    displacement = problem.system.offset + problem.system.apply(load)
     gap = contact_gap(problem, displacement, point.motion)
+    for stiffening in STIFFENING:
+        r = stiffening * point.equation.r
+        balanced = balanced_projection(problem, point.load[:, MECHANICAL], gap, (r, r))
+        load[:, MECHANICAL] = balanced.traction
+        if (np.abs(unbalance(problem, load)[moving]) <= BALANCED * point.equation.scales.totals[moving]).all():
+            break
     motion = point.motion.copy()
-    motion[motions(problem)] += balanced_projection(problem, traction, gap, (r, r)).motion
+    motion[moving] += balanced.motion
     return motion
 
 
@@ -114,6 +124,8 @@ def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Arr
     equation = point.equation
     load = point.load + fraction * step.local[:, :N_FIELDS]
     load[:, MECHANICAL] = equation.problem.contact_law.project(load[:, MECHANICAL])
+    # what is left of a traction that the step took away
+    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
     motion = point.motion + fraction * step.motion
     moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
