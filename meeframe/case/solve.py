@@ -149,7 +149,7 @@ def provenance(case: Case) -> Provenance:
     """What makes a result of this case, here and now."""
     libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
     versions = {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
-    versions |= {provider.name: provider.version for provider in plugins.load().providers} | local_files()
+    versions |= {provider.name: provider.version for provider in plugins.load().providers} | local_files(case)
     return Provenance(case.title, case.text, versions, numba.get_num_threads())
 
 

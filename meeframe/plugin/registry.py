@@ -1,7 +1,7 @@
 """The registry: everything that has a name in a case file, whoever provides it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from importlib import metadata
@@ -208,21 +208,27 @@ def _refuse_duplicates(entries: list[Entry]) -> None:
         seen[key] = entry
 
 
-@lru_cache(maxsize=4)
 def load(*files: Path) -> Registry:
     """The registry of the built-ins, of installed plugins (entry points of the group 'meeframe') and of local files.
 
     Installed plugins that fail are recorded as broken; whoever names a file wants it: raises PluginError that names the
     file, the line and the cause if a file fails, and if two plugins register the same name.
     """
+    registry = _without_files()
+    if not files:
+        return registry
+    local = Registry.from_plugins(load_file(file) for file in dict.fromkeys(files))
+    for fault in local.broken:
+        raise PluginError(file_fault(fault.provider.name, fault.reason, fault.line))
+    entries = [*registry.entries, *local.entries]
+    _refuse_duplicates(entries)
+    return replace(registry, entries=tuple(entries))
+
+
+@lru_cache(maxsize=1)
+def _without_files() -> Registry:
     from meeframe.plugin import builtins
 
     plugins, broken = installed()
     own = Provider(PROJECT, metadata.version(PROJECT))
-    local = [load_file(file) for file in dict.fromkeys(files)]
-    registry = Registry.from_plugins([(own, builtins), *plugins, *local], broken)
-    asked_for = [provider for provider, _ in local]
-    for fault in registry.broken:
-        if fault.provider in asked_for:
-            raise PluginError(file_fault(fault.provider.name, fault.reason, fault.line))
-    return registry
+    return Registry.from_plugins([(own, builtins), *plugins], broken)

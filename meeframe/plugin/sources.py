@@ -1,5 +1,6 @@
 """Where plugins come from: installed distributions by their entry points, and local files that the user names."""
 
+import dataclasses
 import hashlib
 import linecache
 import sys
@@ -87,10 +88,19 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
     return Provider(str(path), f"sha256:{digest[:12]}"), module
 
 
-def local_files() -> dict[str, str]:
-    """Names and shortened SHA-256 of the local files that this process has loaded: they go into its results."""
-    modules = [module for name, module in list(sys.modules.items()) if name.startswith(_LOCAL)]
-    return {Path(str(module.__file__)).name: f"sha256:{module.__name__.rpartition('_')[2]}" for module in modules}
+def local_files(record: object) -> dict[str, str]:
+    """Names and shortened SHA-256 of the local files whose classes a dataclass object is made of, at any depth."""
+    if isinstance(record, tuple | list):
+        return {name: digest for item in record for name, digest in local_files(item).items()}
+    if not dataclasses.is_dataclass(record):
+        return {}
+    found = {}
+    module = type(record).__module__
+    if module.startswith(_LOCAL):
+        found[Path(str(sys.modules[module].__file__)).name] = f"sha256:{module.rpartition('_')[2]}"
+    for field in dataclasses.fields(record):
+        found |= local_files(getattr(record, field.name))
+    return found
 
 
 def file_fault(path: Path | str, cause: str, line: int | None) -> str:

@@ -65,6 +65,13 @@ def test_a_file_registers_by_the_same_hooks_and_only_where_it_is_named(write):
     assert entry.provider.version.startswith("sha256:")
 
 
+def test_a_file_that_has_changed_is_read_again(write):
+    assert load(write(LAW)).names(Kind.CONDUCTIVITY_LAW).count("linear") == 1
+    changed = load(write(LAW.replace('Record("linear"', 'Record("straight"')))
+    assert "straight" in changed.names(Kind.CONDUCTIVITY_LAW)
+    assert "linear" not in changed.names(Kind.CONDUCTIVITY_LAW)
+
+
 def test_parameters_in_words(write):
     registry = load(write(LAW))
     shown = {p.name: (p.unit, p.allowed, p.default) for p in parameters(find(registry, "linear")[0], registry)}
