@@ -74,10 +74,12 @@ class ComparedRun:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs of one case with combinations of laws, formulations and solvers; title, text: of the case."""
+    """Runs of one case with combinations of laws, formulations and solvers; title, text: of the case; versions: of the
+    software."""
 
     title: str
     text: str
+    versions: Mapping[str, str]
     runs: tuple[ComparedRun, ...] = ()
 
 
@@ -116,9 +118,8 @@ def comparison_json(comparison: Comparison) -> str:
     """All numbers: of each run its choices, status, times and increments, and of its last increment the fields on the
     zone and the differences to the first run. Numbers that are not finite become null."""
     runs = [_numbers(run, comparison.runs[0]) for run in comparison.runs]
-    return (
-        json.dumps({"title": comparison.title, "case": comparison.text, "runs": runs}, indent=1, allow_nan=False) + "\n"
-    )
+    head = {"title": comparison.title, "case": comparison.text, "versions": dict(comparison.versions)}
+    return json.dumps({**head, "runs": runs}, indent=1, allow_nan=False) + "\n"
 
 
 def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:

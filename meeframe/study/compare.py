@@ -14,7 +14,7 @@ from meeframe.case.cache import system_key
 from meeframe.case.case import Case
 from meeframe.case.load import case_from_tables
 from meeframe.case.schema import CaseTable
-from meeframe.case.solve import joined, reduce_body, solve_steps, zone_of
+from meeframe.case.solve import joined, provenance, reduce_body, solve_steps, zone_of
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
@@ -83,7 +83,8 @@ def compare(
     tables = read_tables(file)
     cases = _cases(file, tables, _choices(options), registry)
     check_output(out, overwrite)
-    comparison = Comparison(str(tables.get("title", "")), file.read_text(encoding="utf-8"))
+    versions = {name: version for _, case in cases for name, version in provenance(case).versions.items()}
+    comparison = Comparison(str(tables.get("title", "")), file.read_text(encoding="utf-8"), versions)
     for runs in _solved(cases, progress):
         comparison = replace(comparison, runs=runs)
         out.mkdir(parents=True, exist_ok=True)

@@ -58,7 +58,10 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     status, out, _ = invoke("compare", dragged, *laws, *solvers, "--out", tmp_path / "out")
     assert status == 0
     assert len(reductions) == 1
-    runs = numbers(tmp_path / "out")
+    made = json.loads((tmp_path / "out" / "compare.json").read_text(encoding="utf-8"))
+    assert (made["title"], made["case"]) == ("tiny", dragged.read_text(encoding="utf-8"))
+    assert made["versions"]["meeframe"] == meeframe.__version__
+    runs = made["runs"]
     assert [tuple(run["choices"].values()) for run in runs] == [
         (law, solver)
         for law in ("signorini", "isotropic-coulomb", "isotropic-coulomb mu=0.2")

@@ -3,11 +3,13 @@
 import re
 from xml.etree import ElementTree
 
+import meshio
 import pytest
 from typer.testing import CliRunner
 
+from meeframe.case.load import load_case
 from meeframe.cli import app
-from meeframe.plugin.registry import Kind
+from meeframe.plugin.registry import Kind, load
 
 KINDS = [kind.value.replace(" ", "-") for kind in Kind]
 
@@ -63,6 +65,16 @@ def test_a_new_module_works_as_a_local_file(packages, kind):
     status, out, _ = invoke("check", packages / kind / "example.toml", "--plugin", module)
     assert (status, "ok" in out) == (0, True)
     assert invoke("check", packages / kind / "example.toml")[0] == 2
+
+
+def test_elements_that_vtk_does_not_have_are_shown_by_their_corners(packages, tmp_path):
+    module = packages / "element" / "meeframe_new_element.py"
+    case = packages / "element" / "example.toml"
+    status, _, err = invoke("run", case, "--plugin", module, "--out", tmp_path / "out")
+    assert status == 0, err
+    fields = meshio.read(tmp_path / "out" / "fields.vtu")
+    assert {block.type for block in fields.cells} == {"triangle"}
+    assert sum(len(block.data) for block in fields.cells) == load_case(case, load(module)).mesh.n_elements
 
 
 def test_a_friction_law_is_short(packages):
