@@ -22,8 +22,8 @@ ROUND_OFF: Final = 1e-14
 """Of a resultant, relative to what the tractions add up to without regard to sign."""
 REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 """Of the equations, in parts of the resistance of the whole zone: none while there is contact that resists."""
-FARTHEST: Final = 4.0
-"""A step moves the indenter at most so many times its distance from the body: where all slips nothing would stop it."""
+FARTHEST: Final = 10.0
+"""The indenter moves at most so many times its distance from the body: where all slips nothing else would stop it."""
 BISECTIONS: Final = 60
 """Of the way down to the body, where the indenter does not touch it."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
@@ -65,10 +65,11 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
     """
     balance = _Balance.of(problem, traction, gap, r)
     here = balance.at(np.zeros(len(balance.totals)))
+    farthest = FARTHEST * balance.distance(here)
     for _ in range(MAX_ITERATIONS):
         if (np.abs(here.unbalance) <= ROUND_OFF * here.size).all():
             break
-        there = balance.better(here)
+        there = balance.better(here, farthest)
         if there is None:
             break
         here = there
@@ -120,12 +121,14 @@ class _Balance:
         size = np.maximum(np.abs(parts).sum(axis=(1, 2)), np.abs(self.totals))
         return _Point(motion, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
 
-    def better(self, here: _Point) -> _Point | None:
-        """A point with less unbalance, by damped Newton steps, more and more regularised; None if there is none."""
+    def better(self, here: _Point, farthest: float) -> _Point | None:
+        """A point with less unbalance, by damped Newton steps, more and more regularised; None if there is none.
+
+        farthest: how far the motion may take the indenter [m].
+        """
         weight = np.divide(1.0, np.sqrt(self.whole), out=np.zeros_like(self.whole), where=self.whole > 0.0)
         scaled = weight[:, None] * self._jacobian(here) * weight
         right = -weight * here.unbalance
-        farthest = FARTHEST * self._distance(here, weight**2)
         for share in REGULARISATION:
             try:
                 step = weight * np.linalg.solve(scaled + share * np.eye(len(weight)), right)
@@ -136,7 +139,10 @@ class _Balance:
                 continue
             step *= min(1.0, farthest / reach)
             for fraction in FRACTIONS:
-                there = self.at(here.motion + fraction * step)
+                motion = here.motion + fraction * step
+                if self._reach(motion) > farthest:
+                    continue
+                there = self.at(motion)
                 if np.linalg.norm(weight * there.unbalance) < (1.0 - LEAST_FALL * fraction) * np.linalg.norm(right):
                     return there
         return self._landed(here, weight, farthest)
@@ -165,11 +171,12 @@ class _Balance:
         tangent = self.problem.contact_law.tangent(here.trial) @ step
         return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, tangent, self.modes))
 
-    def _distance(self, here: _Point, compliance: Array) -> float:
+    def distance(self, here: _Point) -> float:
         """Largest one between body and indenter, or of the motions that the unbalance causes in the whole zone [m]."""
         finite = np.isfinite(here.trial[:, 2])
         apart = float(np.abs(here.trial[finite]).max(initial=0.0)) / self.r[0]
-        return max(apart, self._reach(compliance * here.unbalance))
+        caused = np.divide(here.unbalance, self.whole, out=np.zeros_like(self.whole), where=self.whole > 0.0)
+        return max(apart, self._reach(caused))
 
     def _reach(self, motion: Array) -> float:
         """Largest displacement of the indenter by a motion (k,) [m]."""

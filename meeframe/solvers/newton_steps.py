@@ -64,12 +64,14 @@ def _solve(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> 
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
-    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m)."""
+    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m), or go there
+    as far as they may."""
     if blocks.balance.size == 0 or not np.isfinite(responses).all():
         return np.full(blocks.balance.shape, np.nan)
     resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :N_FIELDS])
     right = -blocks.balance - resultants[:, 0]
-    return np.asarray(np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0])
+    amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0]
+    return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
 
 
 def _diagonal(a: Array) -> Array:

@@ -34,6 +34,8 @@ WIDTH: Final = 6e-6
 """Of differences on a logarithmic scale of pressure."""
 LOWEST: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
+FARTHEST: Final = 4.0
+"""A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
 
@@ -111,13 +113,15 @@ class Equation:
 class Blocks:
     """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
-    a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6), balance: (m,); modes and measures are the equation's.
+    a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6), balance: (m,); modes and measures are the equation's; farthest: how
+    many characteristic amounts the motions may go in one step.
     """
 
     a: Array
     b: Array
     residual: Array
     balance: Array
+    farthest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +183,8 @@ class Point:
             a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
             a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
             b[:, field, field] = self.transmissivity[:, k] / unit
-        return Blocks(a, b, residual, self.balance)
+        farthest = FARTHEST * float(np.abs(self.motion / equation.units).max(initial=1.0))
+        return Blocks(a, b, residual, self.balance, farthest)
 
     def _gap(self) -> Array:
         """Normal gap (n,) [m]."""
