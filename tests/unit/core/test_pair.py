@@ -1,7 +1,6 @@
 """Two deformable bodies against Hertz, closed forms of joined half spaces, and themselves with exchanged roles."""
 
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,36 +25,13 @@ from meeframe.solvers import Auto, Limits, solve
 from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
 from meeframe.testing.contact_cases import periodic_half_space
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.matrix_free import MatrixFree
 
 RADIUS, APPROACH, SIDE = 0.1, 5e-5, 5e-3
 TRANSVERSE, ORTHOTROPIC = library_material("batio3-cofe2o4"), library_material("orthotropic-mee")
 STEEL = Material.isotropic(210e9, 0.3)
 TURN = np.diag([1.0, -1.0, -1.0])
 POLED_UP, POLED_DOWN = TRANSVERSE, TRANSVERSE.rotated(TURN)
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Matrixless(ReducedSystem):
-    """A dense system that does not show its matrix."""
-
-    hidden: DenseSystem
-
-    def apply(self, load: Array) -> Array:
-        return self.hidden.apply(load)
-
-    def diagonal_blocks(self) -> Array:
-        return self.hidden.diagonal_blocks()
-
-    def dense(self) -> None:
-        return None
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.hidden.recover(load)
-
-
-def hide(system: DenseSystem) -> Matrixless:
-    return Matrixless(system.points, system.frames, system.weights, system.cells, system.offset, system)
 
 
 def converged(problem: ContactProblem, tolerance: float = 1e-11) -> ContactState:
@@ -362,8 +338,8 @@ def test_curved_zones_in_global_axes(seed: int, n: int) -> None:
 
 def test_with_and_without_matrices(unlike: tuple[DenseSystem, DenseSystem]) -> None:
     first, counter = unlike
-    whole = pair(first, counter)
-    free: list[PairSystem] = [pair(hide(first), counter), pair(first, hide(counter)), pair(hide(first), hide(counter))]
+    whole, hidden, hidden_counter = pair(first, counter), MatrixFree.of(first), MatrixFree.of(counter)
+    free: list[PairSystem] = [pair(hidden, counter), pair(first, hidden_counter), pair(hidden, hidden_counter)]
     assert whole.dense() is not None
     load = np.random.default_rng(5).standard_normal(whole.offset.shape)
     blocks = np.stack([whole.dense()[node, :, node, :] for node in range(len(load))])
