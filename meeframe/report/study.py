@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -29,20 +29,20 @@ _TINY: Final = np.finfo(float).tiny
 class Panel:
     """Runs shown together.
 
-    axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, (m,)
-    totals, (m, n) fields on the zone or (m, n, 2) tangential fields, divided by their references [SI]; converged: (m,),
-    whether run and references did; messages: why each run ended, in words.
+    axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, for each
+    run a total (), a field on its zone (n,) or a tangential field (n, 2), divided by their references [SI]; converged:
+    (m,), whether run and references did; messages: why each run ended, in words; zones: of each run, (m,).
     """
 
     title: str
     axis: str
     runs: tuple[str, ...]
     values: Array
-    quantities: Mapping[str, Array]
+    quantities: Mapping[str, Sequence[Array]]
     references: Mapping[str, float]
     converged: tuple[bool, ...]
     messages: tuple[str, ...]
-    zone: Zone
+    zones: tuple[Zone, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,10 @@ class Study:
 
 
 def study_json(study: Study) -> str:
-    """The numbers of a study: of each panel the runs, references and quantities; points of the zone [m] for fields."""
+    """The numbers of a study: of each panel the runs, references and quantities.
+
+    For fields also the zones that occur, points [m] and weights [m^2], and the place of each run's zone among them.
+    """
     panels = [_panel_numbers(panel, study.kind != "curves") for panel in study.panels]
     head = {"name": study.name, "title": study.title, "paper": study.paper, "kind": study.kind}
     return json.dumps({**head, "panels": panels}, indent=1, allow_nan=False) + "\n"
@@ -83,11 +86,25 @@ def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
         "converged": list(panel.converged),
         "messages": list(panel.messages),
         "references": dict(panel.references),
-        "quantities": {name: values.tolist() for name, values in panel.quantities.items()},
+        "quantities": {name: [value.tolist() for value in values] for name, values in panel.quantities.items()},
     }
     if with_points:
-        numbers |= {"points": panel.zone.points.tolist(), "weights": panel.zone.weights.tolist()}
+        zones, places = _distinct(panel.zones)
+        numbers["zones"] = [{"points": zone.points.tolist(), "weights": zone.weights.tolist()} for zone in zones]
+        numbers["zone_of_run"] = places
     return numbers
+
+
+def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
+    """The zones with different points, and the place of each zone among them."""
+    found: list[Zone] = []
+    places = []
+    for zone in zones:
+        same = [place for place, other in enumerate(found) if np.array_equal(other.points, zone.points)]
+        places.append(same[0] if same else len(found))
+        if not same:
+            found.append(zone)
+    return found, places
 
 
 def study_figure(study: Study) -> "Figure":
@@ -119,10 +136,13 @@ def _curves(figure: "Figure", study: Study) -> None:
     grid = figure.subplots(1, len(study.panels), squeeze=False, sharey=True)
     names = _names(study)
     for axes, panel in zip(grid[0], study.panels, strict=True):
+        by_label = bool(np.isnan(panel.values).any())
+        x = np.arange(len(panel.runs)) if by_label else panel.values
         for name, values in panel.quantities.items():
             place = names.index(name) % len(_COLOURS)
-            axes.plot(panel.values, values, marker=_MARKERS[place], ms=4, color=_COLOURS[place], label=_label(name))
-        axes.set(title=panel.title, xlabel=panel.axis, xscale=study.scale)
+            axes.plot(x, np.array(values), marker=_MARKERS[place], ms=4, color=_COLOURS[place], label=_label(name))
+        axes.set(title=panel.title, xlabel=panel.axis)
+        axes.set(xticks=x, xticklabels=panel.runs) if by_label else axes.set(xscale=study.scale)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
     grid[0, 0].set_ylabel("relative to reference")
@@ -131,11 +151,12 @@ def _curves(figure: "Figure", study: Study) -> None:
 def _sections(figure: "Figure", study: Study) -> None:
     grid = figure.subplots(_rows(study), len(study.panels), squeeze=False, sharex=True, sharey="row")
     for column, panel in enumerate(study.panels):
-        nodes, x = middle_line(panel.zone)
+        lines = [middle_line(zone) for zone in panel.zones]
         for row, name in enumerate(_names(study)):
             axes = grid[row, column]
             for run, values in enumerate(panel.quantities.get(name, ())):
                 style = {"marker": "o", "ms": 2.5, "lw": 1.2, "color": _COLOURS[run % len(_COLOURS)]}
+                nodes, x = lines[run]
                 axes.plot(x * 1e3, values[nodes], label=panel.runs[run], **style)
             axes.grid(alpha=0.3)
             if column == 0:
@@ -158,11 +179,11 @@ def _maps(figure: "Figure", study: Study) -> None:
     grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
     figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # labels of bars
     for row, name in enumerate(_names(study)):
-        shown = [np.linalg.norm(v, axis=-1) if v.ndim == 3 else v for v in _each(study, name)]
+        shown = [np.linalg.norm(v, axis=-1) if v.ndim == 2 else v for v in _each(study, name)]
         low, high = min(v.min() for v in shown), max(v.max() for v in shown)
         drawn: Any = None
         for axes, (panel, run) in zip(grid[row], columns, strict=True):
-            drawn = _map(axes, panel, panel.quantities[name][run], (low, high))
+            drawn = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high))
         figure.colorbar(drawn, ax=list(grid[row]), label=_label(name), shrink=0.9)
         grid[row, 0].set_ylabel("y [mm]")
     for column, (panel, run) in enumerate(columns):
@@ -181,12 +202,12 @@ def _run_title(panel: Panel, run: int) -> str:
 
 
 def _each(study: Study, name: str) -> Iterator[Array]:
-    return (panel.quantities[name] for panel in study.panels)
+    return (values for panel in study.panels for values in panel.quantities[name])
 
 
-def _map(axes: Any, panel: Panel, values: Array, limits: tuple[float, float]) -> Any:
+def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float]) -> Any:
     """One map; a tangential field by its modulus and by arrows of its direction."""
-    picture = Picture.of(panel.zone)
+    picture = Picture.of(zone)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
     shading = {"shading": "gouraud", "cmap": MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
     drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)

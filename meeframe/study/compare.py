@@ -25,7 +25,7 @@ from meeframe.plugin.validation import TableError
 from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json
 from meeframe.report.figures import save_figure
 from meeframe.solvers import Limits
-from meeframe.study.declare import read_tables
+from meeframe.study.declare import read_tables, words
 
 NUMBERS_FILE: Final = "compare.json"
 FIGURE_FILE: Final = "sections.png"
@@ -59,8 +59,7 @@ class Choice:
             table = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError as error:
             raise CaseError(f"--{option} {text}: is no inline table of TOML: {error}") from None
-        keys = " ".join(f"{key}={value}" for key, value in table.items() if key != "name")
-        return cls(f"{table.get('name', '')} {keys}".strip(), table)
+        return cls(words(table), table)
 
 
 def compare(

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -10,12 +11,14 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from meeframe.core.errors import CaseError
+from meeframe.core.quantities import unit_registry
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.study.quantities import NODAL, TOTALS
 
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
 
+_QUANTITY: Final = re.compile(r"\s*[+-]?\.?\d")
 _PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
 
 Text = Annotated[str, Strict(), Field(min_length=1)]
@@ -42,6 +45,22 @@ def _checked_keys(changes: Changes) -> Changes:
 CheckedChanges = Annotated[Changes, AfterValidator(_checked_keys)]
 
 
+def words(value: Any) -> str:
+    """A value of a case file in one line: of a table its name and then its other keys."""
+    if isinstance(value, Mapping):
+        rest = (f"{key}={item}" for key, item in value.items() if key != "name")
+        return " ".join(filter(None, [str(value.get("name", "")), *rest]))
+    return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+def _place(value: Any) -> float | None:
+    """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
+    if isinstance(value, str) and _QUANTITY.match(value):
+        with suppress(Exception):  # pint's parser lets many kinds of errors through
+            return float(unit_registry().Quantity(value).to_base_units().magnitude)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -57,8 +76,9 @@ class RunTable(_Table):
 class PanelTable(_Table):
     """[[panels]]: runs shown together.
 
-    set: changed in all of them and in the references; vary, values: a run for each value of one key; runs: more runs,
-    each with a label; axis: what the values are; quantities: as in StudyTable, which has the default.
+    set: changed in all of them and in the references; vary, values: a run for each value of one key, texts with units
+    at their place in SI; runs: more runs, each with a label; axis: what the values are; quantities: as in StudyTable,
+    which has the default.
     """
 
     title: Text
@@ -81,11 +101,7 @@ class PanelTable(_Table):
     def all_runs(self) -> tuple[RunTable, ...]:
         """Those of vary and values, then the others."""
         varied = (
-            RunTable(
-                label=f"{value:g}" if isinstance(value, int | float) else str(value),
-                set={self.vary: value},
-                value=value if isinstance(value, int | float) else None,
-            )
+            RunTable(label=words(value), set={self.vary: value}, value=_place(value))
             for value in self.values
             if self.vary
         )
@@ -190,6 +206,9 @@ def _enter(table: Any, part: str | int, key: str, value: Any) -> None:
 
 def _check_index(table: Any, part: str | int, key: str) -> None:
     if not (isinstance(table, list) and isinstance(part, int)):
-        raise TableError(Problem((key,), f"leads into {type(table).__name__} {table!r}, not into a table or list"))
+        wanted = "table" if isinstance(part, str) else "list"
+        found = "a table" if isinstance(table, dict) else "a list" if isinstance(table, list) else repr(table)
+        raise TableError(Problem((key,), f"leads into {found}, not into a {wanted}"))
     if part >= len(table):
-        raise TableError(Problem((key,), f"there are {len(table)} entries only"))
+        count = "is 1 entry" if len(table) == 1 else f"are {len(table)} entries"
+        raise TableError(Problem((key,), f"there {count} only"))

@@ -91,11 +91,11 @@ def _panel(study: StudyTable, panel: PanelTable, runner: Runner) -> Panel:
         axis=panel.axis,
         runs=tuple(run.label for run in tables),
         values=np.array([np.nan if run.value is None else run.value for run in tables]),
-        quantities={name: np.array([_values(study, name, run) for run in runs]) / scales[name] for name in shown},
+        quantities={name: tuple(_values(study, name, run) / scales[name] for run in runs) for name in shown},
         references=scales,
         converged=tuple(run.converged and all(r.converged for r in references.values()) for run in runs),
         messages=tuple(run.step.message for run in runs),
-        zone=runs[0].zone,
+        zones=tuple(run.zone for run in runs),
     )
 
 

@@ -71,6 +71,12 @@ class Figure:
         return next(panel for panel in self.panels if panel.title.startswith(start))
 
 
+def _zone(panel: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights of the one zone that all runs of a panel have; empty where there are totals only."""
+    (zone,) = panel.get("zones", [{"points": [], "weights": []}])
+    return np.array(zone["points"]), np.array(zone["weights"])
+
+
 def read_figure(file: Path) -> Figure:
     """A figure from the numbers that `meeframe reproduce` wrote. Raises RuntimeError if a run did not converge."""
     data = json.loads(file.read_text(encoding="utf-8"))
@@ -83,8 +89,7 @@ def read_figure(file: Path) -> Figure:
             tuple(panel["runs"]),
             np.array([np.nan if value is None else value for value in panel["values"]]),
             {name: np.array(values) for name, values in panel["quantities"].items()},
-            np.array(panel.get("points", [])),
-            np.array(panel.get("weights", [])),
+            *_zone(panel),
         )
         for panel in data["panels"]
     )

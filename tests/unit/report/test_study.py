@@ -1,6 +1,7 @@
 """The figure of a study and its numbers."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ def panel(zone, shape, converged=True):
         references={"force": 2.0},
         converged=(True, converged),
         messages=("well", "not well"),
-        zone=zone,
+        zones=(zone, zone),
     )
 
 
@@ -42,13 +43,46 @@ def test_every_kind_is_drawn_and_told(synthetic, kind):
     np.testing.assert_array_equal(first["quantities"]["force"], study.panels[0].quantities["force"])
     assert first["values"] == [0.1, None]
     assert first["messages"] == ["well", "not well"]
-    assert ("points" in first) == (kind != "curves")
+    assert ("zones" in first) == (kind != "curves")
+    if kind != "curves":
+        assert first["zone_of_run"] == [0, 0]
+        (zone,) = first["zones"]
+        np.testing.assert_array_equal(zone["points"], synthetic.zone().points)
+        np.testing.assert_array_equal(zone["weights"], synthetic.zone().weights)
+
+
+@pytest.mark.parametrize("kind", ["sections", "maps"])
+def test_each_run_is_drawn_on_its_own_zone(synthetic, kind):
+    zone = synthetic.zone()
+    wide = replace(zone, points=2 * zone.points, weights=4 * zone.weights)
+    one = replace(panel(zone, SHAPES[kind]), zones=(zone, wide))
+    study = Study("fig-00", "a study", "", kind, "linear", (one,))
+    axes = [axes for axes in study_figure(study).axes if axes.get_title()]
+    if kind == "sections":
+        ends = [line.get_xdata()[-1] for line in axes[0].lines]
+    else:
+        ends = [a.collections[0].get_datalim(a.transData).x1 for a in axes]
+    np.testing.assert_allclose(ends, [2.0, 4.0])
+    (told,) = json.loads(study_json(study))["panels"]
+    assert told["zone_of_run"] == [0, 1]
+    np.testing.assert_array_equal(told["zones"][1]["points"], wide.points)
+
+
+def curve(synthetic, values):
+    one = replace(panel(synthetic.zone(), ()), values=np.array(values))
+    return study_figure(Study("fig-00", "a study", "", "curves", "log", (one,))).axes[0]
 
 
 def test_curves_go_through_the_values(synthetic):
-    figure = study_figure(Study("fig-00", "a study", "", "curves", "linear", (panel(synthetic.zone(), ()),)))
-    (line,) = figure.axes[0].lines
-    np.testing.assert_array_equal(line.get_xydata()[0], [0.1, 0.0])
+    axes = curve(synthetic, [0.1, 0.4])
+    np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.1, 0.0], [0.4, 1.0]])
+    assert axes.get_xscale() == "log"
+
+
+def test_runs_without_a_value_stand_side_by_side_by_their_labels(synthetic):
+    axes = curve(synthetic, [0.1, np.nan])
+    np.testing.assert_array_equal(axes.lines[0].get_xydata(), [[0.0, 0.0], [1.0, 1.0]])
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["0.1", "free"]
 
 
 def test_runs_that_did_not_converge(synthetic):

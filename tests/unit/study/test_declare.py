@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from meeframe.core.errors import CaseError
-from meeframe.study.declare import changed, load_study
+from meeframe.study.declare import PanelTable, changed, load_study
 
 TABLES = {"solver": "auto", "contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}}, "steps": [{"approach": 1.0}]}
 
@@ -53,6 +53,26 @@ def test_runs_of_a_study(write):
     assert study.shown(panel) == {"force": "base", "charge": 2.0}
 
 
+@pytest.mark.parametrize(
+    ("value", "label", "place"),
+    [
+        (0.5, "0.5", 0.5),
+        ("10 um", "10 um", 1e-5),
+        ("-.5 GPa", "-.5 GPa", -5e8),
+        ("90 deg", "90 deg", 1.5707963267948966),
+        ("bar", "bar", None),  # a name, though a unit is called so too
+        ("4 widgets", "4 widgets", None),
+        (True, "True", None),
+        ({"kappa": 2.0, "name": "step"}, "step kappa=2.0", None),
+    ],
+)
+def test_labels_and_places_of_values(value, label, place):
+    (run,) = PanelTable(title="a panel", vary="some.key", values=[value]).all_runs()
+    assert run.label == label
+    assert run.value == (None if place is None else pytest.approx(place))
+    assert run.set == {"some.key": value}
+
+
 def test_changes_leave_the_tables_and_each_other_alone():
     value = {"kappa": 1.0}
     found = changed(TABLES, {"steps[1].approach": 2.0, "conductivity.electric": value}, {"contact.law.mu": 0.9})
@@ -74,11 +94,11 @@ def test_later_changes_win_and_whole_entries_are_replaced():
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("solver.tolerance", "solver.tolerance: leads into str 'auto', not into a table or list"),
-        ("steps[2].approach", "steps[2].approach: there are 1 entries only"),
-        ("steps[2]", "steps[2]: there are 1 entries only"),
-        ("steps.approach", "steps.approach: leads into list"),
-        ("contact[1]", "contact[1]: leads into dict"),
+        ("solver.tolerance", "solver.tolerance: leads into 'auto', not into a table"),
+        ("steps[2].approach", "steps[2].approach: there is 1 entry only"),
+        ("steps[2]", "steps[2]: there is 1 entry only"),
+        ("steps.approach", "steps.approach: leads into a list, not into a table"),
+        ("contact[1]", "contact[1]: leads into a table, not into a list"),
     ],
 )
 def test_changes_that_lead_nowhere(key, text):

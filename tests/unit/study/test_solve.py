@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from meeframe.core.errors import CaseError
+from meeframe.report.study import study_figure
 from meeframe.study.solve import solve_study
 
 STUDY = """
 title = "springs"
 case = "case.toml"
-kind = "curves"
+kind = "{kind}"
 
 [references]
 soft = {{ "formulation.stiffness" = 1e13 }}
@@ -17,17 +18,18 @@ soft = {{ "formulation.stiffness" = 1e13 }}
 [[panels]]
 title = "depth"
 set = {{ "solver" = {solver} }}
-vary = "steps[1].approach"
-values = [1e-5, 2e-5]
+vary = "{vary}"
+values = {values}
 quantities = {quantities}
 """
 
 
 @pytest.fixture
 def write(write_case):
-    def write(quantities='{ max_pressure = "soft" }', solver='"auto"'):
+    def write(quantities='{ max_pressure = "soft" }', **others):
+        texts = {"solver": '"auto"', "kind": "curves", "vary": "steps[1].approach", "values": "[1e-5, 2e-5]"} | others
         path = write_case().parent / "study.toml"
-        path.write_text(STUDY.format(quantities=quantities, solver=solver))
+        path.write_text(STUDY.format(quantities=quantities, **texts))
         return path
 
     return write
@@ -48,6 +50,30 @@ def test_references_that_do_not_converge_count(write, registry, tmp_path):
     study = solve_study(write(solver='{ name = "uzawa", max_iterations = 1 }'), tmp_path / "cache", registry=registry)
     assert study.panels[0].converged == (False, False)
     assert study.not_converged == ("depth, 1e-05", "depth, 2e-05")
+
+
+@pytest.mark.parametrize(
+    ("vary", "values", "sizes"),
+    [("mesh.contact_width", '["4 mm", "8 mm"]', (4e-3, 8e-3)), ("mesh.divisions", "[4, 6]", (5e-3, 5e-3))],
+)
+@pytest.mark.parametrize("kind", ["sections", "maps"])
+def test_every_run_has_the_zone_of_its_own_mesh(write, registry, tmp_path, kind, vary, values, sizes):
+    """Springs: the pressure is their stiffness times the depth of the paraboloid, at the nodes of each mesh."""
+    path = write("{ pressure = 1.0 }", kind=kind, vary=vary, values=values)
+    study = solve_study(path, tmp_path / "cache", registry=registry)
+    (panel,) = study.panels
+    for zone, pressure, size in zip(panel.zones, panel.quantities["pressure"], sizes, strict=True):
+        assert np.ptp(zone.points[:, 0]) == pytest.approx(size)
+        x, y, _ = zone.points.T
+        depth = np.maximum(1e-5 - (x**2 + y**2) / 0.2, 0.0)
+        np.testing.assert_allclose(pressure, 1e14 * depth, rtol=1e-6, atol=1.0)
+    study_figure(study)
+
+
+def test_values_with_units_have_their_place_in_si(write, registry, tmp_path):
+    study = solve_study(write(values='["10 um", "0.02 mm"]'), tmp_path / "cache", registry=registry)
+    np.testing.assert_allclose(study.panels[0].values, [1e-5, 2e-5])
+    assert study.panels[0].runs == ("10 um", "0.02 mm")
 
 
 @pytest.mark.parametrize("reference", ['"soft"', "0.0"])
