@@ -1,0 +1,71 @@
+"""Full stick jumps at zero pressure: on nine nodes all 512 ways to open and close them show what there is to find."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.core.fields import Array
+from meeframe.laws import IsotropicCoulomb
+from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, SemismoothNewton, Uzawa, solve
+
+STICK = IsotropicCoulomb(np.inf)
+SOLVERS = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Uzawa(), Auto()]
+GRADIENT = Limits(max_iterations=3000, stall_window=3000)
+"""Enough for gradient iterations by far: those that converge here do so within 300 steps."""
+NEWTON = Limits(max_iterations=100, stall_window=100)
+
+
+def limits(solver: Solver) -> Limits:
+    return GRADIENT if solver.stride > 1 else NEWTON
+
+
+def name(solver: Solver) -> str:
+    return type(solver).__name__
+
+
+def solutions(problem: ContactProblem) -> list[Array]:
+    """Tractions (n, 3) of all solutions under full stick, insulated: closed nodes stick and press, open ones do not
+    overlap, whether they graze or not."""
+    n = len(problem.gap)
+    matrix = problem.system.matrix[:, :3, :, :3].reshape(3 * n, 3 * n)
+    target = np.column_stack([problem.translation, problem.gap]).ravel()
+    found = []
+    for closed in map(np.array, product([False, True], repeat=n)):
+        rows, traction = np.repeat(closed, 3), np.zeros(3 * n)
+        traction[rows] = np.linalg.solve(matrix[np.ix_(rows, rows)], target[rows])
+        gap = problem.gap - (matrix @ traction)[2::3]
+        if (traction[2::3][closed] < 0.0).all() and (gap[~closed] >= 0.0).all():
+            found.append(traction.reshape(n, 3))
+    return found
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=name)
+@pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
+def test_where_no_solution_exists_nobody_says_converged(sphere, solver, material, drag) -> None:
+    """Insulated contact, dragged by several approaches: some node is pulled if it sticks and overlaps if it opens."""
+    problem = sphere(material, STICK, drag=drag, cells=3)
+    assert not solutions(problem)
+    solution = solve(problem, solver, limits(solver))
+    assert solution.status is not Status.CONVERGED
+    assert solution.residual > 1e-3
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=name)
+@pytest.mark.parametrize(("material", "drag"), [("transverse", 2.0), ("orthotropic", 1.0)])
+def test_where_a_single_solution_exists_everybody_finds_it(sphere, solver, material, drag) -> None:
+    """The same, dragged less far."""
+    problem = sphere(material, STICK, drag=drag, cells=3)
+    (expected,) = solutions(problem)
+    solution = solve(problem, solver, limits(solver))
+    assert solution.status is Status.CONVERGED, solution.message
+    assert np.abs(solution.state.load[:, :3] - expected).max() <= 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=name)
+@pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
+def test_friction_that_is_finite_is_the_way_out(sphere, solver, material, drag) -> None:
+    problem = sphere(material, IsotropicCoulomb(5.0), drag=drag, cells=3)
+    solution = solve(problem, solver, limits(solver))
+    assert solution.status is Status.CONVERGED, solution.message
