@@ -44,7 +44,7 @@ class Case:
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
     fixes), an indenter that is nowhere above the zone, a counter body whose zone does not match,
     a first step that neither moves nor presses it, a
-    resultant that the laws cannot resist, a run to go on from that had another contact zone.
+    resultant that the laws cannot resist, a run to go on from that had another contact zone or other axes.
     """
 
     material: Material
@@ -78,7 +78,7 @@ class Case:
         if self.restart is None:
             check_first(self.steps[0])
         else:
-            check_same_zone(self.restart, zone_frames(self.mesh, self.zone))
+            check_same_zone(self.restart, zone_frames(self.mesh, self.zone), self.axes)
         resists = resistance(
             self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
         )

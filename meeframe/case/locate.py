@@ -77,7 +77,7 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
         yield Problem(("steps", 0), ""), partial(check_first, steps[0])
     else:
         place = Problem(("restart", "from"), "", table.restart.folder)
-        yield place, partial(check_same_zone, restart, zone_frames(body.mesh, zone))
+        yield place, partial(check_same_zone, restart, zone_frames(body.mesh, zone), table.contact.axes)
     laws = table.contact.law, table.conductivity.electric, table.conductivity.magnetic
     resists = resistance(placement, body.mesh, zone, laws)
     for number, step in enumerate(steps):

@@ -11,21 +11,26 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import StepResult
-from meeframe.geometry import ContactZone
+from meeframe.core.turned import turned_frames
+from meeframe.geometry import ContactZone, FrictionAxes
 from meeframe.io.results import read_result
 
 _SAME_PLACE: Final = 1e-9
 """Of the extent of the contact zone: points that differ by less are the same."""
+_SAME_AXES: Final = 1e-6
+"""Of components of unit vectors: frames that differ by less are the same."""
 _SAME_BODY: Final = 1e-6
 """Of the displacement: what a state may miss by in the body that continues it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Restart:
-    """A converged increment to go on from. source: where it is from, in words; points: (n, 3) of its zone [m]."""
+    """A converged increment to go on from. source: where it is from, in words; points: (n, 3) of its zone [m]; frames:
+    (n, 3, 3) there, along the friction axes."""
 
     source: str
     points: Array
+    frames: Array
     step: StepResult
 
 
@@ -38,11 +43,11 @@ def read_restart(folder: Path, source: str = "") -> Restart:
     converged = [step for step in result.steps if step.status is Status.CONVERGED]
     if not converged:
         raise CaseError(f"no increment of the run in {folder} converged; allowed: a run with one that did")
-    return Restart(source or str(folder), result.zone.points, converged[-1])
+    return Restart(source or str(folder), result.zone.points, result.zone.frames, converged[-1])
 
 
-def check_same_zone(restart: Restart, zone: ContactZone) -> None:
-    """Raises CaseError unless the run had the contact zone that is to continue it."""
+def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | None) -> None:
+    """Raises CaseError unless the run had the contact zone and the friction axes that are to continue it."""
     if len(restart.points) != len(zone.points):
         raise CaseError(
             f"the contact zone of that run has {len(restart.points)} points, this one {len(zone.points)}; "
@@ -53,6 +58,13 @@ def check_same_zone(restart: Restart, zone: ContactZone) -> None:
         raise CaseError(
             f"the contact zone of that run has points up to {distance:.3g} m away from those here; "
             "allowed: the same contact zone"
+        )
+    frames = zone.frames if axes is None else turned_frames(zone.frames, axes.directions(zone.points))
+    if np.abs(restart.frames - frames).max() > _SAME_AXES:
+        cosines = np.einsum("ni,ni->n", restart.frames[:, 0], frames[:, 0])
+        raise CaseError(
+            "the local axis e1 of that run points elsewhere on the contact zone, by up to "
+            f"{np.rad2deg(np.arccos(np.clip(cosines.min(), -1.0, 1.0))):.3g} deg; allowed: the same [contact] axes"
         )
 
 

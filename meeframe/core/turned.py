@@ -25,8 +25,7 @@ def turned(system: ReducedSystem, directions: Array) -> ReducedSystem:
     Raises CaseError if directions are of another shape or not finite.
     """
     cosine_sine = _turn(system.frames, directions)
-    frames = system.frames.copy()
-    frames[:, :2] = _rotated(frames[:, :2].swapaxes(1, 2), cosine_sine[:, None]).swapaxes(1, 2)
+    frames = _turned_frames(system.frames, cosine_sine)
     offset = _rotated(system.offset, cosine_sine)
     parts = system.points, frames, system.weights, system.cells, offset
     matrix = system.dense()
@@ -39,6 +38,17 @@ def turned(system: ReducedSystem, directions: Array) -> ReducedSystem:
     return DenseSystem(
         *parts, np.ascontiguousarray(_rotated(rows, cosine_sine)), partial(_recover, recover, cosine_sine)
     )
+
+
+def turned_frames(frames: Array, directions: Array) -> Array:
+    """The frames (n, 3, 3) of `turned`, of those of the system. Raises CaseError as there."""
+    return _turned_frames(frames, _turn(frames, directions))
+
+
+def _turned_frames(frames: Array, cosine_sine: Array) -> Array:
+    found = frames.copy()
+    found[:, :2] = _rotated(frames[:, :2].swapaxes(1, 2), cosine_sine[:, None]).swapaxes(1, 2)
+    return found
 
 
 @final

@@ -85,6 +85,26 @@ def test_another_body_is_refused(write_case, registry, change, text):
     refused(continued(write_case, change), registry, text)
 
 
+AXES = ("mu = 0.3}\n", "mu = 0.3}\naxes = {direction = [0, 1, 0]}\n")
+
+
+@pytest.mark.usefixtures("first")
+def test_other_friction_axes_are_refused(write_case, registry):
+    path = continued(write_case)
+    path.write_text(path.read_text().replace(*AXES))
+    text = "the local axis e1 of that run points elsewhere on the contact zone, by up to 90 deg; allowed: the same [co"
+    refused(path, registry, text)
+
+
+def test_a_run_with_turned_axes_is_continued_with_the_same(write_case, registry, tmp_path):
+    path = write_case(more=LAW + FIRST)
+    path.write_text(path.read_text().replace(*AXES))
+    meeframe.run(load_case(path, registry), tmp_path / "first")
+    path = continued(write_case)
+    path.write_text(path.read_text().replace(*AXES))
+    assert str(meeframe.solve_case(load_case(path, registry)).status) == "converged"
+
+
 def test_there_must_be_a_run(write_case, registry, tmp_path):
     refused(continued(write_case), registry, f"no result in {tmp_path / 'first'}")
 
