@@ -6,7 +6,7 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.newton import SemismoothNewton
 from meeframe.solvers.residual import evaluate, law_residual
 from meeframe.solvers.scales import Scales, problem_scales
@@ -28,6 +28,7 @@ class _Stage:
 
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
+    _Stage(Nesterov(), 25, 60),
     _Stage(BarzilaiBorwein(), 25, 60),
     _Stage(Uzawa(), 25, np.inf),
 )
@@ -49,7 +50,8 @@ class _Memory:
 @final
 @dataclass(frozen=True)
 class Auto(Solver):
-    """Semismooth Newton; if it makes no progress, projected Barzilai-Borwein steps from its best state, then Uzawa's.
+    """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
+    hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's.
 
     Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method or 25 of a
     gradient iteration.

@@ -11,6 +11,7 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver,
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
@@ -21,8 +22,11 @@ from meeframe.solvers import (
     residual,
     solve,
 )
+from meeframe.solvers.conduction import own_response
 from meeframe.solvers.newton_steps import Step
 from meeframe.testing.contact import check_solver
+from meeframe.testing.contact_cases import SphereCase
+from meeframe.testing.force_control import released
 
 FRICTIONAL = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Auto()]
 ALL = [*FRICTIONAL, ProjectedCG()]
@@ -246,6 +250,23 @@ def test_auto_goes_on_where_a_solver_gets_nowhere(sphere, monkeypatch) -> None:
     monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), bad, others[1]))
     got, _ = force(problem, Auto())
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
+    """Newton's method keeps coming back to a node that all but closes (residual 3e-5), and Uzawa's stays there."""
+    law, potentials = OrthotropicCoulomb(5.0, 5.0, 2.7496612910953973), (6803.1263585648885, 38.07439080011234)
+    plain = SphereCase(
+        library_material("orthotropic-mee"), law, Insulating(), Insulating(), 10, 5.0, 2.3841492026488798
+    )
+    own = own_response(plain.problem())[0, 1]
+    magnetic = StepConductivity(float(0.0003501238946480535 / own))
+    dragged = replace(plain, electric=StepConductivity(np.inf), magnetic=magnetic, potentials=potentials).problem()
+    expected = solve(dragged, Nesterov())
+    assert expected.status is Status.CONVERGED
+    free, motion = released(dragged, expected.state, "approach", "translation")
+    solution = solve(free, Auto())
+    assert solution.status is Status.CONVERGED, solution.message
+    np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-6)
 
 
 @pytest.mark.parametrize("solver", FRICTIONAL, ids=name)
