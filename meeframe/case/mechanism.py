@@ -49,6 +49,13 @@ class Mechanism:
         return self.case.placement.reference(self.system.points)
 
     @cached_property
+    def touching_gap(self) -> Array:
+        """Gap (n,) [m] between the undeformed body and the indenter where that just touches."""
+        points, system = self.system.points, self.system
+        zone = ContactZone(points, system.frames, system.weights, system.cells, np.arange(len(points)))
+        return initial_gap(self.case.indenter, zone, self.case.placement)
+
+    @cached_property
     def modes(self) -> Array:
         """Of its motions, (8, n, 5), as of motion_modes."""
         return motion_modes(self.system.points, self.system.frames, self.case.placement.base, self.reference)
@@ -66,24 +73,20 @@ class Mechanism:
     def increment(self, controls: Controls, start: Converged) -> Increment:
         """The increment from a converged state to where the controls are in force.
 
-        Slip is measured from that state. Motions are small except the approach, at which the gap is found anew; free
-        ones count from the converged state, and those that nothing can resist stay there.
+        Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free ones
+        count from the converged state, and those that nothing can resist stay there.
         """
         base = start.motion.copy()
         for key in controls.keys() & MOTIONS.keys():
             base[COLUMNS[key]] = controls[key]
         prescribed = {key: value for key, value in controls.items() if key not in MOTIONS}
         freedoms = self._freedoms(prescribed)
-        points, system = self.system.points, self.system
-        zone = ContactZone(points, system.frames, system.weights, system.cells, np.arange(len(points)))
-        approached = initial_gap(self.case.indenter, zone, self.case.placement, float(base[0]))
-        # where the zone is not parallel to the plane of translation the indenter also moves along the normal
-        gap = approached + np.einsum("k,kn->n", base[1:6], self.modes[1:6, :, 2])
+        gap = self.touching_gap + np.einsum("k,kn->n", base[:6], self.modes[:6, :, 2])
         tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
-        potentials = np.tile(base[6:], (len(points), 1))
+        potentials = np.tile(base[6:], (len(gap), 1))
         laws = self.case.contact_law, self.case.electric_law, self.case.magnetic_law
         translation = tangential - start.total_slip
-        problem = ContactProblem(system, *laws, gap, translation, potentials, tuple(freedoms.values()))
+        problem = ContactProblem(self.system, *laws, gap, translation, potentials, tuple(freedoms.values()))
         return Increment(problem, base, np.array(list(freedoms), int), prescribed)
 
     def _freedoms(self, prescribed: Controls) -> dict[int, Freedom]:

@@ -210,6 +210,8 @@ class Solver(ABC):
 
     stride: ClassVar[int] = 1
     """Steps between two looks of the driver; more than one for solvers whose step costs less than such a look."""
+    patience: ClassVar[int] = 2_000
+    """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
 
     @abstractmethod
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:

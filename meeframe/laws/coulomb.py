@@ -2,13 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Final, final
 
 import numpy as np
 
 from meeframe.core.contact import ContactLaw
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.quantities import Quantity, check_quantities
+
+LARGEST_RATIO: Final = 1e3
+"""Of finite principal friction coefficients."""
 
 
 @final
@@ -40,7 +44,8 @@ class OrthotropicCoulomb(ContactLaw):
 
     mu1, mu2: principal friction coefficients, >= 0; inf sticks in that direction wherever there is pressure;
     angle: from the local axis e1 to the first principal direction, positive towards e2 [rad]. Raises CaseError if one
-    of them is out of bounds.
+    of them is out of bounds, or if one finite coefficient is more than 1000 times the other, neither being zero: the
+    metric is then too distorted to tell slip from stick in the weak direction.
 
     The radial return of eq. (16) is the projection in the norm ||.||_mu of eq. (13). With the step scaled by
     M^2 / max(mu)^2 its fixed points slip along M^2 g, the associated rule of eq. (12) (notes, section 7).
@@ -52,6 +57,12 @@ class OrthotropicCoulomb(ContactLaw):
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        smaller, larger = sorted((self.mu1, self.mu2))
+        if smaller > 0.0 and LARGEST_RATIO * smaller < larger < math.inf:
+            raise CaseError(
+                f"OrthotropicCoulomb: mu1 = {self.mu1:g} and mu2 = {self.mu2:g} differ by more than a factor of "
+                f"{LARGEST_RATIO:g}; allowed: less, or 0 or inf for one of them"
+            )
 
     def project(self, trial: Array) -> Array:
         """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""

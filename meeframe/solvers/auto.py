@@ -1,7 +1,7 @@
 """The solver that needs no choice: Newton first, gradient iterations where that does not get on."""
 
 from dataclasses import dataclass, replace
-from typing import Final, final
+from typing import ClassVar, Final, final
 
 import numpy as np
 
@@ -56,6 +56,8 @@ class Auto(Solver):
     Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method or 25 of a
     gradient iteration.
     """
+
+    patience: ClassVar[int] = 200
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""

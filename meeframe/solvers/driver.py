@@ -39,19 +39,20 @@ class Limits:
     (section 6), in the paper's units: m, GV, GA, GPa, which are coherent with its Tables 1 and 3. A short step changes
     little wherever it is: with this criterion the residual must have fallen to ACCEPTABLE besides;
     tolerance: of that quantity; max_iterations: steps of the solver; stall_window: steps within which the quantity must
-    fall to nine tenths. Raises CaseError for a value out of bounds.
+    fall to nine tenths, None for the solver's own patience. Raises CaseError for a value out of bounds.
     """
 
     tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-10
     max_iterations: int = 50_000
     criterion: Criterion = "residual"
-    stall_window: int = 2_000
+    stall_window: int | None = None
 
     def __post_init__(self) -> None:
         check_quantities(self)
         for name in ("max_iterations", "stall_window"):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < 1:
+            unset = name == "stall_window" and value is None
+            if not unset and (not isinstance(value, int) or value < 1):
                 raise CaseError(f"Limits: {name} = {value!r}: allowed: whole numbers from 1")
 
 
@@ -123,9 +124,8 @@ def solve(
         orbit = _Orbit(_point(iterate, scales, units), 1)
         iteration = 0
         hopeless = unreachable(problem, scales) if problem.freedoms else None
-        if hopeless:
-            limits = replace(limits, stall_window=min(limits.stall_window, HOPELESS))
-        while (verdict := _verdict(trend, limits, orbit.repeated)) is None:
+        window = min(limits.stall_window or solver.patience, HOPELESS if hopeless else limits.max_iterations)
+        while (verdict := _verdict(trend, limits, window, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
             orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
@@ -159,7 +159,7 @@ def _paper_change(previous: ContactState, state: ContactState) -> float:
     return max(float(np.linalg.norm(change)) for change in changes)
 
 
-def _verdict(trend: _Trend | None, limits: Limits, repeated: bool) -> tuple[Status, str] | None:
+def _verdict(trend: _Trend | None, limits: Limits, window: int, repeated: bool) -> tuple[Status, str] | None:
     """Status and the reason in words; None to go on."""
     if trend is None:
         return None
@@ -175,6 +175,6 @@ def _verdict(trend: _Trend | None, limits: Limits, repeated: bool) -> tuple[Stat
         return Status.CYCLING, f"the same loads return at iteration {iteration}, with {name} {value:.2e}"
     if iteration >= limits.max_iterations:
         return Status.ITERATION_LIMIT, f"{name} {value:.2e} after {iteration} iterations"
-    if iteration - since >= limits.stall_window:
+    if iteration - since >= window:
         return Status.STALLED, f"{name} has stayed near {best:.2e} since iteration {since}"
     return None

@@ -25,7 +25,7 @@ REGULARISATION: Final = (0.0, 1e-6, 1e-4, 1e-2, 1.0)
 FARTHEST: Final = 10.0
 """The indenter moves at most so many times its distance from the body: where all slips nothing else would stop it."""
 BISECTIONS: Final = 60
-"""Of the way down to the body, where the indenter does not touch it."""
+"""Of the way to where the unbalance turns, where it does not change at first."""
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 LEAST_FALL: Final = 1e-3
 """The unbalance falls by this fraction of what a step promises, or the step is not taken."""
@@ -145,24 +145,29 @@ class _Balance:
                 there = self.at(motion)
                 if np.linalg.norm(weight * there.unbalance) < (1.0 - LEAST_FALL * fraction) * np.linalg.norm(right):
                     return there
-        return self._landed(here, weight, farthest)
+        return self._settled(here, weight, farthest)
 
-    def _landed(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
-        """A point with less unbalance where nothing touches as yet: the indenter follows the prescribed resultants."""
+    def _settled(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
+        """A point where the unbalance no longer drives the indenter the way it goes from here; None if there is none.
+
+        Where nothing touches as yet, or all slips, the resultants do not change with the motion and no Newton step
+        helps. Along their direction the unbalance does not fall (exactly so without friction), so that bisection does.
+        """
         direction = -(weight**2) * here.unbalance
         reach = self._reach(direction)
-        if here.traction.any() or not 0.0 < reach < np.inf:
+        if not 0.0 < reach < np.inf:
             return None
         low, high = 0.0, farthest / reach
-        if not self.at(here.motion + high * direction).traction.any():
+        if direction @ self.at(here.motion + high * direction).unbalance < 0.0:
             return None
+        there = here
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             there = self.at(here.motion + middle * direction)
-            if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(weight * here.unbalance):
-                return there
-            low, high = (low, middle) if there.traction.any() else (middle, high)
-        return None
+            if np.linalg.norm(weight * there.unbalance) < 0.5 * np.linalg.norm(weight * here.unbalance):
+                break
+            low, high = (middle, high) if direction @ there.unbalance < 0.0 else (low, middle)
+        return there if np.linalg.norm(weight * there.unbalance) < np.linalg.norm(weight * here.unbalance) else None
 
     def _jacobian(self, here: _Point) -> Array:
         """Change of the resultants with the motion, (k, k)."""

@@ -1,7 +1,7 @@
 """Semismooth Newton on the nonsmooth equation of the contact problem, globalised so that it converges from zero."""
 
 from dataclasses import dataclass, replace
-from typing import Final, final
+from typing import ClassVar, Final, final
 
 import numpy as np
 
@@ -27,6 +27,8 @@ ROUND_OFF: Final = 1e-14
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
+FARTHEST: Final = 3.0
+"""In characteristic displacements of the problem: how far a free indenter goes in one step."""
 BALANCED: Final = 1e-6
 """Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
 STIFFENING: Final = (1.0, 4.0, 16.0)
@@ -59,6 +61,8 @@ class SemismoothNewton(Solver):
     58 (1993) 353 for the convergence.
     """
 
+    patience: ClassVar[int] = 40
+
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         n = len(problem.gap)
@@ -78,14 +82,23 @@ class SemismoothNewton(Solver):
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
+            longest = _longest_fraction(point, direction)
             for fraction in FRACTIONS:
-                flips, moved = _moved(point, flips, direction, fraction)
+                flips, moved = _moved(point, flips, direction, fraction * longest)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
         return _iterate(_Memory(moved, (moved.merit,), flips, burst))
+
+
+def _longest_fraction(point: Point, step: Step) -> float:
+    """Of a step: in it the indenter goes no farther than FARTHEST. Where all nodes slip nothing else would stop it."""
+    problem, characteristic = point.equation.problem, float(point.equation.scales.displacement[MECHANICAL].max())
+    moving = motions(problem)
+    reach = max((abs(step.motion[i]) * np.abs(problem.freedoms[i].mode).max() for i in moving), default=0.0)
+    return min(1.0, FARTHEST * characteristic / reach) if reach > 0.0 else 1.0
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:

@@ -11,6 +11,8 @@ from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.solvers.free_motion import balanced_projection, motions
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
+RESOLVED: Final = 4e-5
+"""Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
 FOUNDATION_STEPS: Final = 3
 """Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
 
@@ -49,8 +51,9 @@ def problem_scales(problem: ContactProblem) -> Scales:
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
     overlap = problem.system.offset[:, 2] - position[:, 2]
-    depth = _depth(overlap)
     loaded = _loaded(overlap)
+    moved = np.abs(position[loaded, 2] - problem.gap[loaded])
+    depth = max(_depth(overlap), RESOLVED * float(moved.max(initial=0.0)))
     compliance = _uniform_response(problem, loaded)
     pressure = depth / compliance[2, 2]
     charged = _prescribed_flux(problem, loaded)

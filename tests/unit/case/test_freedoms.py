@@ -10,7 +10,7 @@ from meeframe.case.solve import solve_steps
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
 from meeframe.core.result import Region
-from meeframe.geometry import FlatPunch
+from meeframe.geometry import FlatPunch, frames_of
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import SemismoothNewton
 
@@ -123,3 +123,18 @@ def test_after_an_increment_that_does_not_converge_the_last_one_that_did_counts(
     for name in ("traction", "slip"):
         expected = getattr(untried.steps[2], name)
         np.testing.assert_allclose(getattr(tried[3], name), expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_on_a_curved_zone_force_and_approach_say_the_same(bed, rubbing):
+    """A cap as curved as the indenter: what a force gives, the approach found gives back, and a force held changes
+    nothing."""
+    flat = bed.half_space(10)
+    x, y = flat.points[:, 0], flat.points[:, 1]
+    cap = np.column_stack([x, y, np.sqrt(bed.radius**2 - x**2 - y**2)])
+    system = replace(flat, points=cap, frames=frames_of(cap / bed.radius))
+    pressed = bed.follow(rubbing, system, *3 * [Step(normal_force=1e3)])
+    assert pressed.motion[1:] == pytest.approx(np.tile(pressed.motion[0], (2, 1)), rel=1e-8, abs=1e-16)
+    driven = bed.follow(rubbing, system, Step(approach=pressed.motion[0, 0]))
+    assert driven.resultants[0, 0] == pytest.approx(1e3, rel=1e-8)
+    (step,) = driven.steps
+    np.testing.assert_allclose(step.traction, pressed.steps[0].traction, atol=1e-8 * np.abs(step.traction).max())

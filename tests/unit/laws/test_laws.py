@@ -94,3 +94,14 @@ def test_bad_coefficients_are_named(bad: float) -> None:
         StepConductivity(bad)
     with pytest.raises(CaseError, match="angle"):
         OrthotropicCoulomb(0.1, 0.2, INF)
+
+
+@pytest.mark.parametrize(("mu1", "mu2"), [(0.3, 301.0), (1e5, 0.3)])
+def test_coefficients_too_unequal_are_refused(mu1, mu2):
+    with pytest.raises(CaseError, match="differ by more than a factor of 1000; allowed: less, or 0 or inf"):
+        OrthotropicCoulomb(mu1, mu2)
+
+
+@pytest.mark.parametrize(("mu1", "mu2"), [(0.0, 1e5), (0.3, INF), (0.3, 300.0), (0.0, 0.0)])
+def test_coefficients_that_are_zero_infinite_or_alike_are_taken(mu1, mu2):
+    assert np.isfinite(OrthotropicCoulomb(mu1, mu2).project(np.array([[1.0, 1.0, -1.0]]))).all()

@@ -1,0 +1,72 @@
+"""A free indenter that slides almost everywhere: a Newton step must not carry it away."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, Freedom, Status
+from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
+from meeframe.solvers import Auto, Limits, SemismoothNewton, residual, solve
+from meeframe.testing.elastic_half_space import elastic_half_space
+
+MU = 0.6
+
+
+def sliding(cells, approach, ratio, translation=0.0):
+    """A sphere on a few cells, free to slide with a share of its normal force; slip from where it is."""
+    system = elastic_half_space(2e11, 0.3, 5e-3, cells)
+    x, y, _ = system.points.T
+    n = len(x)
+    mode, normal = np.zeros((2, n, 5))
+    mode[:, 0], normal[:, 2] = 1.0, -1.0
+    weights = system.weights[:, None]
+    free = (Freedom(mode, weights * (mode - ratio * normal), 0.0),) if ratio is not None else ()
+    gap = (x**2 + y**2) / 0.2 - approach
+    slid = np.tile([translation, 0.0], (n, 1))
+    law = OrthotropicCoulomb(MU, MU / 2)
+    return ContactProblem(system, law, Insulating(), Insulating(), gap, slid, np.zeros((n, 2)), free)
+
+
+@pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
+@pytest.mark.parametrize(
+    ("cells", "pressed", "touching", "share"),
+    [
+        (5, 8e-6, 1.5e-6, 0.9),
+        (5, 8e-6, 1.5e-6, 0.95),
+        (6, 1.5e-5, 3e-6, -0.9),
+        (7, 1.5e-5, 3e-6, 0.9),
+        (8, 8e-6, 1.5e-6, 0.95),
+        (9, 8e-6, 3e-6, 0.95),
+    ],
+)
+def test_unloading_at_a_large_share_of_friction(solver, cells, pressed, touching, share):
+    """From a pressed and dragged state to a slight touch of a few nodes, as at the end of unloading."""
+    start = solve(sliding(cells, pressed, share * MU), solver).state
+    problem = sliding(cells, touching, share * MU)
+    solution = solve(problem, solver, Limits(max_iterations=20), replace(start, motion=np.zeros(1)))
+    assert solution.status is Status.CONVERGED, solution.message
+    assert residual(problem, solution.state) <= 1e-9
+    # displacement control at the motion found gives the ratio back
+    driven = solve(sliding(cells, touching, None, solution.state.motion[0]), solver)
+    force = driven.state.load[:, :3].sum(axis=0)
+    assert driven.status is Status.CONVERGED
+    assert force[0] / -force[2] == pytest.approx(share * MU, rel=1e-6)
+
+
+@pytest.mark.parametrize("force", [1.0, 1e-3, 1e-6])
+def test_a_light_touch_from_afar(force):
+    """An indenter that comes from 1 mm to a depth of nanometres."""
+    system = elastic_half_space(2e11, 0.3, 2e-4, 12)
+    x, y, _ = system.points.T
+    n = len(x)
+    mode = np.zeros((n, 5))
+    mode[:, 2] = -1.0
+    free = (Freedom(mode, system.weights[:, None] * mode, force),)
+    gap = (x**2 + y**2) / 2e-2 + 1e-3
+    problem = ContactProblem(
+        system, Signorini(), Insulating(), Insulating(), gap, np.zeros((n, 2)), np.zeros((n, 2)), free
+    )
+    solution = solve(problem, Auto())
+    assert solution.status is Status.CONVERGED, solution.message
+    assert -system.weights @ solution.state.load[:, 2] == pytest.approx(force, rel=1e-6)
