@@ -26,7 +26,11 @@ from meeframe.solvers import (
 
 RADIUS, APPROACH = 0.1, 5e-5
 TABLES = {"Table 1": "batio3-cofe2o4", "Table 3": "orthotropic-mee"}
-CONDITIONS = {"EMII": (0.0, 0.0), "EMCI": (np.inf, np.inf)}
+CONDITIONS = {"EMII": (0.0, 0.0), "ECMII": (np.inf, 0.0), "EIMCI": (0.0, np.inf), "EMCI": (np.inf, np.inf)}
+FINITE = {"Table 1": (1e-5, 0.4), "Table 3": (1e-6, 1.0)}
+"""kappa [F/m^2, H/m^2], of the order of the inverse response of a node."""
+PAPER_STEPS = {"Table 1": (5e12, 5e12), "Table 3": (5e11, 3e11)}
+"""r_nu and r_tau [Pa/m] of section 7; Table 1 is given no r_tau."""
 LAWS = {
     "no friction": Signorini(),
     "isotropic": IsotropicCoulomb(0.6),
@@ -36,41 +40,40 @@ LIMITS = Limits(tolerance=1e-10)
 
 
 @pytest.fixture(scope="module", params=list(TABLES))
-def system(request):
-    stiffness = library_material(TABLES[request.param]).stiffness
+def table(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def system(table):
+    stiffness = library_material(TABLES[table]).stiffness
     return DenseBEM().reduce(Body(stiffness, half_space_mesh(0.1, 0.005, 8, 4, Quad4()), (), "contact"))
 
 
-def problem(system, law, condition, translation=(0.0, 0.0)) -> ContactProblem:
+def problem(system, law, kappa=(0.0, 0.0), translation=(0.0, 0.0)) -> ContactProblem:
     x, y = system.points[:, 0], system.points[:, 1]
-    electric, magnetic = (StepConductivity(kappa) if kappa else Insulating() for kappa in CONDITIONS[condition])
+    electric, magnetic = (StepConductivity(k) if k else Insulating() for k in kappa)
     gap = (x**2 + y**2) / (2.0 * RADIUS) - APPROACH
     n = len(gap)
     return ContactProblem(system, law, electric, magnetic, gap, np.tile(translation, (n, 1)), np.zeros((n, 2)))
 
 
-def solved(case, solver, start=None):
-    solution = solve(case, solver, LIMITS, start)
+def solved(case, solver):
+    solution = solve(case, solver, LIMITS)
     assert solution.status is Status.CONVERGED, f"{solver}: {solution.message}"
     assert residual(case, solution.state) <= LIMITS.tolerance
     return solution.state
 
 
-def assert_agree(case):
-    """Forces and fluxes as of Newton's method. Where a law jumps, edge nodes may have two states that both satisfy it
-    (docs/solvers.md): a solver that chose another than the reference is asked again from near that."""
-    others = [Auto(), BarzilaiBorwein(), Nesterov(), Uzawa()]
-    if isinstance(case.contact_law, Signorini) and not case.freedoms:
+def assert_agree(case, *more):
+    """Forces and fluxes as of Newton's method, from zero: no case here has a second solution."""
+    others = [Auto(), BarzilaiBorwein(), Nesterov(), Uzawa(), *more]
+    if isinstance(case.contact_law, Signorini):
         others.append(ProjectedCG())
     reference = solved(case, SemismoothNewton())
     resultants = case.system.weights @ reference.load
     for solver in others:
         state = solved(case, solver)
-        differ = np.abs(state.closed - reference.closed) > 0.5
-        if differ.any():
-            assert not isinstance(case.electric_law, Insulating)
-            assert differ.sum() <= 4
-            state = solved(case, solver, replace(reference, load=1.0001 * reference.load))
         force, *fluxes = np.split(case.system.weights @ state.load - resultants, [3, 4])
         assert np.linalg.norm(force) <= 1e-8 * np.linalg.norm(resultants[:3]), solver
         for flux, column in zip(fluxes, (3, 4), strict=True):
@@ -79,32 +82,57 @@ def assert_agree(case):
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("law", LAWS)
-def test_indentation(system, law, condition):
+def test_indentation(system, table, law, condition):
     """Sections 7.1 and 7.2; orthotropic friction as in section 7.3."""
-    assert_agree(problem(system, LAWS[law], condition))
+    assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), Uzawa(*PAPER_STEPS[table]))
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
-def test_tangential_load(system, law, condition):
+def test_tangential_load(system, table, law, condition):
     """Section 7.4, by translation, short of full slip."""
-    assert_agree(problem(system, LAWS[law], condition, (1e-5, 5e-6)))
+    more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # thousands of steps with the other
+    assert_agree(problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6)), *more)
+
+
+@pytest.mark.parametrize("translation", [(0.0, 0.0), (1e-5, 5e-6)])
+@pytest.mark.parametrize("law", LAWS)
+def test_finite_conductivity(system, table, law, translation):
+    """Between the limiting conditions, as in Fig. 4."""
+    assert_agree(problem(system, LAWS[law], FINITE[table], translation))
+
+
+def pressed(case, force):
+    """Freedom of the approach, at a normal force [N]."""
+    press = np.zeros((len(case.gap), 5))
+    press[:, 2] = -1.0
+    return Freedom(press, case.system.weights[:, None] * press, force)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_normal_force(system, condition):
+    """Without friction, P given: the same from the approach that it takes."""
+    given = problem(system, LAWS["no friction"], CONDITIONS[condition])
+    load = solved(given, SemismoothNewton()).load
+    free = replace(given, gap=given.gap + APPROACH, freedoms=(pressed(given, -float(system.weights @ load[:, 2])),))
+    assert_agree(free)
+    for solver in (SemismoothNewton(), ProjectedCG()):
+        assert solved(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_tangential_force_as_a_share_of_friction(system, share):
     """Section 7.4, F_x = share mu P at a given P: the same from its own motion prescribed."""
-    case = problem(system, LAWS["isotropic"], "EMII")
-    press, slide = np.zeros((2, len(case.gap), 5))
-    press[:, 2], slide[:, 0] = -1.0, 1.0
-    weights = system.weights[:, None]
+    case = problem(system, LAWS["isotropic"])
     load = solved(case, SemismoothNewton()).load
-    force = -float(system.weights @ load[:, 2])
-    freedoms = (Freedom(press, weights * press, force), Freedom(slide, weights * (slide - share * 0.6 * press), 0.0))
-    free = replace(case, freedoms=freedoms)
+    push = pressed(case, -float(system.weights @ load[:, 2]))
+    slide = np.zeros_like(push.mode)
+    slide[:, 0] = 1.0
+    pull = Freedom(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
+    free = replace(case, freedoms=(push, pull))
     assert_agree(free)
     found = solved(free, SemismoothNewton())
     approach, translation = found.motion
-    given = problem(system, LAWS["isotropic"], "EMII", (translation, 0.0))
+    given = problem(system, LAWS["isotropic"], translation=(translation, 0.0))
     again = solved(replace(given, gap=given.gap - approach), SemismoothNewton())
     assert np.abs(again.load - found.load).max() <= 1e-8 * np.abs(found.load).max()
