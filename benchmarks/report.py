@@ -18,7 +18,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from solvers import FACTORS, FASTER, MOST_STEPS, PLAIN, REFINED, disagreement, speedups, within
+from solvers import AGREEMENT, FACTORS, FASTER, MOST_STEPS, PLAIN, REFINED, disagreement, speedups, within
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "benchmarks.md"
@@ -121,8 +121,11 @@ def _solvers(folder: Path) -> str:
         for name in next(iter(found["speed"].values()))["runs"]
     ]
     steps = [(label, *map(str, counts)) for label, counts in found["refinement"].items()]
-    differences = sorted((disagreement(row) for row in found["cases"]), reverse=True)
-    agree = sum(difference <= 1e-8 for difference in differences)
+    apart = [row for row in found["cases"] if disagreement(row) > AGREEMENT]
+    rows = [
+        (row["case"], f"{disagreement(row):.0e}", str(row["solutions"]["count"]), _names(row["solutions"]["left by"]))
+        for row in apart
+    ]
     return "\n\n".join(
         [
             _prose(
@@ -142,13 +145,20 @@ def _solvers(folder: Path) -> str:
             "Steps of `newton` under refinement, nodes along a side:",
             _table(["case", *map(str, REFINED)], steps),
             _prose(
-                f"The forces of all solvers that converged agree to 1e-8 in {agree} cases. In the others, where"
-                " conductivities jump, edge nodes have more than one state ([solvers](solvers.md)); forces then differ"
-                f" by up to {differences[0]:.0e}."
+                f"The forces of all solvers that converged agree to {AGREEMENT:g} in"
+                f" {len(found['cases']) - len(apart)} of the {len(found['cases'])} cases. Below are the others: the"
+                " largest difference as a fraction of the force, how many solutions there are among the answers, and"
+                " which solvers leave one of them when they are started next to it"
+                " ([why there are several](solvers-newton.md#what-may-still-fail))."
             ),
-            "Demands of the issue that are not met: " + ("; ".join(found["failures"]) or "none") + ".",
+            _table(["case", "difference", "solutions", "left by"], rows),
+            _prose("Demands of the issue that are not met: " + ("; ".join(found["failures"]) or "none") + "."),
         ]
     )
+
+
+def _names(solvers: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in solvers) or "none"
 
 
 def _speed(row: dict, name: str) -> str:

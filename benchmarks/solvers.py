@@ -2,21 +2,23 @@
 
 Every solver starts from zero on the problems of benchmarks/solver_cases.py, 16 x 16 nodes, and stops at a residual of
 1e-10. Then times at mu = 0.6 on 16 x 16 and 32 x 32 nodes, and Newton's steps under refinement. Times are of the
-processor, one thread. Exit status 1 if `auto` leaves a case without convergence or a limit of the issue is not kept.
+processor, one thread. Where solvers converge to different forces, each is started again near the solution of every
+other. Exit status 1 if `auto` leaves a case without convergence, solvers disagree, or a limit of the issue is not kept.
 """
 
 import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from solver_cases import PAPER_STEPS, cases, reference, sphere
 
-from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
 from meeframe.core.errors import CaseError
-from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, ProjectedCG, SemismoothNewton, Uzawa, solve
 
 FACTORS = (1, 2, 5, 10, 20, 50, 100)
@@ -25,6 +27,10 @@ PLAIN = "uzawa, paper's r"
 FASTER = 10
 """So many times faster than the plain one must Newton's method and the accelerated iterations be."""
 MOST_STEPS = 15
+AGREEMENT = 1e-8
+"""Differences of forces, as a fraction of the force, from which on solvers disagree."""
+NEARBY = 1.0 + 1e-7
+"""Of the load of a solution, near which a solver is started: far outside of the tolerance, nearer than the next."""
 REFINED = (8, 16, 24, 32, 40)
 REFINEMENTS = {
     "Table 1, EMII, no friction": ("batio3-cofe2o4", "EMII", Signorini()),
@@ -70,9 +76,10 @@ def solvers(problem: ContactProblem, material: str) -> dict[str, Solver]:
 
 
 def compare(name: str, problem: ContactProblem, material: str) -> dict:
-    """Status, steps, seconds (the better of two runs) and force of every solver."""
-    runs = {}
-    for label, solver in solvers(problem, material).items():
+    """Status, steps, seconds (the better of two runs) and force of every solver; the solutions if there are several."""
+    runs, states = {}, {}
+    chosen = solvers(problem, material)
+    for label, solver in chosen.items():
         seconds = []
         for _ in range(2):
             start = time.process_time()
@@ -84,10 +91,44 @@ def compare(name: str, problem: ContactProblem, material: str) -> dict:
             if seconds[0] > 0.3:
                 break
         if seconds:
-            force = problem.system.weights @ solution.state.load[:, :3]
+            force = force_of(problem, solution.state).tolist()
             status, steps = str(solution.status), solution.iterations
-            runs[label] = {"status": status, "iterations": steps, "seconds": min(seconds), "force": force.tolist()}
-    return {"case": name, "runs": runs}
+            runs[label] = {"status": status, "iterations": steps, "seconds": min(seconds), "force": force}
+            if solution.status is Status.CONVERGED:
+                states[label] = solution.state
+    row = {"case": name, "runs": runs}
+    if disagreement(row) > AGREEMENT:
+        row["solutions"] = alternatives(problem, {label: chosen[label] for label in states}, list(states.values()))
+    return row
+
+
+def force_of(problem: ContactProblem, state: ContactState) -> np.ndarray:
+    """Force on the body, (3,) [N]."""
+    return problem.system.weights @ state.load[:, :3]
+
+
+def alternatives(problem: ContactProblem, chosen: dict[str, Solver], states: list[ContactState]) -> dict:
+    """How many solutions there are among states; whether conductivities jump; which solvers leave one of them when
+    started near it, by name."""
+    distinct: list[ContactState] = []
+    for state in states:
+        if all(difference(problem, state, other) > AGREEMENT for other in distinct):
+            distinct.append(state)
+    leave = set()
+    for label, solver in chosen.items():
+        for state in distinct:
+            found = solve(problem, solver, LIMITS, replace(state, load=NEARBY * state.load))
+            if found.status is not Status.CONVERGED or difference(problem, found.state, state) > AGREEMENT:
+                leave.add(label)
+    laws = (problem.electric_law, problem.magnetic_law)
+    jumps = any(isinstance(law, StepConductivity) and law.kappa > 0.0 for law in laws)
+    return {"count": len(distinct), "jumps": jumps, "left by": sorted(leave)}
+
+
+def difference(problem: ContactProblem, state: ContactState, other: ContactState) -> float:
+    """Of two forces, as a fraction of the force."""
+    force = force_of(problem, other)
+    return float(np.abs(force_of(problem, state) - force).max() / np.linalg.norm(force))
 
 
 def solved(run: dict) -> bool:
@@ -139,7 +180,25 @@ def failures(found: dict) -> list[str]:
             for name in ("newton", "uzawa-bb", "uzawa-nesterov")
             if gains[name] < FASTER
         ]
+    apart = [row for row in found["cases"] if disagreement(row) > AGREEMENT]
+    several = [row for row in apart if has_several_solutions(row)]
+    if several:
+        missed.append(
+            f"forces of solvers that converged differ by more than {AGREEMENT:g} in {len(several)} of"
+            f" {len(found['cases'])} cases, by up to {max(map(disagreement, several)):.0e}: conductivities jump there,"
+            " and there are several solutions, each of which every solver finds that is started near it"
+        )
+    missed += [
+        f"forces differ by {disagreement(row):.0e}, and not every solver finds each: {row['case']}"
+        for row in apart
+        if row not in several
+    ]
     return missed
+
+
+def has_several_solutions(row: dict) -> bool:
+    """Whether solvers disagree because the conductivities jump: all of them keep each of the solutions found."""
+    return row["solutions"]["jumps"] and not row["solutions"]["left by"]
 
 
 def disagreement(row: dict) -> float:
