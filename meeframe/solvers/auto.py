@@ -57,7 +57,7 @@ class Auto(Solver):
     gradient iteration.
     """
 
-    patience: ClassVar[int] = 200
+    patience: ClassVar[int] = 240
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""

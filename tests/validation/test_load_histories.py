@@ -30,7 +30,7 @@ def test_every_increment_converges_and_friction_takes_energy(loop):
 
 
 def test_area_of_the_loop_is_the_dissipated_energy(loop):
-    """From the turn on, forth and back, before it is lifted: work of the indenter, less what is stored, is what friction took.
+    """From the turn on, forth and back: work of the indenter, less what is stored, is what friction took.
 
     The mean of the tractions at both ends of an increment makes the balance exact but for the compliance, which
     collocation leaves slightly unsymmetric; those at the end alone dissipate more, by terms of second order.
