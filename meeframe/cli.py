@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -253,10 +253,13 @@ def _progress() -> "Iterator[Progress]":
 
     columns = (TextColumn("{task.description:22}"), BarColumn(), TimeElapsedColumn())
     tasks: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True), transient=False) as bars:
+    bars = Progress(*columns, console=Console(stderr=True), transient=False)
+    with ExitStack() as started:
 
         def show(stage: str, fraction: float) -> None:
             if stage not in tasks:
+                if not tasks:  # bars that have nothing to show leave an empty line
+                    started.enter_context(bars)
                 for task in tasks.values():  # whatever came before is done
                     bars.update(task, completed=1.0)
                 tasks[stage] = bars.add_task(stage, total=1.0)

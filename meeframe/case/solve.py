@@ -13,13 +13,13 @@ from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.history import Controls, Converged, at_rest, held, ramped
 from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of
+from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
-from meeframe.core.mesh import Indices
 from meeframe.core.pair import PairSystem, pair
 from meeframe.core.result import (
     CounterSurface,
@@ -28,7 +28,6 @@ from meeframe.core.result import (
     Result,
     StepResult,
     Zone,
-    corners,
     split_displacement,
     split_load,
 )
@@ -159,7 +158,7 @@ def _step_result(
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials, counter = _surfaces(mechanism.system, state)
-    return StepResult(
+    result = StepResult(
         loading=Loading.of(reached.motion, increment.prescribed, mechanism.reference, mechanism.case.placement.base),
         step=numbers[0],
         increment=numbers[1],
@@ -176,8 +175,12 @@ def _step_result(
         iterations=solution.iterations,
         residual=solution.residual,
         history=solution.history,
-        message=solution.message + _remark(mechanism.system, solution),
+        message=solution.message,
         counter=counter,
+    )
+    return replace(
+        result,
+        message="; ".join([solution.message, *remarks(zone_of(mechanism.system), result, mechanism.case.contact_law)]),
     )
 
 
@@ -187,23 +190,3 @@ def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array,
         return *split_displacement(state.displacement), None
     counter = system.counter_displacement(state.load)
     return *split_displacement(state.displacement + counter), CounterSurface(*split_displacement(counter))
-
-
-def _remark(system: ReducedSystem, solution: ContactSolution) -> str:
-    """What follows if it did not converge; or a remark if nothing touches, or if the contact reaches the edge of its
-    zone, where it is cut off; else ""."""
-    touching = solution.state.load[:, 2] < 0
-    if solution.status is not Status.CONVERGED:
-        return "; the next increment starts from the last one that converged"
-    if not touching.any():
-        return "; the indenter does not touch the body"
-    count = int(touching[_border_sides(system.cells)].all(axis=1).sum())
-    return f"; the contact reaches the edge of its zone at {count} element sides" if count else ""
-
-
-def _border_sides(cells: tuple[tuple[str, Indices], ...]) -> Indices:
-    """Corners (m, 2) of the sides that belong to one cell only."""
-    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(cells)]
-    unique, counts = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
-    border: Indices = unique[counts == 1]
-    return border

@@ -3,38 +3,75 @@
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from meeframe.core.errors import ResultError
+from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Result, corners
+from meeframe.core.result import Result, StepResult, Zone, corners
 from meeframe.io.output import FIELDS_FILE, replacing
 
 _VTK_CELLS: Final = ("triangle", "triangle6", "quad", "quad8", "quad9")
 """Cell types of elements that VTK has too, by meshio's names."""
+_SAME_PLACE: Final = 1e-9
+"""Of the extent of the contact zone: points that differ by less are the same."""
 
 
 def write_fields(folder: Path, result: Result) -> None:
     """Write fields.vtu: the boundary fields of the last finished step, SI units, global axes.
 
+    With the region and the slip of the contact zone; elsewhere the region is 0 and the slip NaN.
+
     Raises ResultError if the result holds no boundary fields.
     """
     import meshio  # half a second to import; only here
 
-    boundary = next((step.boundary for step in reversed(result.steps) if step.boundary is not None), None)
-    if boundary is None:
+    step = next((step for step in reversed(result.steps) if step.boundary is not None), None)
+    if step is None or step.boundary is None:
         raise ResultError("the result holds no fields on the boundary to write")
+    boundary = step.boundary
     values, fluxes = boundary.values, boundary.fluxes
-    data = {
+    data: dict[str, Array | Indices] = {
         "displacement [m]": values[:, :3],
         "electric potential [V]": values[:, 3],
         "magnetic potential [A]": values[:, 4],
         "traction [Pa]": fluxes[:, :3],
         "electric flux [C/m^2]": fluxes[:, 3],
         "magnetic flux [Wb/m^2]": fluxes[:, 4],
+        **_contact(result.zone, step, boundary),
     }
     mesh = meshio.Mesh(boundary.points, _cells(boundary), point_data=data)
     with replacing(folder / FIELDS_FILE) as path:
         mesh.write(path, file_format="vtu")
+
+
+def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, Array | Indices]:
+    """Region (p,) and slips (p, 3) in global axes at the points of the boundary."""
+    points, nodes = _matched(zone, boundary)
+    region = np.zeros(len(boundary.points), np.int64)
+    region[points] = step.region[nodes]
+    data: dict[str, Array | Indices] = {"region": region}
+    for name in ("slip", "total_slip"):
+        slip = np.full((len(boundary.points), 3), np.nan)
+        slip[points] = np.einsum("nt,nti->ni", getattr(step, name)[nodes], zone.frames[nodes, :2])
+        data[f"{name.replace('_', ' ')} [m]"] = slip
+    return data
+
+
+def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
+    """Points of the boundary on elements of the contact zone, and the nodes of the zone that they are.
+
+    By elements: at the edge of the zone a point that is repeated there may belong to the surface outside.
+    """
+    from scipy.spatial import KDTree
+
+    distance, nearest = KDTree(zone.points).query(boundary.points)
+    nearest[distance > _SAME_PLACE * np.ptp(zone.points, axis=0).max()] = -1
+    own = {frozenset(cell.tolist()) for _, cells in zone.cells for cell in cells}
+    points = [cell for _, cells in boundary.cells for cell in cells if frozenset(nearest[cell].tolist()) in own]
+    inside = np.unique(np.concatenate(points)) if points else np.empty(0, np.int64)
+    return inside, nearest[inside]
 
 
 def _cells(fields: NodalFields) -> list[tuple[str, Indices]]:

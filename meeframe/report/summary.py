@@ -26,7 +26,8 @@ def summary(result: Result) -> dict[str, Any]:
         "peak_memory_mb": result.peak_memory_mb,
         "versions": dict(made.versions),
         "threads": made.threads,
-        "planned_steps": result.planned_steps,
+        "planned_increments": result.planned_steps,
+        "load_steps": _load_steps(result),
         "steps": [_step(result.zone, step) for step in result.steps],
     }
     plain: dict[str, Any] = _plain(data)
@@ -54,6 +55,17 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
     }
 
 
+def _load_steps(result: Result) -> list[dict[str, Any]]:
+    """What concerns a load step as a whole: its finished increments, and the energy that friction dissipates in it."""
+    numbers = sorted({step.step for step in result.steps})
+    counts = [sum(step.step == number for step in result.steps) for number in numbers]
+    energies = _dissipated(result, numbers)
+    return [
+        {"step": number, "increments": count, "dissipated_energy": energy}
+        for number, count, energy in zip(numbers, counts, energies, strict=True)
+    ]
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
@@ -78,7 +90,7 @@ def summary_table(result: Result) -> RenderableType:
         *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
         ("charge", "C", [total.charge for total in totals]),
         ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
-        ("dissipated energy", "J", _dissipated(result, shown)),
+        ("dissipated energy", "J", _dissipated(result, [step.step for step in shown])),
         ("contact area", "m^2", [total.contact_area for total in totals]),
         ("sticking area", "m^2", [total.stick_area for total in totals]),
         ("largest pressure", "Pa", [total.max_pressure for total in totals]),
@@ -100,16 +112,18 @@ def _ends(step: StepResult, after: StepResult | None) -> bool:
     return after is None or after.step != step.step
 
 
-def _dissipated(result: Result, shown: list[StepResult]) -> list[float]:
-    """Energy that friction dissipates in the whole of each step [J]; increments that did not converge do not count."""
+def _dissipated(result: Result, numbers: list[int]) -> list[float]:
+    """Energy that friction dissipates in the whole of each load step of these numbers [J]; increments that did not
+    converge do not count."""
     done = [step for step in result.steps if step.status is Status.CONVERGED]
     energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
-    return [float(sum(energy for number, energy in energies if number == step.step)) for step in shown]
+    return [float(sum(energy for number, energy in energies if number == wanted)) for wanted in numbers]
 
 
 def _headline(result: Result) -> Text:
     style = {RunStatus.CONVERGED: "green", RunStatus.NOT_CONVERGED: "red", RunStatus.UNFINISHED: "yellow"}
-    line = f"{result.status}: {len(result.steps)} of {result.planned_steps} steps"
+    counted = "increments" if any(step.increment > 1 for step in result.steps) else "steps"
+    line = f"{result.status}: {len(result.steps)} of {result.planned_steps} {counted}"
     if result.timings:
         line += (
             f", {result.timings['total']:.1f} s, {result.peak_memory_mb:.0f} MB, {result.provenance.threads} threads"

@@ -65,6 +65,7 @@ def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeyp
 def test_an_unknown_name_lists_those_that_are_known(studies, tmp_path):
     status, told, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
     assert (status, told) == (2, "")
+    assert complained.startswith("error: ")
     assert "error: unknown figure 'fig-7'; did you mean 'fig-07'? allowed: fig-07, fig-09, all" in complained
     assert not (tmp_path / "out").exists()
 

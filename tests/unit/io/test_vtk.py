@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from meeframe.core.errors import ResultError
+from meeframe.core.formulation import NodalFields
 from meeframe.io.vtk import write_fields
 
 
@@ -18,6 +19,24 @@ def test_last_step_is_written_with_units(tmp_path, synthetic):
     np.testing.assert_array_equal(mesh.cells_dict["quad"], result.zone.cells[0][1])
     assert mesh.point_data["displacement [m]"] == pytest.approx(np.full((25, 3), 2e-6))
     assert mesh.point_data["magnetic flux [Wb/m^2]"] == pytest.approx(np.full(25, 4e-6))
+
+
+def test_region_and_slip_stand_on_the_contact_zone_alone(tmp_path, synthetic):
+    """Beside the zone lies an element whose corners repeat two of the zone's nodes, in the second block."""
+    zone, step = synthetic.zone(), synthetic.step(1e-6)
+    frames = np.tile([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]], (25, 1, 1))
+    beside = np.array([[2e-3, -2e-3, 0], [3e-3, -2e-3, 0], [3e-3, -1e-3, 0], [2e-3, -1e-3, 0]])
+    points = np.concatenate([zone.points, beside])
+    fields = np.zeros((29, 5))
+    boundary = NodalFields(points, (*zone.cells, ("quad", np.array([[25, 26, 27, 28]]))), fields, fields)
+    result = synthetic.result(dataclasses.replace(step, boundary=boundary))
+    write_fields(tmp_path, dataclasses.replace(result, zone=dataclasses.replace(zone, frames=frames)))
+    data = meshio.read(tmp_path / "fields.vtu").point_data
+    np.testing.assert_array_equal(data["region"], [*step.region, 0, 0, 0, 0])
+    expected = np.full((29, 3), np.nan)
+    expected[:25] = np.column_stack([np.zeros(25), step.slip[:, 0], np.zeros(25)])  # e1 is along x2
+    np.testing.assert_array_equal(data["slip [m]"], expected)
+    np.testing.assert_array_equal(data["total slip [m]"], 2 * expected)
 
 
 def test_refused_without_fields(tmp_path, synthetic):

@@ -136,9 +136,21 @@ def test_table_has_a_column_for_each_step_and_tells_what_failed_within(synthetic
     assert "step 1 " in columns
     assert "step 2.2 " in columns
     assert "step 2.1: stalled on the way" in text
+    assert "not-converged: 3 of 3 increments" in text
     (energy,) = [line for line in text.splitlines() if "dissipated energy" in line]
     assert "8e-09" in energy
     assert "2.4e-08" in energy, "what did not converge does not count"
+
+
+def test_summary_sums_the_energy_of_each_load_step(synthetic):
+    """Eight nodes slip by 10 nm under a tenth of the pressure; what did not converge does not count."""
+    failed = synthetic.step(2e-6, Status.STALLED, 2, 1)
+    steps = [synthetic.step(1e-6), failed, *(synthetic.step(3e-6, number=2, increment=i) for i in (2, 3))]
+    data = summary(synthetic.result(*steps, planned=5))
+    one = {"step": 1, "increments": 1, "dissipated_energy": pytest.approx(8e-9)}
+    two = {"step": 2, "increments": 3, "dissipated_energy": pytest.approx(4.8e-8)}
+    assert data["load_steps"] == [one, two]
+    assert data["planned_increments"] == 5
 
 
 def test_map_of_stick_and_slip(synthetic):

@@ -1,0 +1,80 @@
+"""What the message of an increment adds to how its iteration ended."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.contact import ContactLaw, Status
+from meeframe.core.indenter import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
+from meeframe.core.mesh import Indices
+from meeframe.core.result import Region, StepResult, Zone, corners
+
+LARGEST_ANGLE: Final = 0.1
+"""Rotations [rad] beyond are not small: their cosine differs from one by half a per cent."""
+_SAME: Final = 1e-6
+"""Tractions that change by a smaller fraction are the same ..."""
+_UNCERTAIN: Final = 10.0
+"""... as are those within so many times the residual."""
+
+
+def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
+    """What a reader should know of an increment, each in words.
+
+    What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
+    is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
+    zone or LARGEST_ANGLE; a prescribed tangential force or torque is all that friction can bear, so that the motion is
+    not determined.
+    """
+    if step.status is not Status.CONVERGED:
+        yield "the next increment starts from the last one that converged"
+        return
+    touching = step.traction[:, 2] < 0
+    count = int(touching[_border_sides(zone)].all(axis=1).sum())
+    if not touching.any():
+        yield "the indenter does not touch the body"
+    if count:
+        yield f"the contact reaches the edge of its zone at {count} element side{'s' * (count > 1)}"
+    yield from _large(zone, step)
+    if _slides(zone, step, law):
+        yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
+
+
+def _large(zone: Zone, step: StepResult) -> Iterator[str]:
+    """Motions that are not small; potentials always are."""
+    limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": LARGEST_ANGLE}
+    for name in MOTIONS:
+        size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
+        unit = UNITS[name]
+        if size > limits.get(unit, np.inf):
+            yield f"{name} of {size:.3g} {unit}: beyond small motions, {limits[unit]:.3g} {unit}"
+
+
+def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
+    """Whether the friction resists a free motion in the plane of the contact to the full: the tractions stay as they
+    are, by the law, when everything slips further along it."""
+    prescribed = [COLUMNS[key] for key in step.loading.prescribed]
+    free = [key for key in ("tangential_force", "torque") if RESULTANTS[key] in prescribed]
+    slips, pressed = step.region == Region.SLIP, step.region != Region.OPEN
+    if not free or not slips.any():
+        return False
+    numbers = np.concatenate([np.r_[COLUMNS[key]] for key in free])
+    modes = motion_modes(zone.points, zone.frames, step.loading.axes, step.loading.reference)[numbers, :, :2]
+    modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
+    along = step.slip / np.where(slips, np.linalg.norm(step.slip, axis=1), 1.0)[:, None]
+    # the free motion that is least across the slip
+    across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
+    motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])
+    motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
+    further = step.traction.copy()
+    further[:, :2] += np.abs(step.traction).max() * motion @ law.tangential_scaling()
+    change = np.linalg.norm((law.project(further) - step.traction)[pressed])
+    return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[pressed, :2]))
+
+
+def _border_sides(zone: Zone) -> Indices:
+    """Corners (m, 2) of the sides that belong to one cell only."""
+    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(zone.cells)]
+    unique, counts = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    border: Indices = unique[counts == 1]
+    return border

@@ -1,0 +1,107 @@
+"""What the message of an increment adds: remarks on motions that are large, and on sliding that nothing determines."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.case.remarks import remarks
+from meeframe.core.contact import Status
+from meeframe.core.result import Region
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+
+LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
+SLIDING = "everything slips under the prescribed force or torque"
+
+
+@pytest.mark.parametrize(
+    ("motion", "text"),
+    [
+        ("twist = 0.2", "twist of 0.2 rad: beyond small motions, 0.1 rad"),
+        ("twist = 0.09", ""),
+        ("tilt = [0.09, -0.09]", "tilt of 0.127 rad: beyond small motions, 0.1 rad"),
+        ('translation = ["4 mm", "-4 mm"]', "translation of 0.00566 m: beyond small motions, 0.005 m"),
+        ('translation = ["4 mm", 0]', ""),
+        ('approach = "5.1 mm"', "approach of 0.0051 m: beyond small motions, 0.005 m"),
+    ],
+)
+def test_motions_that_are_not_small(write_case, registry, motion, text):
+    *_, step = meeframe.solve_case(load_case(write_case(more=f"{LAW}[[steps]]\n{motion}\n"), registry)).steps
+    assert step.status is Status.CONVERGED
+    assert text in step.message
+    assert ("beyond small motions" in step.message) == bool(text)
+
+
+@pytest.mark.parametrize(("share", "slides"), [(0.9, False), (0.999, False), (1.0, True)])
+def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides):
+    """Springs: all tangential tractions are along the force, so that all of mu P is borne."""
+    more = f'{LAW}[[steps]]\nforce_ratio = {0.3 * share}\ndirection = "30 deg"\n'
+    *_, step = meeframe.solve_case(load_case(write_case(more=more), registry)).steps
+    assert step.status is Status.CONVERGED
+    assert (SLIDING in step.message) == slides
+
+
+def slid(synthetic, law, motion, prescribed):
+    """The made-up step with the slip of a rigid motion (two translations, twist) and the tractions that it has."""
+    zone, step = synthetic.zone(), synthetic.step(1e-6)
+    x, y, _ = zone.points.T
+    slip = np.column_stack([motion[0] - motion[2] * y, motion[1] + motion[2] * x])
+    trial = np.column_stack([1e20 * slip @ law.tangential_scaling(), step.traction[:, 2]])
+    moves = np.linalg.norm(slip, axis=1) > 0
+    region = np.where(step.region == Region.OPEN, Region.OPEN, np.where(moves, Region.SLIP, Region.STICK))
+    loading = replace(step.loading, translation=np.zeros(2), tilt=np.zeros(2), twist=0.0, prescribed=prescribed)
+    return zone, replace(step, slip=slip, traction=law.project(trial), region=region, loading=loading)
+
+
+FORCE = {"tangential_force": np.zeros(2)}
+TORQUE = {"torque": np.zeros(1)}
+LAWS = [IsotropicCoulomb(mu=0.3), OrthotropicCoulomb(mu1=0.1, mu2=0.6, angle=0.4)]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("motion", "prescribed", "slides"),
+    [
+        ((1e-6, 2e-6, 0.0), FORCE, True),
+        ((1e-6, 2e-6, 0.0), TORQUE, False),  # translations are given
+        ((0.0, 0.0, 1e-3), TORQUE, True),  # the node on the axis does not move
+        ((0.0, 0.0, 1e-3), FORCE, False),
+        ((1e-6, 0.0, 1e-3), FORCE | TORQUE, True),
+        ((1e-6, 0.0, 1e-3), FORCE, False),
+        ((1e-6, 2e-6, 0.0), {"normal_force": np.zeros(1)}, False),
+    ],
+)
+def test_rigid_slip_along_what_is_free(synthetic, law, motion, prescribed, slides):
+    zone, step = slid(synthetic, law, motion, prescribed)
+    assert (SLIDING in " ".join(remarks(zone, step, law))) == slides
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_node_that_could_bear_more_holds(synthetic, law):
+    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+    node = int(np.flatnonzero(step.region == Region.SLIP)[0])
+    traction, region = step.traction.copy(), step.region.copy()
+    traction[node, :2] *= 0.5
+    region[node] = Region.STICK
+    assert SLIDING not in " ".join(remarks(zone, replace(step, traction=traction, region=region), law))
+
+
+def test_slip_apart_on_both_sides_is_no_sliding(synthetic):
+    """Lines of slip as of a translation, senses as of spreading: the force is far from its limit."""
+    law = LAWS[0]
+    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+    sense = np.where(zone.points[:, 0] < 0, -1.0, 1.0)[:, None]
+    traction = step.traction * np.hstack([sense, sense, np.ones_like(sense)])
+    assert not list(remarks(zone, replace(step, slip=sense * step.slip, traction=traction), law))
+
+
+def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
+    zone, step = synthetic.zone(), synthetic.step(1e-6)
+    traction = np.zeros_like(step.traction)
+    corner = [0, 1]
+    traction[corner, 2] = -1.0
+    (told,) = remarks(zone, replace(step, traction=traction, region=np.zeros(25, int)), LAWS[0])
+    assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
