@@ -14,8 +14,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from claims import Claim, claims
+from claims import claims
 from figures import Figure, read_figure
+from judging import Claim, Verdict
 from PIL import Image
 
 from meeframe.study.reproduce import ALL, reproduce
@@ -25,6 +26,8 @@ STUDIES = HERE.parent
 PAGE = "orthotropic"
 COLOURS = 128
 ROOT = HERE.parents[1]
+COUNTED = {Verdict.HOLDS: "hold", Verdict.DIFFERS: "do not", Verdict.NOT_RESOLVED: "are not resolved"}
+LISTED = {Verdict.DIFFERS: "Those that do not hold:", Verdict.NOT_RESOLVED: "Those that this mesh does not resolve:"}
 
 
 def main() -> None:
@@ -50,11 +53,14 @@ def main() -> None:
 def page(figures: list[Figure], found: dict[str, list[Claim]]) -> str:
     """The whole page: what is written by hand around what is computed."""
     every = [claim for group in found.values() for claim in group]
-    held = sum(claim.holds for claim in every)
-    differing = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.found}." for claim in every if not claim.holds]
+    counts = ", ".join(f"{sum(c.verdict is v for c in every)} {words}" for v, words in COUNTED.items())
+    summary = ["## Summary", "", f"Of {len(every)} claims {counts}.", ""]
+    for verdict, heading in LISTED.items():
+        named = (claim for claim in every if claim.verdict is verdict)
+        lines = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.found}." for claim in named]
+        summary += [heading, "", *lines, ""] if lines else []
     head = (HERE / "head.md").read_text(encoding="utf-8")
     tail = (HERE / "differences.md").read_text(encoding="utf-8")
-    summary = ["## Summary", "", f"{held} of {len(every)} claims hold. Those that do not:", "", *differing, ""]
     sections = [line for figure in figures for line in _section(figure, found[figure.name])]
     return "\n".join([head, *summary, tail, *sections]).rstrip() + "\n"
 
@@ -79,7 +85,7 @@ def _section(figure: Figure, found: list[Claim]) -> list[str]:
         "| --- | --- | --- | --- |",
     ]
     for claim in found:
-        verdict = "holds" if claim.holds else "**differs**"
+        verdict = claim.verdict if claim.verdict is Verdict.HOLDS else f"**{claim.verdict}**"
         lines.append(f"| {claim.paper} | {claim.found} | {claim.judged} | {verdict} |")
     return [*lines, "", *(f"Remark of the solver: {remark}." for remark in figure.remarks), ""]
 
