@@ -27,10 +27,12 @@ study, elements = load("study", "elements")
 
 @pytest.mark.parametrize(("body", "shares"), [(EXACT, (0.3, 0.6, 0.8)), (COUPLED, (0.6,))])
 def test_partial_slip_on_32_x_32_cells(body, shares):
-    """The issue's bounds: stick radius within 2 %, traction within 3 % of its maximum."""
+    """The issue's bounds: stick radius within 2 %, traction within 3 % of its maximum but for a cell either side of the
+    two radii; everywhere its root mean square keeps to the 3 %."""
     for row, _ in study.cattaneo(*body, 32, shares):
         assert abs(row.stick_radius) < 0.02
         assert row.traction < 0.03
+        assert row.traction_rms < 0.03
         assert abs(row.load) < 0.003
 
 
@@ -74,8 +76,12 @@ def test_torsion_of_a_sphere():
 
 
 def test_partial_slip_on_boundary_elements():
-    """From a case file, under prescribed forces."""
+    """From a case file, under prescribed forces. Nodal tractions swing about the exact ones: their r.m.s. is bounded,
+    and falls with the elements' size."""
     drag, _ = elements.drag_on_elements(12)
+    finer, _ = elements.drag_on_elements(16)
+    assert finer.row.traction_rms < 0.06
+    assert finer.row.traction_rms < drag.row.traction_rms
     assert abs(drag.approach) < 0.01
     assert abs(drag.row.load) < 0.01
     assert abs(drag.turned) < 0.01

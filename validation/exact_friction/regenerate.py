@@ -46,45 +46,59 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     grids, finest, elements = ((8, 12, 16), 24, (12,)) if arguments.quick else ((8, 16, 24, 32), 40, (16, 20, 24, 28))
-
-    def picture(figure, kind: str) -> None:
-        figure.savefig(arguments.out / f"{NAME}_{kind}.png", dpi=110)
-
-    slips = [found for grid in grids for found in cattaneo(*EXACT, grid, LOADS)]
-    coupled = cattaneo(*COUPLED, grids[-1], LOADS)
-    picture(partial_slip_picture(slips[-len(LOADS) :], SHOWN), "partial_slip")
-    loops = [hysteresis(*EXACT, grid, TURNING, INCREMENTS) for grid in grids]
-    loops.append(hysteresis(*COUPLED, grids[2], TURNING, INCREMENTS))
-    picture(loop_picture(loops[-2], loops[:-1]), "loop")
-    print("partial slip done", flush=True)
-    punches = [bonded_punch(poisson, grid) for poisson in POISSON for grid in (*grids, finest)]
-    pressed = [full_stick(power, poisson, grid, grid) for power in (2, 1) for poisson in POISSON for grid in grids[:3]]
-    picture(full_stick_picture([found for found in pressed if found.cells == grids[2]], punches), "full_stick")
-    print("full stick done", flush=True)
-    twisted = [found for grid in grids for found in torsion(*COUPLED, grid, STICKS)]
-    stiffness = {grid: twist_stiffness(*COUPLED, grid) for grid in (*grids, finest)}
-    picture(torsion_picture(twisted[-len(STICKS) :], SHOWN_STICKS), "torsion")
-    print("torsion done", flush=True)
-    drags = [drag_on_elements(divisions)[0] for divisions in elements]
-    turned = [torsion_on_elements(divisions)[0] for divisions in elements]
-    on_elements = [punch_on_elements(divisions) for divisions in elements]
-
-    rows = {
-        "partial_slip": [row for row, _ in [*slips, *coupled]],
-        "loops": [page.loop_row(loop) for loop in loops],
-        "bonded_punch": punches,
-        "full_stick": [page.stick_row(found) for found in pressed],
-        "torsion": [row for row, _ in twisted],
-        "twist_stiffness": [page.TwistRow(*item) for item in stiffness.items()],
-        "drag_on_elements": drags,
-        "torsion_on_elements": turned,
-        "punch_on_elements": on_elements,
-    }
-    text = page.write(NAME, rows)
-    (arguments.out / f"{NAME}.md").write_text(text, encoding="utf-8")
+    rows: dict[str, list] = {}
+    for part in (
+        partial_slip(grids, arguments.out),
+        sticking(grids, finest, arguments.out),
+        twisting(grids, finest, arguments.out),
+        on_elements(elements),
+    ):
+        rows |= part
+        print(f"done: {', '.join(part)}", flush=True)
+    (arguments.out / f"{NAME}.md").write_text(page.write(NAME, rows), encoding="utf-8")
     numbers = {name: [asdict(row) for row in table] for name, table in rows.items()}
     (arguments.out / f"{NAME}.json").write_text(json.dumps(numbers, indent=1, default=float) + "\n", encoding="utf-8")
-    print(text)
+
+
+def partial_slip(grids: tuple[int, ...], out: Path) -> dict[str, list]:
+    """Cattaneo-Mindlin: up, and in a loop."""
+    slips = [found for grid in grids for found in cattaneo(*EXACT, grid, LOADS)]
+    coupled = cattaneo(*COUPLED, grids[-1], LOADS)
+    save(partial_slip_picture(slips[-len(LOADS) :], SHOWN), out, "partial_slip")
+    loops = [hysteresis(*EXACT, grid, TURNING, INCREMENTS) for grid in grids]
+    loops.append(hysteresis(*COUPLED, grids[2], TURNING, INCREMENTS))
+    save(loop_picture(loops[-2], loops[:-1]), out, "loop")
+    return {"partial_slip": [row for row, _ in [*slips, *coupled]], "loops": [page.loop_row(loop) for loop in loops]}
+
+
+def sticking(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
+    """Full stick: flat punch, sphere and cone."""
+    punches = [bonded_punch(poisson, grid) for poisson in POISSON for grid in (*grids, finest)]
+    pressed = [full_stick(power, poisson, grid, grid) for power in (2, 1) for poisson in POISSON for grid in grids[:3]]
+    save(full_stick_picture([found for found in pressed if found.cells == grids[2]], punches), out, "full_stick")
+    return {"bonded_punch": punches, "full_stick": [page.stick_row(found) for found in pressed]}
+
+
+def twisting(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
+    """Torsion of a sphere."""
+    twisted = [found for grid in grids for found in torsion(*COUPLED, grid, STICKS)]
+    save(torsion_picture(twisted[-len(STICKS) :], SHOWN_STICKS), out, "torsion")
+    stiffness = [page.TwistRow(grid, twist_stiffness(*COUPLED, grid)) for grid in (*grids, finest)]
+    return {"torsion": [row for row, _ in twisted], "twist_stiffness": stiffness}
+
+
+def on_elements(divisions: tuple[int, ...]) -> dict[str, list]:
+    """The same on boundary elements."""
+    return {
+        "drag_on_elements": [drag_on_elements(count)[0] for count in divisions],
+        "torsion_on_elements": [torsion_on_elements(count)[0] for count in divisions],
+        "punch_on_elements": [punch_on_elements(count) for count in divisions],
+    }
+
+
+def save(figure, out: Path, kind: str) -> None:
+    """Write a picture of the page."""
+    figure.savefig(out / f"{NAME}_{kind}.png", dpi=110)
 
 
 if __name__ == "__main__":
