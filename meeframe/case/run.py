@@ -72,7 +72,7 @@ def _content(folder: Path, earlier: tuple[int, int] | None) -> str:
     if now == earlier:
         return f"no step was finished; {folder} holds the results of an earlier run as before"
     result = read_result(folder)
-    return f"{len(result.steps)} of {result.planned_steps} steps are finished and in {folder}"
+    return f"{len(result.steps)} of {result.planned_steps} increments are finished and in {folder}"
 
 
 def _write_reports(folder: Path, case: Case, clock: Clock) -> None:

@@ -122,7 +122,8 @@ def _dissipated(result: Result, numbers: list[int]) -> list[float]:
 
 def _headline(result: Result) -> Text:
     style = {RunStatus.CONVERGED: "green", RunStatus.NOT_CONVERGED: "red", RunStatus.UNFINISHED: "yellow"}
-    counted = "increments" if any(step.increment > 1 for step in result.steps) else "steps"
+    one_each = all(step.increment == 1 for step in result.steps) and len(result.steps) == result.planned_steps
+    counted = "steps" if one_each else "increments"
     line = f"{result.status}: {len(result.steps)} of {result.planned_steps} {counted}"
     if result.timings:
         line += (

@@ -53,9 +53,9 @@ def test_finished_steps_survive(case_file, tmp_path, name, status):
     assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
     assert meeframe.resultants(result.zone, result.steps[0]).force[2] < 0
     if name == "SIGINT":
-        assert done.stderr == f"interrupted; 1 of 2 steps are finished and in {out}\n"
+        assert done.stderr == f"interrupted; 1 of 2 increments are finished and in {out}\n"
         assert json.loads((out / "summary.json").read_text())["status"] == "unfinished"
-    assert "unfinished: 1 of 2 steps" in CliRunner().invoke(app, ["show", str(out)]).stdout
+    assert "unfinished: 1 of 2 increments" in CliRunner().invoke(app, ["show", str(out)]).stdout
 
 
 def test_bare_import_is_light():

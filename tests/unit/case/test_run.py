@@ -89,7 +89,7 @@ def test_an_interrupted_run_keeps_its_finished_steps(case, tmp_path, interruptio
 
     with pytest.raises(interruption) as caught:
         meeframe.run(case, out, progress=interrupt)
-    assert caught.value.__notes__ == [f"1 of 2 steps are finished and in {out}"]
+    assert caught.value.__notes__ == [f"1 of 2 increments are finished and in {out}"]
     result = meeframe.read_result(out)
     assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
     assert json.loads((out / "summary.json").read_text())["status"] == "unfinished"
