@@ -27,8 +27,6 @@ ROUND_OFF: Final = 1e-14
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
-FARTHEST: Final = 3.0
-"""In characteristic displacements of the problem: how far a free indenter goes in one step."""
 BALANCED: Final = 1e-6
 """Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
 STIFFENING: Final = (1.0, 4.0, 16.0)
@@ -82,23 +80,14 @@ class SemismoothNewton(Solver):
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
-            longest = _longest_fraction(point, direction)
             for fraction in FRACTIONS:
-                flips, moved = _moved(point, flips, direction, fraction * longest)
+                flips, moved = _moved(point, flips, direction, fraction)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
         return _iterate(_Memory(moved, (moved.merit,), flips, burst))
-
-
-def _longest_fraction(point: Point, step: Step) -> float:
-    """Of a step: in it the indenter goes no farther than FARTHEST. Where all nodes slip nothing else would stop it."""
-    problem, characteristic = point.equation.problem, float(point.equation.scales.displacement[MECHANICAL].max())
-    moving = motions(problem)
-    reach = max((abs(step.motion[i]) * np.abs(problem.freedoms[i].mode).max() for i in moving), default=0.0)
-    return min(1.0, FARTHEST * characteristic / reach) if reach > 0.0 else 1.0
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
