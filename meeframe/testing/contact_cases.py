@@ -13,11 +13,10 @@ import numpy as np
 
 from meeframe.core.contact import ConductivityLaw, ContactLaw, ContactProblem
 from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
 from meeframe.materials import Material
 from meeframe.materials.half_space import surface_compliance
+from meeframe.testing.cells import cell_system
 
 Condition = Literal["EMII", "ECMII", "EIMCI", "EMCI"]
 """Electrically and magnetically conducting (C) or insulating (I) contact, as in section 7.1."""
@@ -52,16 +51,7 @@ def periodic_half_space(material: Material, side: float, cells: int) -> DenseSys
     h = side / cells
     row, column = (grid.ravel() for grid in np.meshgrid(range(cells), range(cells), indexing="ij"))
     blocks = kernel[row[:, None] - row, column[:, None] - column] * h
-    n = cells**2
-    return DenseSystem(
-        points=np.column_stack([(column + 0.5) * h - side / 2, (row + 0.5) * h - side / 2, np.zeros(n)]),
-        frames=np.tile(np.eye(3), (n, 1, 1)),
-        weights=np.full(n, h**2),
-        cells=(),
-        offset=np.zeros((n, 5)),
-        matrix=np.ascontiguousarray(blocks.transpose(0, 2, 1, 3)),
-        recovery=_refuse,
-    )
+    return cell_system(np.ascontiguousarray(blocks.transpose(0, 2, 1, 3)), side)
 
 
 @dataclass(frozen=True)
@@ -95,7 +85,3 @@ class SphereCase:
             translation=np.tile(translation, (n, 1)),
             potentials=np.tile(self.potentials, (n, 1)),
         )
-
-
-def _refuse(_load: Array) -> NodalFields:
-    raise MeeframeError("this half space is its contact zone only")

@@ -11,8 +11,8 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
 from meeframe.materials.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY
+from meeframe.testing.cells import cell_system
 
 
 def elastic_half_space(young: float, poisson: float, side: float, cells: int, goodman: bool = False) -> DenseSystem:
@@ -40,15 +40,7 @@ def elastic_half_space(young: float, poisson: float, side: float, cells: int, go
     matrix = np.zeros((n, 5, n, 5))
     for field, load in np.argwhere(np.abs(kernel).max(axis=(0, 1)) > 0.0):
         matrix[:, field, :, load] = kernel[down, along, field, load]
-    return DenseSystem(
-        points=np.column_stack([(column + 0.5) * h - side / 2, (row + 0.5) * h - side / 2, np.zeros(n)]),
-        frames=np.tile(np.eye(3), (n, 1, 1)),
-        weights=np.full(n, h**2),
-        cells=(),
-        offset=np.zeros((n, 5)),
-        matrix=matrix,
-        recovery=_refuse,
-    )
+    return cell_system(matrix, side)
 
 
 def cell_response(young: float, poisson: float, x: Array, y: Array, half: float) -> Array:
@@ -92,7 +84,3 @@ def _cell_integrals(x: Array, y: Array, half: float) -> tuple[Array, Array, Arra
                 total += sx * sy * value
     inverse, xx, xy, x_only, y_only = totals
     return inverse, xx, xy, x_only, y_only
-
-
-def _refuse(_load: Array) -> NodalFields:
-    raise MeeframeError("this half space is its contact zone only")

@@ -8,10 +8,10 @@ import numpy as np
 
 from meeframe.core.contact import ContactLaw, ContactProblem
 from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.laws import Signorini, StepConductivity
+from meeframe.testing.cells import cell_centres, cell_system
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
@@ -24,21 +24,10 @@ def half_space_system(xi: Array, side: float, cells: int, offset: Array | None =
     """
     full = np.zeros((5, 5))
     full[-len(xi) :, -len(xi) :] = xi
-    h = side / cells
-    centres = (np.arange(cells) + 0.5) * h - side / 2
-    x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
-    potential = inverse_distance_integral(x[:, None] - x, y[:, None] - y, h / 2)
+    x, y = cell_centres(side, cells)
+    potential = inverse_distance_integral(x[:, None] - x, y[:, None] - y, side / cells / 2)
     matrix = np.einsum("mn,JK->mJnK", potential, full * _SIGNS[:, None])
-    n = cells**2
-    return DenseSystem(
-        points=np.column_stack([x, y, np.zeros(n)]),
-        frames=np.tile(np.eye(3), (n, 1, 1)),
-        weights=np.full(n, h**2),
-        cells=(),
-        offset=np.zeros((n, 5)) if offset is None else offset,
-        matrix=matrix,
-        recovery=_refuse,
-    )
+    return cell_system(matrix, side, offset)
 
 
 def indentation_problem(
@@ -80,7 +69,3 @@ def _arcsinh(b: Array, a: Array) -> Array:
     """arcsinh(b/|a|), zero where its factor a is."""
     safe = np.where(a == 0.0, 1.0, np.abs(a))
     return np.where(a == 0.0, 0.0, np.arcsinh(b / safe))
-
-
-def _refuse(_load: Array) -> NodalFields:
-    raise MeeframeError("this half space is its contact zone only")

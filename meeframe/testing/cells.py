@@ -1,0 +1,38 @@
+"""Square cells with constant densities: the grid on which the half spaces for tests are reduced systems."""
+
+import numpy as np
+
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields
+
+
+def cell_centres(side: float, cells: int) -> tuple[Array, Array]:
+    """Coordinates (n,) [m] of the centres of cells x cells cells on |x|, |y| < side/2, x running fastest."""
+    centres = (np.arange(cells) + 0.5) * (side / cells) - side / 2
+    x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
+    return x, y
+
+
+def cell_system(matrix: Array, side: float, offset: Array | None = None) -> DenseSystem:
+    """Reduced system of a compliance (n, 5, n, 5) between densities on the cells and displacements at their centres.
+
+    side: of the square [m]; offset: (n, 5) as in ReducedSystem, zero if not given.
+    """
+    n = len(matrix)
+    cells = round(n**0.5)
+    x, y = cell_centres(side, cells)
+    return DenseSystem(
+        points=np.column_stack([x, y, np.zeros(n)]),
+        frames=np.tile(np.eye(3), (n, 1, 1)),
+        weights=np.full(n, (side / cells) ** 2),
+        cells=(),
+        offset=np.zeros((n, 5)) if offset is None else offset,
+        matrix=matrix,
+        recovery=_refuse,
+    )
+
+
+def _refuse(_load: Array) -> NodalFields:
+    raise MeeframeError("this half space is its contact zone only")
