@@ -1,0 +1,1 @@
+"""Half-space formulation of meeframe by fast Fourier transforms."""

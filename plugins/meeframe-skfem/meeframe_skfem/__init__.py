@@ -1,0 +1,1 @@
+"""Finite-element formulation of meeframe on scikit-fem."""
