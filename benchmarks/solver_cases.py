@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, ContactProblem, Freedom
+from meeframe.core.contact import ContactProblem, Freedom
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import Material, library_material
 from meeframe.testing.contact_cases import APPROACH, SphereCase

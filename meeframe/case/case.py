@@ -9,10 +9,11 @@ from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_first, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter, motion_modes
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import FrictionAxes, Placement, check_contact_zone, initial_gap, zone_frames

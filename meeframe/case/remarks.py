@@ -5,8 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw, Status
+from meeframe.core.contact import Status
 from meeframe.core.indenter import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
+from meeframe.core.law import ContactLaw
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region, StepResult, Zone, corners
 

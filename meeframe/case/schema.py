@@ -38,10 +38,11 @@ from meeframe.case.values import (
     by_name,
     registry_of,
 )
-from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.core.quantities import Quantity
 from meeframe.geometry import FrictionAxes, Placement
 from meeframe.plugin.registry import CONTRACTS

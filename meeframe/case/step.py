@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
+from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
@@ -97,5 +97,5 @@ def resisted(
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
     mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
-    conducting = [bool((law.conductivity(_PRESSURES) > 0.0).any()) for law in (electric, magnetic)]
+    conducting = [bool((contact_conductivity(law, _PRESSURES) > 0.0).any()) for law in (electric, magnetic)]
     return np.concatenate([mechanical, conducting])

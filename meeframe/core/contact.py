@@ -1,4 +1,4 @@
-"""Contracts of contact: laws, the contact problem on the reduced system, solvers and their honest status."""
+"""Contracts of contact: the contact problem on the reduced system, solvers and their honest status."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -10,10 +10,7 @@ import numpy as np
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
-
-_DIFFERENCE: Final = 6e-6
-"""Width of central differences as a fraction of the argument: the cube root of round-off."""
-
+from meeframe.core.law import ConductivityLaw, ContactLaw
 
 AT_REST: Final = np.zeros(0)
 """Motion of an indenter without freedoms."""
@@ -27,62 +24,6 @@ class Status(StrEnum):
     DIVERGED = "diverged"
     CYCLING = "cycling"
     ITERATION_LIMIT = "iteration-limit"
-
-
-@dataclass(frozen=True)
-class ContactLaw(ABC):
-    """Normal and tangential contact as a projection of augmented tractions (eqs. 11, 15).
-
-    With gap = (translation - u_tau, gap - u_nu) in the local frame, positive along the axis in which the indenter is
-    ahead of the body, the solutions of the law are the fixed points of
-        traction = project(traction + r * (tangential_scaling . gap_tau, gap_nu)),  r > 0.
-    A body is dragged along by the indenter: with this sign of the gap the tangential traction has the gap's sign. The
-    minus sign of eq. (28) belongs to the opposite sign of the slip.
-    """
-
-    @abstractmethod
-    def project(self, trial: Array) -> Array:
-        """Admissible traction of a trial one, (n, 3) from (n, 3) [Pa]: a projection in the law's own metric.
-
-        Columns (t.e1, t.e2, t.nu) in the local frame; t.nu <= 0 in compression. The third column of the trial may be
-        inf where there is no indenter above; the traction is then zero.
-        """
-
-    @abstractmethod
-    def tangential_scaling(self) -> Array:
-        """Dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
-
-        It belongs to the metric of `project` (M^2 / max(mu)^2 for orthotropic friction; notes, section 7). Zero where
-        the law admits no tangential traction.
-        """
-
-    def tangent(self, trial: Array) -> Array:
-        """An element of the generalised derivative of `project`, (n, 3, 3), rows of the traction, for trials (n, 3).
-
-        By central differences; a law that knows its derivative may say so. Zero where the trial is not finite.
-        """
-        finite = np.asarray(np.isfinite(trial).all(axis=1))
-        here = np.where(finite[:, None], trial, 0.0)
-        size = np.abs(here).max(axis=1)
-        width = _DIFFERENCE * np.where(size > 0.0, size, 1.0)
-        tangent = np.empty((len(trial), 3, 3))
-        for column, axis in enumerate(np.eye(3)):
-            change = width[:, None] * axis
-            tangent[:, :, column] = (self.project(here + change) - self.project(here - change)) / (2.0 * width[:, None])
-        tangent[~finite] = 0.0
-        return tangent
-
-
-@dataclass(frozen=True)
-class ConductivityLaw(ABC):
-    """Surface conductivity kappa(p_nu) of the flux law flux = +kappa (potential - potential_o) (notes, section 1)."""
-
-    @abstractmethod
-    def conductivity(self, normal_traction: Array) -> Array:
-        """kappa >= 0, (n,), of the normal traction (n,) [Pa], <= 0 in compression; 0 insulates, inf conducts perfectly.
-
-        Units: F/m^2 for the electric law, H/m^2 for the magnetic one. A jump is allowed at zero traction only.
-        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,14 +186,6 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 def unbalance(problem: ContactProblem, load: Array) -> Array:
     """Resultants of a load (n, 5) less the prescribed ones, (m,), for the problem's freedoms."""
     return np.array([(freedom.measure * load).sum() - freedom.total for freedom in problem.freedoms])
-
-
-def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r_normal: float, r_tangential: float) -> Array:
-    """traction + r * (tangential_scaling . gap_tau, gap_nu), (n, 3) [Pa]; r_normal, r_tangential > 0 [Pa/m]."""
-    trial = np.empty_like(traction)
-    trial[:, :2] = traction[:, :2] + r_tangential * (gap[:, :2] @ law.tangential_scaling())
-    trial[:, 2] = traction[:, 2] + r_normal * gap[:, 2]
-    return trial
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, float, float]:

@@ -5,8 +5,8 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.contact import ConductivityLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
 from meeframe.core.quantities import Quantity, check_quantities
 
 
@@ -15,7 +15,7 @@ from meeframe.core.quantities import Quantity, check_quantities
 class Insulating(ConductivityLaw):
     """No flux through the contact: kappa = 0."""
 
-    def conductivity(self, normal_traction: Array) -> Array:
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Zero, (n,)."""
         return np.zeros_like(normal_traction)
 
@@ -34,6 +34,6 @@ class StepConductivity(ConductivityLaw):
     def __post_init__(self) -> None:
         check_quantities(self)
 
-    def conductivity(self, normal_traction: Array) -> Array:
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa where normal_traction < 0, else 0, (n,)."""
         return np.where(normal_traction < 0.0, self.kappa, 0.0)

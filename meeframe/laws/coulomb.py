@@ -6,9 +6,9 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
 from meeframe.core.quantities import Quantity, check_quantities
 
 LARGEST_RATIO: Final = 1e3

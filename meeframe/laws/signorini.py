@@ -5,8 +5,8 @@ from typing import final
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
 
 
 @final

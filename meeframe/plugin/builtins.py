@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.contact import Solver
 from meeframe.core.element import SurfaceElement
 from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated

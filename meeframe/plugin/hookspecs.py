@@ -6,11 +6,12 @@ from typing import Generic, TypeVar
 
 import pluggy
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.contact import Solver
 from meeframe.core.element import SurfaceElement
 from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ConductivityLaw, ContactLaw
 
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -50,11 +51,11 @@ class HookSpecs:
 
     @hookspec
     def meeframe_contact_laws(self) -> Iterable[Record[ContactLaw]]:  # type: ignore[empty-body]
-        """Normal and tangential contact laws (contract: meeframe.core.contact)."""
+        """Normal and tangential contact laws (contract: meeframe.core.law)."""
 
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
-        """Electric and magnetic conductivity laws (contract: meeframe.core.contact)."""
+        """Electric and magnetic conductivity laws (contract: meeframe.core.law)."""
 
     @hookspec
     def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]

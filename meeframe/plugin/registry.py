@@ -10,12 +10,13 @@ from typing import Any, Final
 
 import pluggy
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, Solver
+from meeframe.core.contact import Solver
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import PluginError
 from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
 from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
 from meeframe.plugin.validation import Problem, TableError, build, choices

@@ -174,21 +174,21 @@ def _measured(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memo
     the size of the plain step [Pa].
     """
     ground = memory.ground
-    conductors = ground.conductors(traction_of(iterate.load), iterate.closed, memory.conductors)
+    conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
     slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
-    touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
-    spectrum = ground.spectrum(touching, conductors, memory.spectrum)
+    spectrum = ground.spectrum(ground.touching(traction, slope.gap), conductors, memory.spectrum)
     plain = PLAIN_STEP / ground.largest(spectrum)
     step = ground.projected(traction, slope, (plain, plain))
     violation = float(np.linalg.norm(traction - step.traction))
-    return replace(memory, conductors=conductors, spectrum=spectrum), step.slope, plain, violation
+    memory = replace(memory, conduction=conduction, conductors=conductors, spectrum=spectrum)
+    return memory, step.slope, plain, violation
 
 
 def _stepped(memory: _Memory, traction: Array, base: Array, slope: Slope, r: float) -> tuple[Iterate, Array]:
     """The iterate after a step of length r from a base (n, 3) with its slope, and its tractions (n, 3)."""
     step = memory.ground.projected(base, slope, (r, r))
     moved = step.traction
-    conduction = memory.conduction.next(traction[:, 2], moved[:, 2], step.trial[:, 2], memory.ground.scales)
+    conduction = memory.ground.conducted(memory.conduction, traction, slope, step)
     load = np.concatenate([moved, slope.flux], axis=1)
     iterate = Iterate(load, conduction.closed, replace(memory, conduction=conduction), step.slope.motion)
     return iterate, moved

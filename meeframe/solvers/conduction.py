@@ -15,8 +15,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import ConductivityLaw, ContactProblem
-from meeframe.core.fields import Array
+from meeframe.core.contact import ContactProblem
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.law import ConductivityLaw
 
 Mask = NDArray[np.bool_]
 
@@ -29,15 +30,19 @@ TOUCHING: Final = -float(np.finfo(float).tiny)
 """A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
 
 
-def resistances(problem: ContactProblem, normal_traction: Array, closed: Array, own: Array) -> Array:
+def resistances(
+    problem: ContactProblem, normal_traction: Array, closed: Array, own: Array, ahead: Array | None = None
+) -> Array:
     """Resistances 1/kappa of the electric and the magnetic contact, (n, 2): 0 conducts perfectly, inf insulates.
 
-    normal_traction, closed: (n,); own: (n, 2) > 0, response of each node's potentials to their own flux density, which
-    is the measure of a fraction: the transmissivity kappa own / (1 + kappa own) is interpolated, so that a fraction of
-    a perfect conductor is one of finite resistance. Nodes without an indenter above are insulated.
+    normal_traction: (n,) of the contact; closed: (n,); own: (n, 2) > 0, response of each node's potentials to their own
+    flux density, which is the measure of a fraction: the transmissivity kappa own / (1 + kappa own) is interpolated, so
+    that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter over the body, for
+    laws that follow the gap or the drop. Nodes without an indenter above are insulated.
     """
+    ahead = np.zeros((len(own), N_FIELDS)) if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
     columns = [
-        _resistance(law, normal_traction, closed, own[:, k])
+        _resistance(law, normal_traction, closed, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
         for k, law in enumerate((problem.electric_law, problem.magnetic_law))
     ]
     return np.where(np.isfinite(problem.gap)[:, None], np.stack(columns, axis=1), np.inf)
@@ -86,9 +91,17 @@ def switch(closed: Array, trial: Array, pressure: float) -> Array:
     return np.clip(closed - trial / pressure, 0.0, 1.0)
 
 
-def _resistance(law: ConductivityLaw, normal_traction: Array, closed: Array, own: Array) -> Array:
-    kappa = law.conductivity(np.minimum(normal_traction, TOUCHING))
-    kappa_open = law.conductivity(np.zeros_like(normal_traction))
+def follows_gap(problem: ContactProblem) -> bool:
+    """Whether a conductivity of the problem depends on the gap or the drop."""
+    return problem.electric_law.across_gap or problem.magnetic_law.across_gap
+
+
+def _resistance(
+    law: ConductivityLaw, normal_traction: Array, closed: Array, own: Array, gap: Array, drop: Array
+) -> Array:
+    nothing = np.zeros_like(normal_traction)
+    kappa = law.conductivity(np.minimum(normal_traction, TOUCHING), nothing, drop)
+    kappa_open = law.conductivity(nothing, gap, drop)
     with np.errstate(divide="ignore", over="ignore"):
         transmissivity = closed * _transmissivity(kappa, own) + (1.0 - closed) * _transmissivity(kappa_open, own)
         between = own * (1.0 / transmissivity - 1.0)

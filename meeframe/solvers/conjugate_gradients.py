@@ -5,9 +5,10 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, attracts
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.free_motion import start_motion
@@ -72,8 +73,9 @@ class ProjectedCG(Solver):
         _check(problem.contact_law, ground.scales.pressure)
         n = len(problem.gap)
         load, conduction = start_load(start, n), Conduction.of(start, n)
-        conductors = ground.conductors(load[:, :3], conduction.closed, None)
-        slope = ground.slope(load[:, :3], conductors, load[:, 3:], start_motion(problem, start))
+        motion = start_motion(problem, start)
+        conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
+        slope = ground.slope(load[:, :3], conductors, load[:, 3:], motion)
         if modes.numbers.size:
             # the tractions of one step bear the resultants; from there on every direction keeps them
             r = 1.0 / ground.scales.normal_compliance
@@ -130,12 +132,13 @@ class ProjectedCG(Solver):
         ground = memory.ground
         if memory.modes.numbers.size:
             pressure = memory.modes.balanced(pressure, pressure > 0.0)
-        traction = _traction(pressure)
         r = 1.0 / ground.scales.normal_compliance
         trial = -pressure + r * memory.gap
         touched = np.where(memory.conduction.closed > 0.0, -1.0, 0.0)
         conduction = memory.conduction.next(touched, -pressure, trial, ground.scales)
-        conductors = ground.conductors(traction, conduction.closed, memory.conductors)
+        load = np.concatenate([_traction(pressure), memory.flux], axis=1)
+        iterate = Iterate(load, conduction.closed, motion=memory.motion)
+        conduction, conductors = ground.conductors(iterate, conduction, memory.conductors)
         same = conductors is memory.conductors
         memory = _renewed(replace(memory, conduction=conduction, conductors=conductors, age=0), pressure)
         if not same:
@@ -148,7 +151,8 @@ def _check(law: ContactLaw, pressure: float) -> None:
     trial = pressure * np.array([[0.5, 0.5, -1.0], [0.0, 0.0, -1e-3], [0.5, 0.0, 1.0], [0.0, 0.0, 1e-3]])
     expected = np.zeros_like(trial)
     expected[:2, 2] = trial[:2, 2]
-    if law.tangential_scaling().any() or not np.allclose(law.project(trial), expected, rtol=1e-12, atol=0.0):
+    plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not law.tangential_scaling().any()
+    if not plain or not np.allclose(law.project(trial), expected, rtol=1e-12, atol=0.0):
         raise CaseError(
             f"solver 'projected-cg' takes frictionless contact only, not {law}; allowed contact law: signorini, or "
             "friction with mu = 0. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for friction"

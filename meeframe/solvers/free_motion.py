@@ -13,8 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, augmented_traction
+from meeframe.core.contact import ContactProblem, ContactState
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.law import augmented_traction, lawful_traction, traction_tangents
 from meeframe.core.mesh import Indices
 
 MAX_ITERATIONS: Final = 60
@@ -78,9 +79,11 @@ def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Tractions at a motion. unbalance: (k,) of the resultants; size: (k,) what they may be in error by round-off."""
+    """Gap, trial and tractions (n, 3) at a motion. unbalance: (k,) of the resultants; size: (k,) what they may be in
+    error by round-off."""
 
     motion: Array
+    gap: Array
     trial: Array
     traction: Array
     unbalance: Array
@@ -115,11 +118,11 @@ class _Balance:
     def at(self, motion: Array) -> _Point:
         """The tractions at a motion (k,)."""
         moved = self.gap + np.tensordot(motion, self.modes, axes=1)
-        trial = augmented_traction(self.problem.contact_law, self.traction, moved, *self.r)
-        projected = self.problem.contact_law.project(trial)
+        trial = augmented_traction(self.problem.contact_law, self.traction, moved, self.r)
+        projected = lawful_traction(self.problem.contact_law, trial, moved, self.r)
         parts = self.measures * projected
         size = np.maximum(np.abs(parts).sum(axis=(1, 2)), np.abs(self.totals))
-        return _Point(motion, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
+        return _Point(motion, moved, trial, projected, parts.sum(axis=(1, 2)) - self.totals, size)
 
     def better(self, here: _Point, farthest: float) -> _Point | None:
         """A point with less unbalance, by damped Newton steps, more and more regularised; None if there is none.
@@ -171,10 +174,8 @@ class _Balance:
 
     def _jacobian(self, here: _Point) -> Array:
         """Change of the resultants with the motion, (k, k)."""
-        step = np.eye(3) * self.r[0]
-        step[:2, :2] = self.problem.contact_law.tangential_scaling() * self.r[1]
-        tangent = self.problem.contact_law.tangent(here.trial) @ step
-        return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, tangent, self.modes))
+        _, by_gap = traction_tangents(self.problem.contact_law, here.trial, here.gap, self.r)
+        return np.asarray(np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes))
 
     def distance(self, here: _Point) -> float:
         """Largest one between body and indenter, or of the motions that the unbalance causes in the whole zone [m]."""

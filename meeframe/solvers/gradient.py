@@ -1,16 +1,22 @@
 """What the gradient iterations share: the contact gap of a traction, with the potentials eliminated."""
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, contact_gap
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.core.fields import MECHANICAL, Array
-from meeframe.solvers.conduction import Mask, Switches, own_response, resistances
+from meeframe.core.law import attraction, attracts, contact_traction
+from meeframe.solvers.conduction import Mask, Switches, follows_gap, own_response, resistances
 from meeframe.solvers.elimination import Conductors, Elimination, eliminate
 from meeframe.solvers.free_motion import balanced_projection, motions
 from meeframe.solvers.scales import Scales, problem_scales
 from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
+
+FOLLOW_GROWTH: Final = 1.1
+FOLLOW_FALL: Final = 0.5
+LEAST_FOLLOW: Final = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +56,32 @@ class Ground:
         """Of a problem."""
         return cls(problem, eliminate(problem), own_response(problem), problem_scales(problem))
 
-    def conductors(self, traction: Array, closed: Array, previous: Conductors | None) -> Conductors:
-        """Conductors of tractions (n, 3) and closed fractions (n,)."""
-        return self.elimination.prepare(resistances(self.problem, traction[:, 2], closed, self.own), previous)
+    def conductors(
+        self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
+    ) -> tuple["Conduction", Conductors]:
+        """Conductors of an iterate, and the conduction as it follows the gap and the drop there."""
+        problem, pressing, ahead = self.problem, iterate.load[:, 2], None
+        if follows_gap(problem) or attracts(problem.contact_law):
+            displacement = problem.system.offset + problem.system.apply(iterate.load)
+            ahead = indenter_position(problem, iterate.motion) - displacement
+            pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
+        resistance = resistances(problem, pressing, conduction.closed, self.own, ahead)
+        if follows_gap(problem):
+            conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
+            with np.errstate(divide="ignore"):
+                resistance = np.where(np.isfinite(resistance), self.own * (1.0 / transmissivity - 1.0), np.inf)
+        return conduction, self.elimination.prepare(resistance, previous)
+
+    def touching(self, traction: Array, gap: Array) -> Mask:
+        """Nodes (n,) that bear tractions (n, 3), overlap at the gap (n, 3) or attract each other across it."""
+        attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
+        return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
+
+    def conducted(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
+        """The conduction after a step from tractions before it (n, 3) with a slope."""
+        law, gap = self.problem.contact_law, slope.gap[:, 2]
+        earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
+        return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
         """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
@@ -94,15 +123,33 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Conduction:
-    """The conduction of the nodes during an iteration: closed fractions (n,) and the switches that move them."""
+    """The conduction of the nodes during an iteration.
+
+    closed: fractions (n,), and the switches that move them; transmissivity: (n, 2), in [0, 1], of laws that follow the
+    gap or the drop, which go only a part, `follow` (n, 2), of the way that these ask for: less where they ask for the
+    contrary at the next step, which would go on and on; way: (n, 2) sign of the last one. No transmissivity at first.
+    """
 
     closed: Array
     switches: Switches
+    transmissivity: Array | None = None
+    follow: Array | float = 1.0
+    way: Array | float = 0.0
 
     @classmethod
     def of(cls, start: ContactState | None, n: int) -> "Conduction":
         """Of a start, or of n open nodes."""
         return cls(np.zeros(n) if start is None else start.closed, Switches.unused(n))
+
+    def followed(self, asked: Array) -> tuple["Conduction", Array]:
+        """After the part of the way to the transmissivity (n, 2) that is asked for, with where it is then."""
+        if self.transmissivity is None:
+            return replace(self, transmissivity=asked), asked
+        change = asked - self.transmissivity
+        way = np.sign(change)
+        follow = np.clip(self.follow * np.where(way * self.way < 0.0, FOLLOW_FALL, FOLLOW_GROWTH), LEAST_FOLLOW, 1.0)
+        reached = self.transmissivity + follow * change
+        return replace(self, transmissivity=reached, follow=follow, way=way), reached
 
     def next(self, before: Array, after: Array, trial: Array, scales: Scales) -> "Conduction":
         """After a step of the normal traction from `before` to `after` (n,) with the trial (n,)."""

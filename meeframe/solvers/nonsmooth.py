@@ -22,9 +22,16 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, augmented_traction, indenter_position, unbalance
+from meeframe.core.contact import ContactProblem, indenter_position, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.solvers.conduction import Mask, own_response, resistances
+from meeframe.core.law import (
+    attraction_slope,
+    augmented_traction,
+    contact_traction,
+    lawful_traction,
+    traction_tangents,
+)
+from meeframe.solvers.conduction import Mask, follows_gap, own_response, resistances
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
@@ -78,10 +85,12 @@ class Equation:
         displacement = self.problem.system.offset + self.problem.system.apply(load)
         ahead = indenter_position(self.problem, motion) - displacement
         law = self.problem.contact_law
-        trial = augmented_traction(law, load[:, MECHANICAL], ahead[:, MECHANICAL], self.r, self.r)
+        gap = ahead[:, MECHANICAL]
+        trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
         closed = np.where(grazing, closed, trial[:, 2] < 0.0)
-        conducting = self.transmissivity(load[:, 2], 1.0)
-        jump = conducting - self.transmissivity(load[:, 2], 0.0)
+        pressing = contact_traction(law, load[:, 2], gap[:, 2])
+        conducting = self.transmissivity(pressing, ahead, 1.0)
+        jump = conducting - self.transmissivity(pressing, ahead, 0.0)
         transmissivity = conducting - (1.0 - np.clip(closed, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
         drive = -ahead[:, POTENTIALS] - flux
@@ -89,24 +98,47 @@ class Equation:
         switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
         residual = np.zeros((len(load), 6))
-        residual[:, MECHANICAL] = (load[:, MECHANICAL] - law.project(trial)) / self.scales.pressure
+        residual[:, MECHANICAL] = (
+            load[:, MECHANICAL] - lawful_traction(law, trial, gap, (self.r, self.r))
+        ) / self.scales.pressure
         residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]
         switch = closed - trial[:, 2] / sigma
         residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0)
         balance = unbalance(self.problem, load) / self.scales.totals
-        nodes = (trial, transmissivity, jump, drive, sigma, switch, residual)
+        nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
         return Point(self, load, closed, grazing, motion, *nodes, balance)
 
-    def transmissivity(self, normal_traction: Array, closed: float) -> Array:
-        """T, (n, 2), at normal tractions (n,) if all nodes have one closed fraction."""
-        fraction = np.full_like(normal_traction, closed)
-        return np.asarray(self.own / (self.own + resistances(self.problem, normal_traction, fraction, self.own)))
+    def transmissivity(self, pressing: Array, ahead: Array, closed: float) -> Array:
+        """T, (n, 2), at contact tractions (n,) and (n, 5) ahead if all nodes have one closed fraction."""
+        fraction = np.full_like(pressing, closed)
+        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, ahead)))
 
-    def transmissivity_slope(self, normal_traction: Array) -> Array:
+    def transmissivity_slope(self, pressing: Array, ahead: Array) -> Array:
         """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences."""
-        here = np.minimum(normal_traction, -LOWEST * self.scales.pressure)
-        change = self.transmissivity(here * (1.0 + WIDTH), 1.0) - self.transmissivity(here * (1.0 - WIDTH), 1.0)
-        return np.asarray(change / (2.0 * WIDTH * here)[:, None])
+        here = np.minimum(pressing, -LOWEST * self.scales.pressure)
+        more, less = (self.transmissivity(here * (1.0 + sign * WIDTH), ahead, 1.0) for sign in (1.0, -1.0))
+        return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
+
+    def transmissivity_across(self, pressing: Array, ahead: Array, closed: Array) -> tuple[Array, Array]:
+        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by differences forward.
+
+        Zero unless a conductivity follows the gap or the drop.
+        """
+        by_gap, by_drop = np.zeros((2, *self.own.shape))
+        if not follows_gap(self.problem):
+            return by_gap, by_drop
+
+        def mixed(moved: Array) -> Array:
+            shut, apart = (self.transmissivity(pressing, moved, fraction) for fraction in (1.0, 0.0))
+            return np.asarray(closed[:, None] * shut + (1.0 - closed[:, None]) * apart)
+
+        here = mixed(ahead)
+        widths = WIDTH * (np.abs(np.where(np.isfinite(ahead), ahead, 0.0)) + self.scales.displacement)
+        for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
+            further = ahead.copy()
+            further[:, fields] += widths[:, fields]
+            slope += (mixed(further) - here) / widths[:, fields]
+        return by_gap, by_drop
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +160,10 @@ class Blocks:
 class Point:
     """The equation at a state.
 
-    load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; trial: (n, 3)
-    [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference between closed and open; drive: (n, 2) potential
-    difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of the closed fraction;
-    residual: (n, 6) and balance: (m,), dimensionless.
+    load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; ahead: (n, 5) of
+    the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference between closed
+    and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of
+    the closed fraction; residual: (n, 6) and balance: (m,), dimensionless.
     """
 
     equation: Equation
@@ -139,6 +171,7 @@ class Point:
     closed: Array
     grazing: Mask
     motion: Array
+    ahead: Array
     trial: Array
     transmissivity: Array
     jump: Array
@@ -166,26 +199,27 @@ class Point:
         moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
         a, b = np.zeros((len(self.load), 6, 6)), np.zeros((len(self.load), 6, 5))
         residual = self.residual.copy()
+        pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
-        residual[between, CLOSED] = equation.r * self._gap()[between] / self.sigma[between]
-        tangent = law.tangent(self.trial)
-        tangent[between] = 0.0
-        step = np.eye(3)
-        step[:2, :2] = law.tangential_scaling()
-        a[:, MECHANICAL, MECHANICAL] = (np.eye(3) - tangent) / scales.pressure
-        b[:, MECHANICAL, MECHANICAL] = tangent @ step * (equation.r / scales.pressure)
+        residual[between, 2] = pressing[between] / scales.pressure
+        residual[between, CLOSED] = equation.r * self.ahead[between, 2] / self.sigma[between]
+        by_trial, by_gap = traction_tangents(
+            law, self.trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between
+        )
+        a[:, MECHANICAL, MECHANICAL] = (np.eye(3) - by_trial) / scales.pressure
+        b[:, MECHANICAL, MECHANICAL] = by_gap / scales.pressure
         a[:, CLOSED, CLOSED] = ~between
         b[between, CLOSED, 2] = -equation.r / self.sigma[between]
-        slope = np.clip(self.closed, 0.0, 1.0)[:, None] * equation.transmissivity_slope(self.load[:, 2])
+        closed = np.clip(self.closed, 0.0, 1.0)
+        slope = closed[:, None] * equation.transmissivity_slope(pressing, self.ahead)
+        across, dropping = equation.transmissivity_across(pressing, self.ahead, closed)
+        across -= slope * attraction_slope(law, self.ahead[:, 2])[:, None]
         for k, field in enumerate((3, 4)):
             unit = scales.displacement[field]
             a[:, field, field] = equation.own[:, k] * (1.0 - self.transmissivity[:, k]) / unit
             a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
             a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
-            b[:, field, field] = self.transmissivity[:, k] / unit
+            b[:, field, field] = (self.transmissivity[:, k] - self.drive[:, k] * dropping[:, k]) / unit
+            b[:, field, 2] = -self.drive[:, k] * across[:, k] / unit
         farthest = FARTHEST * float(np.abs(self.motion / equation.units).max(initial=1.0))
         return Blocks(a, b, residual, self.balance, farthest)
-
-    def _gap(self) -> Array:
-        """Normal gap (n,) [m]."""
-        return np.asarray((self.trial[:, 2] - self.load[:, 2]) / self.equation.r)

@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 from scipy.optimize import nnls
 
-from meeframe.core.contact import ContactLaw, ContactProblem
+from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.law import ContactLaw, attracts, contact_conductivity
 from meeframe.solvers.free_motion import motions
 from meeframe.solvers.scales import Scales
 
@@ -25,9 +26,9 @@ STEEPEST: Final = 1e6
 def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
     """Why no state at all has the prescribed resultants, in words; None if one may have.
 
-    For contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation.
+    For contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
     """
-    missing = _missing_force(problem, scales)
+    missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
     if missing > NEGLIGIBLE:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
@@ -86,4 +87,4 @@ def _conducts(problem: ContactProblem, scales: Scales, mode: Array) -> bool:
     """Whether a contact under the characteristic pressure conducts along a mode (n, 5)."""
     laws = (problem.electric_law, problem.magnetic_law)
     pressed = np.array([-scales.pressure])
-    return any(law.conductivity(pressed)[0] > 0.0 and mode[:, 3 + k].any() for k, law in enumerate(laws))
+    return any(contact_conductivity(law, pressed)[0] > 0.0 and mode[:, 3 + k].any() for k, law in enumerate(laws))

@@ -2,17 +2,10 @@
 
 import numpy as np
 
-from meeframe.core.contact import (
-    ContactProblem,
-    ContactState,
-    Iterate,
-    augmented_traction,
-    contact_gap,
-    indenter_position,
-    unbalance,
-)
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact_gap, indenter_position, unbalance
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.law import augmented_traction, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch
 from meeframe.solvers.scales import Scales, problem_scales
 
@@ -55,8 +48,8 @@ def law_residual(problem: ContactProblem, state: ContactState, scales: Scales) -
     traction = state.load[:, MECHANICAL]
     r = 1.0 / scales.normal_compliance
     gap = contact_gap(problem, state.displacement, state.motion)
-    trial = augmented_traction(problem.contact_law, traction, gap, r, r)
-    contact = np.abs(traction - problem.contact_law.project(trial)) / scales.pressure
+    trial = augmented_traction(problem.contact_law, traction, gap, (r, r))
+    contact = np.abs(traction - lawful_traction(problem.contact_law, trial, gap, (r, r))) / scales.pressure
     graph = np.abs(state.closed - switch(state.closed, trial[:, 2], scales.pressure))
     balance = np.abs(unbalance(problem, state.load)) / scales.totals
     parts = (contact, graph, _flux_violation(problem, state, scales), balance)
@@ -66,8 +59,10 @@ def law_residual(problem: ContactProblem, state: ContactState, scales: Scales) -
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> Array:
     """R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated, (n, 2)."""
-    resistance = resistances(problem, state.load[:, 2], state.closed, own_response(problem))
-    difference = (state.displacement - indenter_position(problem, state.motion))[:, 3:]
+    ahead = indenter_position(problem, state.motion) - state.displacement
+    pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
+    resistance = resistances(problem, pressing, state.closed, own_response(problem), ahead)
+    difference = -ahead[:, 3:]
     compliance = np.diag(scales.compliance)[3:]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.law import attraction, contact_conductivity
 from meeframe.solvers.free_motion import balanced_projection, motions
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
@@ -46,7 +47,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
 
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
-    they cause, where a law conducts under pressure.
+    they cause, where a law conducts under pressure. Pressures are at least as large as the attraction at first.
     """
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
@@ -55,12 +56,12 @@ def problem_scales(problem: ContactProblem) -> Scales:
     moved = np.abs(position[loaded, 2] - problem.gap[loaded])
     depth = max(_depth(overlap), RESOLVED * float(moved.max(initial=0.0)))
     compliance = _uniform_response(problem, loaded)
-    pressure = depth / compliance[2, 2]
+    pressure = max(depth / compliance[2, 2], float(attraction(problem.contact_law, position[:, 2]).max(initial=0.0)))
     charged = _prescribed_flux(problem, loaded)
     potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
     potential = np.maximum(potential, charged * compliance[POTENTIALS, POTENTIALS])
     laws = (problem.electric_law, problem.magnetic_law)
-    conducts = [law.conductivity(np.array([-pressure]))[0] > 0.0 for law in laws]
+    conducts = [contact_conductivity(law, np.array([-pressure]))[0] > 0.0 for law in laws]
     flux = np.where(conducts, potential / compliance[POTENTIALS, POTENTIALS], 0.0)
     pressure = max(pressure, *(compliance[2, 3:] * flux / compliance[2, 2]))
     load = np.array([pressure, pressure, pressure, 0.0, 0.0])

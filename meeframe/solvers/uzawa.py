@@ -77,14 +77,14 @@ class Uzawa(Solver):
         """Eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
         memory, traction = _memory(iterate), traction_of(iterate.load)
         ground = memory.ground
-        conductors = ground.conductors(traction, iterate.closed, memory.conductors)
+        conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
         slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
         memory = replace(memory, conductors=conductors)
         if "auto" in (self.step_normal, self.step_tangential):
-            touching = (traction[:, 2] < 0.0) | (slope.gap[:, 2] < 0.0)
+            touching = ground.touching(traction, slope.gap)
             memory = replace(memory, spectrum=ground.spectrum(touching, conductors, memory.spectrum))
         step = ground.projected(traction, slope, self._steps(memory))
-        conduction = memory.conduction.next(traction[:, 2], step.traction[:, 2], step.trial[:, 2], ground.scales)
+        conduction = ground.conducted(conduction, traction, slope, step)
         memory = _watched(replace(memory, conduction=conduction), step.traction - traction)
         load = np.concatenate([step.traction, slope.flux], axis=1)
         return Iterate(load, conduction.closed, memory, step.slope.motion)

@@ -11,9 +11,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, ContactProblem
+from meeframe.core.contact import ContactProblem
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.materials import Material
 from meeframe.materials.half_space import surface_compliance
 from meeframe.testing.cells import cell_system

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
 from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, each, require
 from meeframe.testing.search import search_tractions, search_trials
 
@@ -129,13 +130,13 @@ def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: in
     check_frozen(law)
     random = np.random.default_rng(seed)
     traction = np.concatenate([-pressure * 10.0 ** random.uniform(-6, 2, _SAMPLES), [0.0, -np.finfo(float).tiny]])
-    kappa = _pure(law.conductivity, traction, "conductivity")
+    kappa = _pure(partial(contact_conductivity, law), traction, "conductivity")
     require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
     each(kappa >= 0.0, "conductivity is negative or NaN", traction, kappa)
     some = random.permutation(len(traction))[: _SAMPLES // 3]
-    alone = law.conductivity(traction[some])
+    alone = contact_conductivity(law, traction[some])
     require(np.array_equal(alone, kappa[some]), "conductivity depends on other nodes", kappa)
-    nearby = law.conductivity(traction * (1.0 + 1e-9))
+    nearby = contact_conductivity(law, traction * (1.0 + 1e-9))
     bounded = np.isfinite(kappa)
     require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
     jump = np.abs(nearby[bounded] - kappa[bounded]) - 1e-6 * kappa[bounded]

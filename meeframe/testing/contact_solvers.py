@@ -8,18 +8,10 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from meeframe.core.contact import (
-    ConductivityLaw,
-    ContactProblem,
-    ContactSolution,
-    ContactState,
-    Freedom,
-    Iterate,
-    Solver,
-    Status,
-)
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Iterate, Solver, Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
 from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import Limits, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem

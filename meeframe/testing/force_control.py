@@ -6,7 +6,6 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.contact import (
-    ContactLaw,
     ContactProblem,
     ContactSolution,
     ContactState,
@@ -18,6 +17,7 @@ from meeframe.core.contact import (
 )
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.laws import Insulating, StepConductivity
 from meeframe.materials import library_material
 from meeframe.solvers import Limits, residual, solve

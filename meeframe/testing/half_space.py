@@ -6,10 +6,11 @@ response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. S
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw, ContactProblem
+from meeframe.core.contact import ContactProblem
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.laws import Signorini, StepConductivity
 from meeframe.testing.cells import cell_centres, cell_system
 

@@ -5,18 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.contact import (
-    ContactLaw,
-    ContactProblem,
-    ContactState,
-    Solver,
-    Status,
-    contact_gap,
-    resultant,
-)
+from meeframe.core.contact import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
 from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.laws import Insulating
 from meeframe.solvers import SemismoothNewton, solve
 

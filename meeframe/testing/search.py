@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, currently_in_test_context, find, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw
+from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
 from meeframe.testing.requirements import require
 
 _SETTINGS: Final = settings(
@@ -47,7 +47,7 @@ def search_tractions(law: ConductivityLaw, pressure: float) -> None:
 
     def fault(traction: Any) -> str:
         with np.errstate(all="ignore"):
-            kappa = law.conductivity(pressure * np.array([traction]))
+            kappa = contact_conductivity(law, pressure * np.array([traction]))
         return "" if kappa[0] >= 0.0 else "conductivity is negative or NaN"
 
     _search(_NUMBERS, fault, lambda traction: pressure * traction)

@@ -9,15 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import (
-    ContactLaw,
-    ContactProblem,
-    ContactState,
-    contact_gap,
-    indenter_position,
-    unbalance,
-)
+from meeframe.core.contact import ContactProblem, ContactState, contact_gap, indenter_position, unbalance
 from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.law import ContactLaw, contact_conductivity
 from meeframe.solvers.scales import Scales, problem_scales
 
 _DIRECTIONS: Final = 36
@@ -122,7 +116,7 @@ def _of_flux(problem: ContactProblem, state: ContactState, scales: Scales) -> di
         unit = scales.displacement[3 + k]
         own = scales.compliance[3 + k, 3 + k]
         flux, difference = state.load[:, 3 + k] * own / unit, drop[:, k] / unit
-        kappa = own * law.conductivity(state.load[:, 2])
+        kappa = own * contact_conductivity(law, state.load[:, 2])
         with np.errstate(invalid="ignore"):
             closed = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + kappa))
         uphill = np.minimum(np.maximum(-flux * np.sign(difference), 0.0), np.abs(difference))

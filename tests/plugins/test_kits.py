@@ -9,10 +9,10 @@ from numba import njit
 
 import meeframe.testing as kits
 from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ContactLaw
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.formulation import Formulation, ReducedSystem, silent
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ContactLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import block_mesh
 from meeframe.laws import IsotropicCoulomb, Signorini

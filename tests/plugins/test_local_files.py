@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from meeframe.cli import app
 from meeframe.core.errors import PluginError
+from meeframe.core.law import contact_conductivity
 from meeframe.plugin.describe import find, parameters
 from meeframe.plugin.registry import Kind, load
 
@@ -35,7 +36,7 @@ LAW = """
         way: Literal["up", "down"] = "up"
         inner: ConductivityLaw | None = None
 
-        def conductivity(self, normal_traction: Array) -> Array:
+        def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
             return np.maximum(-normal_traction, 0.0) * self.slope
 
 
@@ -58,7 +59,7 @@ def write(tmp_path):
 def test_a_file_registers_by_the_same_hooks_and_only_where_it_is_named(write):
     registry = load(write(LAW))
     law = registry.create(Kind.CONDUCTIVITY_LAW, {"name": "linear", "slope": 2})
-    np.testing.assert_allclose(law.conductivity(np.array([-3.0, 1.0])), [6.0, 0.0])
+    np.testing.assert_allclose(contact_conductivity(law, np.array([-3.0, 1.0])), [6.0, 0.0])
     assert "linear" not in load().names(Kind.CONDUCTIVITY_LAW)
     (entry,) = find(registry, "linear")
     assert entry.provider.name.endswith("laws.py")

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.contact import ConductivityLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.testing.contact import (
     check_associated,
@@ -55,8 +55,8 @@ class WrongConductivity(ConductivityLaw):
     fault: str
     seen: list[None] = field(default_factory=list, compare=False)
 
-    def conductivity(self, normal_traction: Array) -> Array:
-        kappa = StepConductivity(1.0).conductivity(normal_traction)
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        kappa = StepConductivity(1.0).conductivity(normal_traction, gap, drop)
         match self.fault:
             case "negative":
                 return -kappa

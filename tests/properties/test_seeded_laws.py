@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
 from meeframe.testing.contact import (
     check_associated,

@@ -8,18 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from meeframe.core.contact import (
-    ContactLaw,
-    ContactProblem,
-    ContactState,
-    Iterate,
-    Solver,
-    Status,
-    augmented_traction,
-    contact_gap,
-)
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, augmented_traction
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
 from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, Uzawa, solve
 from meeframe.testing.contact import check_solver
@@ -291,7 +283,7 @@ class MechanicalNewton(Solver):
         r = 1.0 / np.abs(compliance).sum(axis=(2, 3)).max()
         displacement = problem.system.offset + problem.system.apply(iterate.load)
         traction = iterate.load[:, :3]
-        trial = augmented_traction(law, traction, contact_gap(problem, displacement), r, r)
+        trial = augmented_traction(law, traction, contact_gap(problem, displacement), (r, r))
         tangent = law.tangent(trial)
         rows = np.einsum("nij,jk,nkml->niml", tangent, r * scaled, compliance)
         if not self.nodes:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Status
+from meeframe.core.contact import ContactProblem, ContactState, Status
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers import Uzawa, solve
 from meeframe.testing.contact import violations

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from meeframe.core.contact import ContactLaw
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.testing.closed_forms_friction import (
     FullStick,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from meeframe.core.contact import ConductivityLaw
+from meeframe.core.law import ConductivityLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe_laws.conductivity import PowerLaw
 

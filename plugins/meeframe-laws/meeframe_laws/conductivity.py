@@ -6,8 +6,8 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.contact import ConductivityLaw
 from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
 from meeframe.core.quantities import Quantity, check_quantities
 
 
@@ -31,7 +31,7 @@ class PowerLaw(ConductivityLaw):
     def __post_init__(self) -> None:
         check_quantities(self)
 
-    def conductivity(self, normal_traction: Array) -> Array:
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
         pressure = np.maximum(-normal_traction, 0.0)
         kappa: Array = self.reference_conductivity * (pressure / self.reference_pressure) ** self.exponent

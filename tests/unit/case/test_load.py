@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from meeframe.case.load import case_from_tables, load_case
-from meeframe.core.contact import ContactLaw
 from meeframe.core.errors import CaseError
+from meeframe.core.law import ContactLaw
 from meeframe.elements import Quad9
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import LineIntegral

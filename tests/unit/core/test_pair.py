@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from meeframe.core.body import Body
-from meeframe.core.contact import ContactLaw, ContactProblem, ContactState, Status, resultant
+from meeframe.core.contact import ContactProblem, ContactState, Status, resultant
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.core.pair import PairSystem, pair
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM

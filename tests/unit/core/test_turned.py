@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ContactLaw, ContactProblem, Status
+from meeframe.core.contact import ContactProblem, Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.core.turned import turned
 from meeframe.elements import Quad4

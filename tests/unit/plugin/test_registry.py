@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw
 from meeframe.core.errors import PluginError
 from meeframe.core.indenter import Indenter
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.core.quantities import Quantity
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.plugin.registry import Kind, Provider, Registry
@@ -183,7 +183,7 @@ def test_duplicates_raise_and_name_both_providers():
 def test_one_name_may_serve_two_kinds():
     @dataclass(frozen=True)
     class Law(ConductivityLaw):
-        def conductivity(self, normal_traction):
+        def conductivity(self, normal_traction, gap, drop):
             return np.zeros_like(normal_traction)
 
     other = (Provider("other", "1"), plugin(record("ball", Law), hook="meeframe_conductivity_laws"))

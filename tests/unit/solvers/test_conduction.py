@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from meeframe.core.contact import ContactProblem, Status, contact_gap, resultant
+from meeframe.core.law import contact_conductivity
 from meeframe.laws import StepConductivity
 from meeframe.materials import library_material
 from meeframe.materials.half_space import axisymmetric_compliance
@@ -73,7 +74,7 @@ def test_resistances() -> None:
     n = 16
     own = conduction.own_response(case)
     traction = np.full(n, -1.0)
-    kappa = case.magnetic_law.conductivity(traction)[0]
+    kappa = contact_conductivity(case.magnetic_law, traction)[0]
     closed = np.linspace(0.0, 1.0, n)
     resistance = conduction.resistances(case, traction, closed, own)
     assert np.isinf(resistance[:, 0]).all()
@@ -93,7 +94,10 @@ def test_graph_as_a_fixed_point() -> None:
 
 
 def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
-    assert StepConductivity(np.inf).conductivity(np.array([conduction.TOUCHING, 0.0])).tolist() == [np.inf, 0.0]
+    assert contact_conductivity(StepConductivity(np.inf), np.array([conduction.TOUCHING, 0.0])).tolist() == [
+        np.inf,
+        0.0,
+    ]
 
 
 @pytest.mark.parametrize("potential", [0.1, 0.3, 0.5])

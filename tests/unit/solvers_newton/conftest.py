@@ -7,10 +7,11 @@ from typing import Any, final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ConductivityLaw, ContactLaw, ContactProblem
+from meeframe.core.contact import ContactProblem
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.laws import Insulating, StepConductivity
 from meeframe.materials import library_material
 from meeframe.testing.contact_cases import SphereCase
@@ -28,7 +29,7 @@ class Growing(ConductivityLaw):
     pressure: float
     exponent: float
 
-    def conductivity(self, normal_traction: Array) -> Array:
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         return self.kappa * (np.maximum(-normal_traction, 0.0) / self.pressure) ** self.exponent
 
 
