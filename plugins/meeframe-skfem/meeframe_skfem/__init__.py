@@ -1,1 +1,22 @@
 """Finite-element formulation of meeframe on scikit-fem."""
+
+from collections.abc import Iterable
+
+from meeframe.core.formulation import Formulation
+from meeframe.plugin.hookspecs import Record, hookimpl
+from meeframe_skfem.formulation import FiniteElements
+
+__all__ = ["FiniteElements", "meeframe_formulations"]
+
+
+@hookimpl
+def meeframe_formulations() -> Iterable[Record[Formulation]]:
+    """Register the formulation of this package."""
+    return [
+        Record(
+            name="skfem",
+            factory=FiniteElements,
+            summary="finite elements in the volume, condensed to the contact zone",
+            source="Allik & Hughes, Int. J. Numer. Meth. Eng. 2 (1970) 151-157; scikit-fem",
+        )
+    ]

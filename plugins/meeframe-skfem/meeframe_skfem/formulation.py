@@ -1,0 +1,99 @@
+"""The finite-element formulation: body in, reduced system out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, final
+
+import numpy as np
+from pydantic import Field
+
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, FieldScaling
+from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
+from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.system import characteristic_length
+from meeframe.geometry import check_mesh
+from meeframe.plugin import Body, DenseSystem, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
+from meeframe_skfem.factorisation import LinearSolver, has_pardiso
+from meeframe_skfem.grid import box_volume
+from meeframe_skfem.matching import Matched, match
+from meeframe_skfem.system import FiniteElementSolution, local_axes, solve_body
+from meeframe_skfem.volume import VolumeMesh, read_volume
+
+
+@final
+@dataclass(frozen=True)
+class FiniteElements(Formulation):
+    """Displacements and potentials in the volume, int u_J,i C_iJKm v_K,m dV = int t_J v_J dS; direct sparse solution.
+
+    A body that is a box is filled with a graded grid of hexahedra, which continues the contact zone: hex8 under quad4,
+    hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10.
+
+    growth: largest ratio of the widths of successive elements, outside the zone and downwards; outside: elements from
+    the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead;
+    volume: file of a volume mesh, any that meshio reads, whose boundary is the surface mesh; unit: metres in the file's
+    unit; linear_solver: pardiso (with pypardiso) or splu; auto takes pardiso where it is installed; edge_angle: fluxes
+    are discontinuous where normals of neighbouring faces differ by more than this [rad].
+    Raises CaseError if one is not allowed.
+    """
+
+    growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
+    outside: Annotated[int, Field(ge=1)] | None = None
+    layers: Annotated[int, Field(ge=1)] | None = None
+    volume: Path | None = None
+    unit: Annotated[float, Quantity("m", gt=0, lt=np.inf)] = 1.0
+    linear_solver: LinearSolver = "auto"
+    edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        for name in ("outside", "layers"):
+            value = getattr(self, name)
+            if value is not None and (value != int(value) or value < 1):
+                raise CaseError(f"FiniteElements: {name} = {value!r}: must be a whole number of at least 1")
+
+    def check(self, body: Body) -> None:
+        """Make the mesh and number the unknowns, without computing anything.
+
+        Raises MeshError if the surface is not closed, if the body is neither a box nor has a volume mesh, or if that
+        does not fit it; CaseError if boundary conditions contradict each other, touch the contact zone or leave a field
+        undetermined, or if the linear solver is not installed.
+        """
+        self._prepare(body)
+
+    def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
+        """Assemble, factorise once, condense to the contact zone. Raises as check, and CaseError if it is singular."""
+        solution = self.solve(body, progress)
+        zone = solution.matched.zone
+        offset, compliance = solution.zone_relation(progress)
+        to_load = local_axes(zone.frames)
+        to_displacement = to_load.copy()
+        to_displacement[:, ELECTRIC:] *= -1.0
+        matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
+        return DenseSystem(
+            points=zone.points,
+            frames=zone.frames,
+            weights=zone.weights,
+            cells=zone.cells,
+            offset=np.einsum("naj,nj->na", to_displacement, offset),
+            matrix=np.ascontiguousarray(matrix),
+            recovery=lambda load: solution.fields(np.einsum("naj,na->nj", to_load, load)),
+        )
+
+    def solve(self, body: Body, progress: Progress = silent) -> FiniteElementSolution:
+        """The factorised system, which also gives the values in the volume. Raises as reduce."""
+        progress("mesh", 0.0)
+        return solve_body(*self._prepare(body), self.linear_solver, progress)
+
+    def _prepare(self, body: Body) -> tuple[Matched, Layout, Units]:
+        if self.linear_solver == "pardiso" and not has_pardiso():
+            raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")
+        check_mesh(body.mesh)
+        matched = match(body, self._volume(body))
+        units = Units(characteristic_length(matched.body), FieldScaling.of(body.stiffness))
+        return matched, lay_out(matched.body, find_patches(matched.body.mesh, self.edge_angle), units), units
+
+    def _volume(self, body: Body) -> VolumeMesh:
+        if self.volume is not None:
+            return read_volume(self.volume, self.unit)
+        return box_volume(body, self.growth, self.outside, self.layers)

@@ -1,0 +1,174 @@
+"""From a matched body to its reduced system: assembly, one factorisation, condensation, recovery.
+
+Symbols: u values (p, 5) of the volume's points, f nodal forces, K stiffness, G flexibility of the zone's nodes, M mass
+matrix of its faces; all in units of the system (meeframe.formulations.dense_bem.layout.Units).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.formulation import NodalFields, Progress
+from meeframe.core.mesh import Indices
+from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
+from meeframe.geometry.measures import normal_vectors
+from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
+from meeframe_skfem.elements import face_nodes, tabulate
+from meeframe_skfem.factorisation import LinearSolver, factorise
+from meeframe_skfem.matching import Matched
+from meeframe_skfem.volume import VolumeMesh
+
+_BLOCK: Final = 64_000_000  # bytes of right-hand sides solved for at once
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteElementSolution:
+    """values = constant + respond(nodal forces on the zone).
+
+    mesh: the volume in units of the system; stiffness: scaled, (3, 5, 5, 3); constant: (p, 5) values at zero load;
+    respond: values (p, 5, k) of nodal forces (5 n, k) on the zone; mass: (n, n) of the zone's faces.
+    """
+
+    matched: Matched
+    layout: Layout
+    units: Units
+    mesh: VolumeMesh
+    stiffness: Array
+    constant: Array
+    respond: Callable[[Array], Array]
+    mass: csr_array
+
+    def zone_relation(self, progress: Progress) -> tuple[Array, Array]:
+        """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the zone, SI units, global axes."""
+        n, zone = len(self.matched.zone_points), self._zone_nodes
+        flexibility = np.empty((N_FIELDS * n, N_FIELDS * n))
+        step = max(1, _BLOCK // (8 * self.constant.size))
+        for start in range(0, N_FIELDS * n, step):
+            forces = np.eye(N_FIELDS * n, min(step, N_FIELDS * n - start), -start)
+            flexibility[:, start : start + step] = self.respond(forces)[zone].reshape(N_FIELDS * n, -1)
+            progress("condensation", min(1.0, (start + step) / (N_FIELDS * n)))
+        flexibility = (flexibility + flexibility.T) / 2  # symmetric but for the round-off of the factors
+        by_field = flexibility.reshape(N_FIELDS * n, n, N_FIELDS).transpose(0, 2, 1).reshape(-1, n)
+        loads = np.asarray(by_field @ self.mass).reshape(n, N_FIELDS, N_FIELDS, n).transpose(0, 1, 3, 2)
+        to_values, to_loads = self.units.values_si(np.ones(N_FIELDS)), self.units.fluxes(np.ones(N_FIELDS))
+        compliance: Array = to_values[:, None, None] * loads * to_loads
+        return self.units.values_si(self.constant[zone]), compliance
+
+    def values(self, load: Array) -> Array:
+        """Values (p, 5) at the volume's points [SI] for loads (n, 5) on the zone [SI, global axes]."""
+        return self.units.values_si(self._values(load))
+
+    def fields(self, load: Array) -> NodalFields:
+        """Fields on the boundary for loads (n, 5) on the zone [SI, global axes].
+
+        Fluxes are what is prescribed; where values are, they follow from the gradients in the cells beneath, as means
+        over the faces of a patch.
+        """
+        layout, surface = self.layout, self.matched.body.mesh
+        values = self._values(load)
+        patches = layout.patches
+        fluxes = np.where(layout.flux_column == NONE, layout.flux_data, self._patch_fluxes(values))
+        loaded = (layout.load_column != NONE).all(axis=1)
+        place = np.full(len(surface.points), NONE)
+        place[self.matched.zone_points] = np.arange(len(load))
+        fluxes[loaded] = self.units.fluxes(load)[place[patches.point[loaded]]]
+        return NodalFields(
+            surface.points[patches.point],
+            ((surface.blocks[0].element.meshio_type, patches.connectivity[0]),),
+            self.units.values_si(values[self.matched.nodes[patches.point]]),
+            self.units.fluxes_si(fluxes),
+        )
+
+    @property
+    def _zone_nodes(self) -> Indices:
+        return self.matched.nodes[self.matched.zone_points]
+
+    def _values(self, load: Array) -> Array:
+        forces = self.mass @ self.units.fluxes(load)
+        return self.constant + self.respond(forces.reshape(-1, 1))[..., 0]
+
+    def _patch_fluxes(self, values: Array) -> Array:
+        """Fluxes (m, 5) of the gradients at the patches."""
+        connectivity = self.layout.patches.connectivity[0].ravel()
+        total = np.zeros((len(self.layout.patches.point), N_FIELDS))
+        np.add.at(total, connectivity, self._face_fluxes(values).reshape(-1, N_FIELDS))
+        means: Array = total / np.bincount(connectivity)[:, None]
+        return means
+
+    def _face_fluxes(self, values: Array) -> Array:
+        """n_i C_iJKm u_K,m at the nodes of each boundary face, (f, k, 5)."""
+        mesh, faces = self.mesh, self.matched.faces
+        fluxes = np.empty((*faces.nodes.shape, N_FIELDS))
+        for local, nodes in enumerate(face_nodes(mesh.element)):
+            own = np.flatnonzero(faces.local == local)
+            cells = mesh.cells[faces.cell[own]]
+            slopes, _ = gradients(mesh.points[cells], tabulate(mesh.element, mesh.element.nodes[nodes])[1])
+            gradient = np.einsum("fanm,fnk->fakm", slopes, values[cells])
+            surface = mesh.element.surface
+            normals = normal_vectors(mesh.points, surface, faces.nodes[own], surface.nodes)
+            normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+            fluxes[own] = np.einsum("fai,ijkm,fakm->faj", normals, self.stiffness, gradient, optimize=True)
+        return fluxes
+
+
+def solve_body(
+    matched: Matched, layout: Layout, units: Units, solver: LinearSolver, progress: Progress
+) -> FiniteElementSolution:
+    """Assemble, factorise once, solve for the prescribed data. Raises CaseError if the system is singular."""
+    progress("assembly", 0.0)
+    mesh = replace(matched.volume, points=matched.volume.points / units.length)
+    stiffness = units.scaling.scale_stiffness(matched.body.stiffness)
+    matrix = stiffness_matrix(mesh, stiffness)
+    n_points, nodes = len(mesh.points), matched.nodes
+    values, free = np.zeros((n_points, N_FIELDS)), np.ones((n_points, N_FIELDS), bool)
+    values[nodes], free[nodes] = layout.value_data, layout.value_column != NONE
+    forces = np.zeros((n_points, N_FIELDS))
+    _add_forces(forces, matched, mesh, layout)
+    unknown, known = np.flatnonzero(free), np.flatnonzero(~free)
+    rows = matrix[unknown]
+    progress("factorisation", 0.0)
+    solve = factorise(csr_array(rows[:, unknown]), solver)
+    progress("factorisation", 1.0)
+    values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
+    zone = np.searchsorted(unknown, N_FIELDS * nodes[matched.zone_points][:, None] + np.arange(N_FIELDS)).ravel()
+
+    def respond(zone_forces: Array) -> Array:
+        rhs = np.zeros((len(unknown), zone_forces.shape[1]), order="F")
+        rhs[zone] = zone_forces
+        response = np.zeros((n_points * N_FIELDS, zone_forces.shape[1]))
+        response[unknown] = solve(rhs)
+        return response.reshape(n_points, N_FIELDS, -1)
+
+    return FiniteElementSolution(
+        matched, layout, units, mesh, stiffness, values, respond, _zone_mass(matched, units.length)
+    )
+
+
+def local_axes(frames: Array) -> Array:
+    """(n, 5, 5) with rows: local components of an extended traction in global ones; frames (n, 3, 3)."""
+    axes = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    axes[:, MECHANICAL, MECHANICAL] = frames
+    axes[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    return axes
+
+
+def _add_forces(forces: Array, matched: Matched, mesh: VolumeMesh, layout: Layout) -> None:
+    """Add int N_a N_b dS t_b of the prescribed fluxes to nodal forces (p, 5)."""
+    block = matched.body.mesh.blocks[0]
+    data = layout.flux_data[layout.patches.connectivity[0]]
+    acting = np.flatnonzero(data.any(axis=(1, 2)))
+    masses = face_masses(mesh.points, block.element, matched.faces.nodes[acting])
+    np.add.at(forces, matched.faces.nodes[acting], masses @ data[acting])
+
+
+def _zone_mass(matched: Matched, length: float) -> csr_array:
+    """int N_a N_b dS over the contact zone, (n, n), lengths in a unit [m]."""
+    (_, cells), block = matched.zone.cells[0], matched.body.mesh.blocks[0]
+    masses = face_masses(matched.zone.points / length, block.element, cells)
+    n = len(matched.zone.points)
+    rows, columns = np.repeat(cells, cells.shape[1], axis=1).ravel(), np.tile(cells, cells.shape[1]).ravel()
+    return csr_array(coo_array((masses.ravel(), (rows, columns)), shape=(n, n)))
