@@ -9,6 +9,7 @@ import numpy as np
 from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw
 from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.plugin.hookspecs import Record
 
 
 @final
@@ -36,3 +37,14 @@ class PowerLaw(ConductivityLaw):
         pressure = np.maximum(-normal_traction, 0.0)
         kappa: Array = self.reference_conductivity * (pressure / self.reference_pressure) ** self.exponent
         return kappa
+
+
+RECORDS = [
+    Record(
+        "power-law",
+        PowerLaw,
+        "kappa_0 (|p| / p_0)^exponent in contact, growing with pressure like the real contact area",
+        "Cooper, Mikic & Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279-300 (exponent 0.95)",
+    ),
+]
+"""What this module registers."""
