@@ -3,9 +3,9 @@
 Each check raises AssertionError that says which property fails and shows an offending value.
 """
 
+from meeframe.testing.conductivity_laws import check_conductivity_law
 from meeframe.testing.contact_laws import (
     check_associated,
-    check_conductivity_law,
     check_contact_law,
     check_homogeneous,
     check_isotropic,

@@ -1,17 +1,15 @@
-"""Conformance of contact laws and conductivity laws; see meeframe.testing.contact."""
+"""Conformance of contact laws; see meeframe.testing.contact."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
-from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, each, require
-from meeframe.testing.search import search_tractions, search_trials
+from meeframe.core.law import ContactLaw
+from meeframe.testing.requirements import ROUND_OFF, check_frozen, close, each, pure, require
+from meeframe.testing.search import search_trials
 
 _SAMPLES: Final = 400
 _REST_STEPS: Final = 300
@@ -43,7 +41,7 @@ def check_contact_law(
     _check_scaling(law)
     random = np.random.default_rng(seed)
     trial = pressure * random.normal(size=(_SAMPLES, 3))
-    traction = _pure(law.project, trial, "project")
+    traction = pure(law.project, trial, "project")
     require(traction.shape == trial.shape, "project changes the shape", traction.shape)
     each(np.isfinite(traction).all(axis=1), "project gives tractions that are not finite", trial, traction)
     each(traction[:, 2] <= 0.0, "normal traction pulls", trial, traction)
@@ -123,38 +121,6 @@ def check_orthotropic(
         close(
             np.array(limit), np.array(min(coefficient * pressure, drag)), drag, f"friction limit along the {name} axis"
         )
-
-
-def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: int = 0) -> None:
-    """Frozen; conductivity is pure, local, >= 0 and not NaN, and continuous but for a jump at zero traction."""
-    check_frozen(law)
-    random = np.random.default_rng(seed)
-    traction = np.concatenate([-pressure * 10.0 ** random.uniform(-6, 2, _SAMPLES), [0.0, -np.finfo(float).tiny]])
-    kappa = _pure(partial(contact_conductivity, law), traction, "conductivity")
-    require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
-    each(kappa >= 0.0, "conductivity is negative or NaN", traction, kappa)
-    some = random.permutation(len(traction))[: _SAMPLES // 3]
-    alone = contact_conductivity(law, traction[some])
-    require(np.array_equal(alone, kappa[some]), "conductivity depends on other nodes", kappa)
-    nearby = contact_conductivity(law, traction * (1.0 + 1e-9))
-    bounded = np.isfinite(kappa)
-    require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
-    jump = np.abs(nearby[bounded] - kappa[bounded]) - 1e-6 * kappa[bounded]
-    require(bool((jump <= 0.0).all()), "conductivity jumps under pressure", jump)
-    search_tractions(law, pressure)
-
-
-def _pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
-    """The function's value, if it neither changes its argument nor depends on calls before."""
-    kept = argument.copy()
-    value = function(argument)
-    require(np.array_equal(argument, kept), f"{name} changes its argument", argument)
-    first = value.copy()
-    function(0.5 * kept[::-1])
-    require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
-    again = function(kept)
-    require(np.array_equal(again, first, equal_nan=True), f"{name} depends on earlier calls", again)
-    return first
 
 
 def _check_scaling(law: ContactLaw) -> None:

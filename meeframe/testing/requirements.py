@@ -1,7 +1,7 @@
 """What the conformance checks share: a property that holds, or an AssertionError that names it and shows a value."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -112,3 +112,16 @@ def check_frozen(record: object) -> None:
     require(frozen, "is no frozen dataclass", type(record).__name__)
     values = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}  # type: ignore[arg-type]
     require(type(record)(**values) == record, "is not equal to its copy", record)
+
+
+def pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
+    """The function's value, if it neither changes its argument nor depends on calls before."""
+    kept = argument.copy()
+    value = function(argument)
+    require(np.array_equal(argument, kept), f"{name} changes its argument", argument)
+    first = value.copy()
+    function(0.5 * kept[::-1])
+    require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
+    again = function(kept)
+    require(np.array_equal(again, first, equal_nan=True), f"{name} depends on earlier calls", again)
+    return first
