@@ -109,7 +109,7 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
          "line 4: meeframe_solvers: ZeroDivisionError"),
         ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solver():\n    return []\n",
          "unknown hook 'meeframe_solver'"),
-        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.core.contact.ConductivityLaw"),
+        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.core.law.ConductivityLaw"),
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
 )  # fmt: skip
