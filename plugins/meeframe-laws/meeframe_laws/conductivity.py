@@ -1,8 +1,8 @@
-"""Conductivity laws of rough surfaces."""
+"""Conductivity laws: of rough and of covered surfaces in contact, and of what fills the gap beside it."""
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, ClassVar, final
 
 import numpy as np
 
@@ -34,17 +34,198 @@ class PowerLaw(ConductivityLaw):
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
-        pressure = np.maximum(-normal_traction, 0.0)
-        kappa: Array = self.reference_conductivity * (pressure / self.reference_pressure) ** self.exponent
+        kappa: Array = (
+            self.reference_conductivity * (_pressure(normal_traction, self.reference_pressure)) ** self.exponent
+        )
         return kappa
 
 
-RECORDS = [
+@final
+@dataclass(frozen=True)
+class Saturating(ConductivityLaw):
+    """kappa(p) = largest_conductivity * (1 - exp(-|p| / saturation_pressure)) in contact, 0 where it is open.
+
+    Spots of true contact yield at the hardness H, so that their areas add up to |p| / H of the apparent one (Bowden &
+    Tabor, The Friction and Lubrication of Solids, 1950); at places that do not know of each other they overlap and
+    cover 1 - exp(-|p| / H) of it (Hall, Introduction to the Theory of Coverage Processes, 1988). What is covered
+    conducts: saturation_pressure is the hardness.
+
+    largest_conductivity: where all is covered, F/m^2 (electric) or H/m^2 (magnetic); saturation_pressure [Pa]. Raises
+    CaseError if one is out of bounds.
+    """
+
+    largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    saturation_pressure: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
+        return np.asarray(-self.largest_conductivity * np.expm1(-_pressure(normal_traction, self.saturation_pressure)))
+
+
+@final
+@dataclass(frozen=True)
+class Thresholded(ConductivityLaw):
+    """kappa(p) = contact_conductivity * clip((|p| - threshold) / ramp, 0, 1): none until a film gives way.
+
+    Oxides and other films insulate metal surfaces until the pressure breaks them (Holm, Electric Contacts, 1967). A
+    ramp and not a step, as a step under pressure leaves no solution where the pressure is that of the step.
+
+    contact_conductivity: F/m^2 (electric) or H/m^2 (magnetic), where the film is gone; threshold: pressure at which it
+    begins to break [Pa]; ramp: further pressure over which it does [Pa]. Raises CaseError if one is out of bounds.
+    """
+
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    threshold: Annotated[float, Quantity("Pa", ge=0, lt=math.inf)]
+    ramp: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
+        broken = np.clip((-normal_traction - self.threshold) / self.ramp, 0.0, 1.0)
+        return np.asarray(self.contact_conductivity * broken)
+
+
+@final
+@dataclass(frozen=True)
+class AcrossGap(ConductivityLaw):
+    """kappa = gap_constant / (gap + residual_gap) where the contact is open, contact_conductivity where it is closed.
+
+    The field in a narrow gap is uniform across it: a parallel-plate capacitor at each point (semi-permeable condition
+    of cracks: Hao & Shen, Eng. Fract. Mech. 47 (1994) 793). Without a residual gap and with perfect conduction in
+    contact, as by default, the conductivity passes from open to closed without a jump. The pull of the field on the
+    surfaces is not in it.
+
+    gap_constant: permittivity [F/m] (electric) or permeability [H/m] (magnetic) of what fills the gap;
+    contact_conductivity: F/m^2 or H/m^2, may be inf; residual_gap: what roughness keeps apart [m], as much in closed
+    contact's neighbourhood as far away. Raises CaseError if one is out of bounds.
+    """
+
+    across_gap: ClassVar[bool] = True
+
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)] = math.inf
+    residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """kappa (n,) at normal gaps (n,) >= 0 [m], or under normal tractions (n,) < 0 [Pa]."""
+        across = _plates(self.gap_constant, gap + self.residual_gap)
+        return np.where(normal_traction < 0.0, self.contact_conductivity, across)
+
+
+@final
+@dataclass(frozen=True)
+class Breakdown(ConductivityLaw):
+    """As AcrossGap, but the field |drop| / g, g = gap + residual_gap, is limited by sparks.
+
+    flux = gap_constant / g min(|drop|, breakdown_field g) + breakdown_conductivity max(|drop| - breakdown_field g, 0),
+    with the sign of the drop; kappa = flux / drop is continuous. The larger the conductivity of the spark, the less the
+    field exceeds the breakdown field. Source: discharge in cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291;
+    about 3 MV/m in air between plates far apart, more in gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
+
+    gap_constant, contact_conductivity, residual_gap: see AcrossGap; breakdown_field: V/m (electric) or A/m (magnetic);
+    breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError if one is out of bounds.
+    """
+
+    across_gap: ClassVar[bool] = True
+
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", ge=0, lt=math.inf)]
+    breakdown_field: Annotated[float, Quantity("V/m", "A/m", gt=0, lt=math.inf)]
+    breakdown_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)] = math.inf
+    residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """kappa (n,) at normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A], or under tractions (n,) < 0 [Pa]."""
+        plates, size = gap + self.residual_gap, np.abs(drop)
+        excess = size - self.breakdown_field * plates
+        flux = self.gap_constant * self.breakdown_field + self.breakdown_conductivity * excess
+        sparks = excess > 0.0
+        across = np.where(sparks, flux / np.where(sparks, size, 1.0), _plates(self.gap_constant, plates))
+        return np.where(normal_traction < 0.0, self.contact_conductivity, across)
+
+
+@final
+@dataclass(frozen=True)
+class Robin(ConductivityLaw):
+    """One kappa on the whole zone under the indenter, in contact or not: a condition of the third kind.
+
+    The linear case of all the others: a layer that covers the surface and touches the indenter everywhere. Source:
+    Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).
+
+    kappa: F/m^2 (electric) or H/m^2 (magnetic); inf holds the potential on the whole zone. Raises CaseError if it is
+    negative or NaN.
+    """
+
+    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """kappa everywhere, (n,)."""
+        return np.full_like(normal_traction, self.kappa)
+
+
+def _pressure(normal_traction: Array, unit: float) -> Array:
+    """Contact pressure (n,) in units of one [Pa], zero where nothing presses."""
+    return np.asarray(np.maximum(-normal_traction, 0.0) / unit)
+
+
+def _plates(constant: float, distance: Array) -> Array:
+    """Conductivity (n,) of a gap as that of parallel plates at distances (n,) >= 0 [m]; inf at zero."""
+    if constant == 0.0:
+        return np.zeros_like(distance)
+    return np.divide(constant, distance, out=np.full_like(distance, np.inf), where=distance > 0.0)
+
+
+RECORDS: list[Record[ConductivityLaw]] = [
     Record(
         "power-law",
         PowerLaw,
         "kappa_0 (|p| / p_0)^exponent in contact, growing with pressure like the real contact area",
         "Cooper, Mikic & Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279-300 (exponent 0.95)",
+    ),
+    Record(
+        "saturating",
+        Saturating,
+        "kappa_max (1 - exp(-|p| / p_s)) in contact, as contact spots overlap",
+        "Bowden & Tabor, The Friction and Lubrication of Solids (1950); Hall, Introduction to the Theory of Coverage "
+        "Processes (1988)",
+    ),
+    Record(
+        "thresholded",
+        Thresholded,
+        "none up to a threshold pressure, kappa beyond a ramp: an insulating film that breaks",
+        "Holm, Electric Contacts, 4th ed. (1967)",
+    ),
+    Record(
+        "across-gap",
+        AcrossGap,
+        "permittivity or permeability over the gap where open, kappa in contact",
+        "Hao & Shen, Eng. Fract. Mech. 47 (1994) 793-802 (semi-permeable condition)",
+    ),
+    Record(
+        "breakdown",
+        Breakdown,
+        "as across-gap, the field in the gap limited by breakdown",
+        "Landis, Int. J. Solids Struct. 41 (2004) 6291-6315 (discharge); Paschen, Ann. Phys. 273 (1889) 69-96",
+    ),
+    Record(
+        "robin",
+        Robin,
+        "one kappa on the whole zone, in contact or not",
+        "Carslaw & Jaeger, Conduction of Heat in Solids, 2nd ed. (1959), section 1.9",
     ),
 ]
 """What this module registers."""
