@@ -120,9 +120,10 @@ class Equation:
         return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
 
     def transmissivity_across(self, pressing: Array, ahead: Array, closed: Array) -> tuple[Array, Array]:
-        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by differences forward.
+        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by central differences.
 
-        Zero unless a conductivity follows the gap or the drop.
+        Zero unless a conductivity follows the gap or the drop. Widths are fractions of the gap and the drop themselves:
+        a breakdown happens within a small fraction of a drop that may be far below the others.
         """
         by_gap, by_drop = np.zeros((2, *self.own.shape))
         if not follows_gap(self.problem):
@@ -132,12 +133,13 @@ class Equation:
             shut, apart = (self.transmissivity(pressing, moved, fraction) for fraction in (1.0, 0.0))
             return np.asarray(closed[:, None] * shut + (1.0 - closed[:, None]) * apart)
 
-        here = mixed(ahead)
-        widths = WIDTH * (np.abs(np.where(np.isfinite(ahead), ahead, 0.0)) + self.scales.displacement)
+        size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
+        widths = WIDTH * np.maximum(size, LOWEST * self.scales.displacement)
         for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
-            further = ahead.copy()
-            further[:, fields] += widths[:, fields]
-            slope += (mixed(further) - here) / widths[:, fields]
+            more, less = ahead.copy(), ahead.copy()
+            more[:, fields] += widths[:, fields]
+            less[:, fields] -= widths[:, fields]
+            slope += (mixed(more) - mixed(less)) / (2.0 * widths[:, fields])
         return by_gap, by_drop
 
 
