@@ -1,0 +1,90 @@
+"""Response of a regular grid to the load on one of its cells, integrated to round-off."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Final, Literal
+
+import numba
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_rows
+from meeframe_halfspace.response import PointResponse
+
+Shape = Literal["bilinear", "constant"]
+
+_EDGE_POINTS: Final = 48
+_MOST_POINTS: Final = 9
+_ACCURACY: Final = 1e-13
+
+
+def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int]) -> Array:
+    """Response (25, nx, 2 ny - 1) i spacings along e1 and j along e2 from a node with unit density, scaled fields.
+
+    i from 0 to nx - 1, j from -(ny - 1) to ny - 1; entries as of PointResponse. The response at (-i, -j) has the same
+    symmetric entries and the opposite antisymmetric ones. shape: density around a node, constant on its cell or
+    bilinear to zero at its neighbours; spacing [m].
+    """
+    nx, ny = size
+    table = np.empty((N_VALUES, nx, 2 * ny - 1))
+    along, across, steps = _pieces(shape, spacing[0]), _pieces(shape, spacing[1]), np.array(spacing)
+    tables, thresholds = _product_rules(shape)
+    rule = np.array(np.polynomial.legendre.leggauss(_EDGE_POINTS))
+
+    def fill(first: int, last: int) -> None:
+        fill_rows(first, last, steps, along, across, response.even, response.odd, rule, tables, thresholds, table)
+
+    share_out(fill, nx)
+    return table
+
+
+def share_out(work: Callable[[int, int], None], count: int) -> None:
+    """work(first, last) on parts of range(count), in as many threads as numba has."""
+    threads = numba.get_num_threads()
+    bounds = np.linspace(0, count, min(4 * threads, count) + 1).astype(int)
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, bounds[:-1].tolist(), bounds[1:].tolist()))
+
+
+def _pieces(shape: Shape, h: float) -> Array:
+    """Rows (start, end, w0, w1) of the density along one axis about its node: w0 + w1 * coordinate."""
+    if shape == "constant":
+        return np.array([[-h / 2, h / 2, 1.0, 0.0]])
+    return np.array([[-h, 0.0, 1.0, 1.0 / h], [0.0, h, 1.0, -1.0 / h]])
+
+
+@lru_cache(maxsize=2)
+def _product_rules(shape: Shape) -> tuple[Array, Array]:
+    """Gauss rules of the density, (k, 2, k) nodes in spacings and weights, and the distances from which they will do.
+
+    The error of n points falls like (width / (4 distance))^2n, width of the density and distance in spacings.
+    """
+    tables = np.zeros((_MOST_POINTS, 2, _MOST_POINTS))
+    for n in range(1, _MOST_POINTS + 1):
+        tables[n - 1, :, :n] = _gauss(shape, n)
+    width = 1.0 if shape == "constant" else 2.0
+    thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MOST_POINTS + 1))
+    thresholds[-1] = min(thresholds[-1], NEAR)
+    return tables, thresholds
+
+
+def _gauss(shape: Shape, n: int) -> tuple[Array, Array]:
+    """Gauss rule (n,), (n,) of the density along one axis, from the recurrence of its orthogonal polynomials."""
+    x, w = np.polynomial.legendre.leggauss(2 * _MOST_POINTS)
+    if shape == "constant":
+        points, weights = x / 2, w / 2
+    else:
+        points = np.concatenate([(x - 1) / 2, (x + 1) / 2])
+        weights = np.concatenate([w, w]) / 2 * (1 - np.abs(points))
+    # the density is even, so that the recurrence has no middle terms
+    previous, current, norm = np.zeros_like(points), np.ones_like(points), 1.0
+    ratios: list[float] = []
+    for _ in range(n - 1):
+        following = points * current - (ratios[-1] if ratios else 0.0) * previous
+        length = float(weights @ following**2)
+        ratios.append(length / norm)
+        previous, current, norm = current, following, length
+    off = np.sqrt(ratios)
+    nodes, vectors = np.linalg.eigh(np.diag(off, 1) + np.diag(off, -1))
+    return nodes, vectors[0] ** 2

@@ -1,0 +1,107 @@
+"""The formulation `half-space`: body in, reduced system out."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, final
+
+import numpy as np
+from pydantic import Field
+
+from meeframe.core.body import Body, check_conditions
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array
+from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.quantities import check_quantities
+from meeframe.geometry import ContactZone, zone_frames
+from meeframe_halfspace.cells import cell_table
+from meeframe_halfspace.convolution import Convolution, free_convolution, periodic_convolution
+from meeframe_halfspace.grid import Grid, find_grid
+from meeframe_halfspace.response import PointResponse
+from meeframe_halfspace.system import HalfSpaceSystem, dense_matrix, own_response
+
+
+@final
+@dataclass(frozen=True)
+class HalfSpace(Formulation):
+    """Exact surface response of an anisotropic half space on the grid of the contact zone, by fast Fourier transforms.
+
+    density: of loads around each node: 'bilinear' to zero at its neighbours, like four-node elements; 'constant' on
+    the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
+    half a spacing on each side of it are one period of an endless surface; displacements and potentials count from
+    their means. matrix_up_to: nodes up to which the compliance is held as a matrix, for solvers that factorise it.
+    """
+
+    density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
+    periodic: bool = False
+    matrix_up_to: Annotated[int, Field(ge=0)] = 1200
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        if self.density not in ("bilinear", "constant", "trigonometric"):
+            raise CaseError(f"half-space: density = {self.density!r}; allowed: 'bilinear', 'constant', 'trigonometric'")
+        if self.density == "trigonometric" and not self.periodic:
+            raise CaseError("half-space: density = 'trigonometric' needs periodic = true: waves have no border")
+        if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:
+            raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
+
+    def check(self, body: Body) -> None:
+        """Raises MeshError or CaseError if the body is no half space with a regular grid.
+
+        MeshError unless the mesh is part of a plane and its contact zone a regular grid; CaseError if boundary
+        conditions contradict each other or prescribe anything but zero flux beside the zone.
+        """
+        self._grid(body)
+
+    def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
+        """Surface compliance, response of the grid to one node, its transform. Raises as check, and MaterialError."""
+        zone, grid = self._grid(body)
+        progress("surface compliance", 0.0)
+        response = PointResponse.of(body.stiffness, grid.frame)
+        progress("response of the grid", 0.0)
+        convolution = self._convolution(response, grid)
+        progress("response of the grid", 1.0)
+        weights = grid.weights(self.periodic)
+        system = HalfSpaceSystem(
+            points=zone.points,
+            frames=zone.frames,
+            weights=weights,
+            cells=zone.cells,
+            offset=np.zeros((len(weights), N_FIELDS)),
+            grid=grid,
+            convolution=convolution,
+            shares=weights / weights.max(),
+            factors=response.factors,
+            own=own_response(convolution.own(), response.factors),
+        )
+        return _with_matrix(system) if len(weights) <= self.matrix_up_to else system
+
+    def _convolution(self, response: PointResponse, grid: Grid) -> Convolution:
+        if self.periodic:
+            return periodic_convolution(response, grid.spacing, self.density, grid.size)
+        assert self.density != "trigonometric"
+        return free_convolution(cell_table(response, grid.spacing, self.density, grid.size))
+
+    def _grid(self, body: Body) -> tuple[ContactZone, Grid]:
+        if body.contact_group is None:
+            raise CaseError("this body has no contact zone to condense to")
+        if not body.mesh.semi_infinite:
+            raise MeshError(
+                "formulation half-space: the mesh bounds a finite body; allowed: [mesh] type = 'half-space'"
+            )
+        check_conditions(body)
+        for condition in body.conditions:
+            if condition.kind == "value" or np.any(condition.data):
+                raise CaseError(
+                    f"boundary condition on {condition.group!r}: {condition.kind} of {VALUE_NAMES[condition.field]}: a "
+                    "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
+                    "zero fluxes"
+                )
+        zone = zone_frames(body.mesh, body.contact_group)
+        return zone, find_grid(zone, body.contact_group)
+
+
+def _with_matrix(system: HalfSpaceSystem) -> DenseSystem:
+    matrix: Array = dense_matrix(system)
+    return DenseSystem(
+        system.points, system.frames, system.weights, system.cells, system.offset, matrix, system.recover
+    )

@@ -1,0 +1,164 @@
+"""Compiled sums of the point response over cells. Symbols: see meeframe_halfspace.response.
+
+A cell's density is bilinear on rectangles. About the point where the response is wanted, with d the vector from source
+to point, the integral of w(d) K(theta)/r over a rectangle of d is the sum over its edges of an integral in theta alone,
+because the one along each ray is that of a polynomial. On an edge at distance |a| from the point the variable is s with
+(distance along the edge) = |a| sinh(s): the integrand is as smooth as K.
+"""
+
+# mypy: ignore-errors
+import numpy as np
+from numba import njit
+
+NEAR = 6.0
+"""Cells within so many spacings are integrated along their edges, others by product rules."""
+N_SYMMETRIC = 15
+N_VALUES = 25
+
+
+@njit(cache=True, nogil=True)
+def add_response(c, s, factor, even, odd, values):
+    """values (25,) += factor * K(theta), cos and sin of theta given: 15 symmetric entries, then 10 antisymmetric."""
+    cn, sn = 1.0, 0.0
+    step_c, step_s = c * c - s * s, 2.0 * s * c
+    for n in range(even.shape[0]):
+        for entry in range(N_SYMMETRIC):
+            values[entry] += factor * (even[n, 0, entry] * cn + even[n, 1, entry] * sn)
+        cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
+    cn, sn = c, s
+    for n in range(odd.shape[0]):
+        for entry in range(N_VALUES - N_SYMMETRIC):
+            values[N_SYMMETRIC + entry] += factor * (odd[n, 0, entry] * cn + odd[n, 1, entry] * sn)
+        cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
+
+
+@njit(cache=True, nogil=True)
+def _edge(a, low, high, upright, sign, weight, even, odd, rule, values):
+    """Add the share of one edge: at signed distance a from the point, from low to high along it.
+
+    upright: the edge is parallel to y; weight: (p0, p1, q0, q1) of w = (p0 + p1 d_x)(q0 + q1 d_y); rule: (2, n) Gauss.
+    """
+    if a == 0.0:
+        return
+    p0, p1, q0, q1 = weight
+    start, end = np.arcsinh(low / abs(a)), np.arcsinh(high / abs(a))
+    half = (end - start) / 2.0
+    for k in range(rule.shape[1]):
+        t = start + half * (1.0 + rule[0, k])
+        cosh = np.cosh(t)
+        across, along = np.sign(a) / cosh, np.tanh(t)
+        c, s = (across, along) if upright else (along, across)
+        reach = abs(a) * cosh
+        moments = p0 * q0 + reach * ((p1 * q0 * c + p0 * q1 * s) / 2.0 + reach * p1 * q1 * c * s / 3.0)
+        add_response(c, s, sign * half * rule[1, k] * a * moments, even, odd, values)
+
+
+@njit(cache=True, nogil=True)
+def _near(x, y, pieces_x, pieces_y, even, odd, rule, values):
+    """Exact integral over a cell; pieces: (k, 4) rows (start, end, w0, w1) of the density's factor in each direction.
+
+    Each factor is w0 + w1 * coordinate between start and end, counted from the cell's centre.
+    """
+    for i in range(pieces_x.shape[0]):
+        x0, x1 = x - pieces_x[i, 1], x - pieces_x[i, 0]
+        p0, p1 = pieces_x[i, 2] + pieces_x[i, 3] * x, -pieces_x[i, 3]
+        for j in range(pieces_y.shape[0]):
+            y0, y1 = y - pieces_y[j, 1], y - pieces_y[j, 0]
+            weight = (p0, p1, pieces_y[j, 2] + pieces_y[j, 3] * y, -pieces_y[j, 3])
+            _edge(x1, y0, y1, True, 1.0, weight, even, odd, rule, values)
+            _edge(x0, y0, y1, True, -1.0, weight, even, odd, rule, values)
+            _edge(y1, x0, x1, False, 1.0, weight, even, odd, rule, values)
+            _edge(y0, x0, x1, False, -1.0, weight, even, odd, rule, values)
+
+
+@njit(cache=True, nogil=True)
+def _far(x, y, hx, hy, nodes, weights, even, odd, values):
+    """Product rule on a cell: nodes (n,) in spacings, weights (n,) with sum 1."""
+    for i in range(len(nodes)):
+        dx = x - hx * nodes[i]
+        for j in range(len(nodes)):
+            dy = y - hy * nodes[j]
+            r = np.sqrt(dx * dx + dy * dy)
+            add_response(dx / r, dy / r, hx * hy * weights[i] * weights[j] / r, even, odd, values)
+
+
+@njit(cache=True, nogil=True)
+def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, values):
+    """values (25,) = response at (x, y) from the centre of a cell to a density whose value at the centre is 1.
+
+    rule: (2, n) Gauss on [-1, 1]; tables: (k, 2, k) nodes and weights of product rules with 1 to k points a direction;
+    thresholds: (k,) distances in spacings from which each of them will do.
+    """
+    values[:] = 0.0
+    distance = np.sqrt(x * x + y * y) / max(spacing[0], spacing[1])
+    if distance < NEAR:
+        _near(x, y, pieces_x, pieces_y, even, odd, rule, values)
+        return
+    n = len(thresholds)
+    while n > 1 and distance >= thresholds[n - 2]:
+        n -= 1
+    _far(x, y, spacing[0], spacing[1], tables[n - 1, 0, :n], tables[n - 1, 1, :n], even, odd, values)
+
+
+@njit(cache=True, nogil=True)
+def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, out):
+    """out[:, i, j] = response i spacings along x and j - (ny - 1) along y from a cell, for i in first..last - 1.
+
+    out: (25, nx, 2 ny - 1).
+    """
+    values = np.empty(N_VALUES)
+    middle = (out.shape[2] - 1) // 2
+    for i in range(first, last):
+        for j in range(out.shape[2]):
+            x, y = i * spacing[0], (j - middle) * spacing[1]
+            cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, values)
+            out[:, i, j] = values
+
+
+@njit(cache=True, nogil=True)
+def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, even, odd, symbol):
+    """symbol[i, j] = Y(q)/|q| times the windows, (25,), for rows first..last - 1; zero at q = 0.
+
+    along, across: wave numbers (nx,), (ny // 2 + 1,); even, odd: series of Y in the angle of q. The highest wave number
+    of an even count stands for both signs: the mean of the two is real where it must be.
+    """
+    for i in range(first, last):
+        for j in range(symbol.shape[1]):
+            values = symbol[i, j]
+            values[:] = 0.0
+            k = np.sqrt(along[i] ** 2 + across[j] ** 2)
+            if k == 0.0:
+                continue
+            both_x, both_y = 2 * i == nx, 2 * j == ny
+            share = window_x[i] * window_y[j] / k / ((2.0 if both_x else 1.0) * (2.0 if both_y else 1.0))
+            for sign_x in (1.0, -1.0):
+                for sign_y in (1.0, -1.0):
+                    if (sign_x > 0.0 or both_x) and (sign_y > 0.0 or both_y):
+                        add_response(sign_x * along[i] / k, sign_y * across[j] / k, share, even, odd, values)
+
+
+@njit(cache=True, nogil=True)
+def multiply(spectra, symbol):
+    """spectra (5, rows, columns) complex := symbol . spectra, in place.
+
+    symbol: (rows, columns, 25) real; the symmetric entries are the real part, the antisymmetric the imaginary part of
+    a Hermitian matrix.
+    """
+    u = np.empty(5, np.complex128)
+    for row in range(spectra.shape[1]):
+        for column in range(spectra.shape[2]):
+            k = symbol[row, column]
+            u[:] = 0.0
+            entry, other = 0, N_SYMMETRIC
+            for a in range(5):
+                t = spectra[a, row, column]
+                u[a] += k[entry] * t
+                entry += 1
+                for b in range(a + 1, 5):
+                    y = complex(k[entry], k[other])
+                    u[a] += y * spectra[b, row, column]
+                    u[b] += y.conjugate() * t
+                    entry += 1
+                    other += 1
+            for a in range(5):
+                spectra[a, row, column] = u[a]

@@ -1,0 +1,134 @@
+"""Response of the surface of an anisotropic half space to a point source, as a Fourier series in the angle.
+
+With u^ = Y(m) t^ / k (meeframe.materials.half_space) the response at a vector d = r (cos theta, sin theta) from the
+source is K(theta)/r. Y is Hermitian and Y(-m) its conjugate, so that its real part has even harmonics alone, the
+imaginary part odd ones, and the inverse transform of e^{i n alpha} / k is e^{i n theta} i^n / (2 pi r) for even n and
+-i^{|n| - 1} e^{i n theta} / (2 pi r), from a principal value, for odd n where Y has i e^{i n alpha}. The odd part
+couples normal and tangential fields, like the (1 - 2 nu) terms of Boussinesq and Cerruti.
+Source: Gel'fand and Shilov, Generalized Functions 1 (1964), chapter II, section 3, on homogeneous functions.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.core.errors import MaterialError
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array, FieldScaling
+from meeframe.core.mesh import Indices
+from meeframe.materials.half_space import surface_compliance
+from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
+
+UPPER: Final = np.triu_indices(N_FIELDS)
+"""Rows and columns of the symmetric entries, in the order in which they are kept."""
+STRICT: Final = np.triu_indices(N_FIELDS, 1)
+"""The same of the antisymmetric entries."""
+_FIRST_ANGLES, _MOST_ANGLES = 32, 2048
+_NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
+_CONVERGED = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class PointResponse:
+    """K(theta) in scaled fields; d from source to point in the axes e1, e2.
+
+    even: (n, 2, 15) cosine and sine coefficients of harmonics 0, 2, ... of the symmetric entries (UPPER); odd:
+    (n, 2, 10) of harmonics 1, 3, ... of the antisymmetric entries (STRICT); factors: (5,) of the scaling.
+    """
+
+    even: Array
+    odd: Array
+    factors: Array
+
+    @classmethod
+    def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
+        """Of a half space of stiffness C_iJKm (3, 5, 5, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
+
+        Raises MaterialError if the series does not converge, as of a material on the verge of inadmissibility.
+        """
+        factors = FieldScaling.of(stiffness).factors
+        count = _FIRST_ANGLES
+        while count <= _MOST_ANGLES:
+            harmonics = _harmonics(scaled_compliance(stiffness, frame, 2.0 * np.pi * np.arange(count) / count))
+            size = np.abs(harmonics).max(axis=(1, 2))
+            half = count // 2  # rows 0 .. half are the harmonics from zero on
+            if size[half // 2 : half + 1].max() <= _CONVERGED * size.max():
+                kept = int(np.flatnonzero(size[: half // 2] > _NEGLIGIBLE * size.max()).max())
+                return cls(*_series(harmonics[: kept + 1]), factors)
+            count *= 2
+        raise MaterialError(f"the surface compliance needs more than {_MOST_ANGLES} directions: nearly inadmissible")
+
+    def evaluate(self, offset: Array) -> Array:
+        """Displacement and potentials per unit of a point force, charge and flux, (n, 5, 5), at offsets (n, 2) [m].
+
+        Rows (u.e1, u.e2, u.nu, phi, psi), columns (force along e1, e2, nu; total of q; total of s), SI.
+        """
+        r, theta = np.hypot(*offset.T), np.arctan2(offset[:, 1], offset[:, 0])
+        values = np.concatenate([_sum(self.even, 2 * theta, 0.0), _sum(self.odd, 2 * theta, theta)], axis=1)
+        matrix: Array = entries_to_matrix(values / r[:, None]) * np.outer(self.factors, self.factors)
+        return matrix
+
+    def wave_series(self) -> tuple[Array, Array]:
+        """Series of Y(m) in the angle of m, laid out as `even` (its real part) and `odd` (its imaginary part)."""
+        even, odd = (np.arange(len(part)) for part in (self.even, self.odd))
+        to_even, to_odd = 2.0 * np.pi / _factor(2 * even), 2.0 * np.pi / _factor(2 * odd + 1)
+        return self.even * to_even[:, None, None], self.odd * to_odd[:, None, None]
+
+
+def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[np.complex128]:
+    """Surface compliance Y(m), (n, 5, 5) complex Hermitian, scaled fields, in the axes of the frame (3, 3).
+
+    m = cos(angle) e1 + sin(angle) e2.
+    """
+    axes = np.eye(N_FIELDS)
+    axes[MECHANICAL, MECHANICAL] = frame
+    factors = FieldScaling.of(stiffness).factors
+    directions = np.outer(np.cos(angles), frame[0]) + np.outer(np.sin(angles), frame[1])
+    y = surface_compliance(stiffness, frame[2], directions) / np.outer(factors, factors)
+    local: NDArray[np.complex128] = axes @ y @ axes.T
+    return local
+
+
+def entries_to_matrix(values: Array) -> Array:
+    """Matrices (..., 5, 5) of 15 symmetric and 10 antisymmetric entries (..., 25)."""
+    matrix = np.zeros((*values.shape[:-1], N_FIELDS, N_FIELDS))
+    symmetric, antisymmetric = values[..., :N_SYMMETRIC], values[..., N_SYMMETRIC:N_VALUES]
+    matrix[..., UPPER[1], UPPER[0]] = symmetric
+    matrix[..., UPPER[0], UPPER[1]] = symmetric
+    matrix[..., STRICT[0], STRICT[1]] += antisymmetric
+    matrix[..., STRICT[1], STRICT[0]] -= antisymmetric
+    return matrix
+
+
+def _harmonics(y: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Complex coefficients of K(theta), harmonic n in row n for n >= 0, of samples of Y over the circle."""
+    count = len(y)
+    n = np.arange(count // 2 + 1)
+    # the real part has even harmonics alone, the imaginary part odd ones
+    parts: NDArray[np.complex128] = np.where(
+        (n % 2 == 0)[:, None, None], *(np.fft.rfft(part, axis=0) for part in (y.real, y.imag))
+    )
+    parts *= (_factor(n) / (2.0 * np.pi * count))[:, None, None]
+    return parts
+
+
+def _factor(n: Indices) -> Array:
+    """i^n of the even harmonics n >= 0 of the real part, -i^(n - 1) of the odd ones of the imaginary part."""
+    factor: Array = np.where(n % 2 == 0, 1.0, -1.0) * (-1.0) ** (n // 2)
+    return factor
+
+
+def _series(harmonics: NDArray[np.complex128]) -> tuple[Array, Array]:
+    """Cosine and sine coefficients of the even harmonics, (e, 2, 15), and of the odd ones, (o, 2, 10)."""
+    waves = np.stack([2.0 * harmonics.real, -2.0 * harmonics.imag], axis=1)
+    waves[0] /= 2.0
+    even, odd = waves[0::2][..., UPPER[0], UPPER[1]], waves[1::2][..., STRICT[0], STRICT[1]]
+    return np.ascontiguousarray(even), np.ascontiguousarray(odd)
+
+
+def _sum(coefficients: Array, step: Array, start: Array | float) -> Array:
+    """Series (p, entries) of the coefficients (n, 2, entries) at phases start + n step, (p,) each."""
+    phases = start + np.outer(np.arange(len(coefficients)), step)
+    values: Array = np.cos(phases).T @ coefficients[:, 0] + np.sin(phases).T @ coefficients[:, 1]
+    return values

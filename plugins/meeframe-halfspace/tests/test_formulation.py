@@ -1,0 +1,161 @@
+"""The reduced system of a half space: conformance, order of convergence, matrix, refusals, periodic surfaces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import GaussianLoad, HalfSpace
+from meeframe_halfspace.response import scaled_compliance
+
+from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.fields import FieldScaling
+from meeframe.elements import Quad4, Quad8, Quad9, Tri3
+from meeframe.geometry import block_mesh, half_space_mesh, zone_frames
+from meeframe.materials import library_material, rotation_about
+from meeframe.testing import check_formulation, check_indentation
+
+STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+AMPLITUDE = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(STIFFNESS).factors
+POTENTIALS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+
+
+def body(divisions, width=(1.0, 0.8), element=None, stiffness=STIFFNESS):
+    mesh = half_space_mesh(2.0, width, divisions, 1, element or Quad4())
+    return Body(stiffness, mesh, (BoundaryCondition("top", 2, "flux"),), "contact")
+
+
+def random_load(system, seed=0):
+    scale = 1.0 / FieldScaling.of(STIFFNESS).factors
+    return np.random.default_rng(seed).normal(size=(len(system.points), 5)) * scale
+
+
+@pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace(matrix_up_to=0), HalfSpace("constant")])
+def test_conformance(formulation):
+    check_formulation(formulation, body((32, 27)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=6e-3)
+
+
+def test_closed_form_of_the_kit():
+    stiffness = library_material("batio3-cofe2o4").stiffness
+    mesh = half_space_mesh(0.05, 0.005, 32, 1, Quad4())
+    check_indentation(HalfSpace(), Body(stiffness, mesh, (), "contact"), tolerance=2e-3)
+
+
+@pytest.mark.parametrize("density", ["bilinear", "constant"])
+def test_second_order_in_all_fields(density):
+    errors = []
+    for n in (32, 64, 128):
+        system = HalfSpace(density, matrix_up_to=0).reduce(body((n, n + 3)))
+        field = GaussianLoad(STIFFNESS, AMPLITUDE, 0.08, (0.05, -0.03))
+        exact = field.values(system.points)
+        computed = system.apply(field.fluxes(system.points, system.frames[:, 2])) * POTENTIALS
+        errors.append(np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders[1] > 1.87).all()
+    assert (orders[1] > orders[0]).all()  # on the way to 2
+    assert (errors[-1] < 1.5e-3).all()
+
+
+@pytest.mark.parametrize("divisions", [(9, 6), (8, 11)])
+@pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace("constant"), HalfSpace("trigonometric", periodic=True)])
+def test_matrix_and_transforms_are_the_same_relation(divisions, formulation):
+    held = formulation.reduce(body(divisions))
+    free = replace(formulation, matrix_up_to=0).reduce(body(divisions))
+    assert held.dense() is not None
+    assert free.dense() is None
+    load = random_load(held)
+    size = np.abs(held.apply(load)).max(axis=0)
+    assert (np.abs(held.apply(load) - free.apply(load)) / size).max() < 1e-12
+    blocks = np.abs(held.diagonal_blocks()).max(axis=0)
+    assert (np.abs(held.diagonal_blocks() - free.diagonal_blocks()) / blocks).max() < 1e-12
+
+
+def test_weights_and_nodes_are_those_of_four_node_elements():
+    """So that the half space can be compared, exchanged and paired with elements node by node."""
+    given = body((9, 6))
+    system = HalfSpace().reduce(given)
+    zone = zone_frames(given.mesh, "contact")
+    np.testing.assert_allclose(system.weights, zone.weights, rtol=1e-12)
+    np.testing.assert_array_equal(system.points, zone.points)
+
+
+@pytest.mark.parametrize("element", [Quad9(), Tri3()])
+def test_any_element_whose_nodes_form_a_grid_will_do(element):
+    half = (5, 4) if isinstance(element, Quad9) else (10, 8)
+    system, plain = HalfSpace().reduce(body(half, element=element)), HalfSpace().reduce(body((10, 8)))
+    order = np.lexsort(np.round(system.points[:, :2].T, 9)), np.lexsort(np.round(plain.points[:, :2].T, 9))
+    load = random_load(plain)
+    other = np.empty_like(load)
+    other[order[0]] = load[order[1]]
+    size = np.abs(plain.apply(load)).max(axis=0)
+    assert (np.abs(system.apply(other)[order[0]] - plain.apply(load)[order[1]]) / size).max() < 1e-12
+
+
+@pytest.mark.parametrize("density", ["trigonometric", "bilinear", "constant"])
+def test_a_wave_on_a_periodic_surface(density):
+    """It answers with Y(q)/|q|, a mean load not at all; the highest wave of an even count has no odd part."""
+    divisions, width = (15, 11), (1.0, 0.8)
+    system = HalfSpace(density, periodic=True, matrix_up_to=0).reduce(body(divisions, width))
+    spacing = np.array(width) / divisions
+    period = spacing * (np.array(divisions) + 1)
+    power = {"trigonometric": 0, "constant": 1, "bilinear": 2}[density]
+    for waves in ((1, 0), (0, -2), (3, 2), (-2, 5)):
+        q = 2.0 * np.pi * np.array(waves) / period
+        k = np.linalg.norm(q)
+        factors = FieldScaling.of(STIFFNESS).factors
+        y = scaled_compliance(STIFFNESS, np.eye(3), np.array([np.arctan2(q[1], q[0])]))[0] * np.outer(factors, factors)
+        wave = np.exp(1j * system.points[:, :2] @ q)
+        window = np.prod(np.sinc(q * spacing / (2.0 * np.pi)) ** power)
+        exact = np.real(np.outer(wave, y @ AMPLITUDE)) * window / k * POTENTIALS
+        computed = system.apply(np.outer(wave.real, AMPLITUDE))
+        assert (np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0)).max() < 1e-11
+    mean = np.abs(system.apply(np.ones((len(system.points), 1)) * AMPLITUDE)).max(axis=0)
+    assert (mean < 1e-13 * np.abs(exact).max(axis=0)).all()
+    np.testing.assert_allclose(system.weights.sum(), np.prod(period))
+
+
+def test_a_wide_period_is_like_no_period():
+    """A pair of opposite loads, whose images matter less and less."""
+    stiffness = library_material("batio3-cofe2o4").stiffness
+    differences = []
+    for n in (39, 79):
+        given = body((n, n), (n / 40.0, n / 40.0), stiffness=stiffness)
+        free, periodic = (HalfSpace("bilinear", p, 0).reduce(given) for p in (False, True))
+        x, y, _ = free.points.T
+        load = np.zeros((len(x), 5))
+        load[:, 2] = -x * np.exp(-(x**2 + y**2) / 0.02)
+        one, other = (system.apply(load)[:, 2] for system in (free, periodic))
+        inside = np.hypot(x, y) < 0.4
+        differences.append(np.abs(one - other)[inside].max() / np.abs(one).max())
+    assert differences[1] < 0.3 * differences[0] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (replace(body((4, 4)), mesh=block_mesh(1.0, 1.0, 0.5, 4, 1, 1, Quad4())), "finite body"),
+        (body((4, 4), element=Quad8()), "no full grid"),
+        (replace(body((4, 4)), conditions=(BoundaryCondition("top", 3, "value"),)), "electric_potential"),
+        (replace(body((4, 4)), conditions=(BoundaryCondition("top", 2, "flux", 1.0),)), "zero fluxes"),
+        (replace(body((4, 4)), contact_group=None), "no contact zone"),
+    ],
+)
+def test_refusals(given, message):
+    with pytest.raises((CaseError, MeshError), match=message):
+        HalfSpace().check(given)
+
+
+def test_uneven_spacing_is_refused():
+    given = body((4, 4))
+    points = given.mesh.points.copy()
+    points[np.isclose(points[:, 0], 0.25), 0] += 0.01
+    with pytest.raises(MeshError, match="equally spaced"):
+        HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"density": "linear"}, {"density": "trigonometric"}, {"matrix_up_to": -1}, {"matrix_up_to": 1.5}]
+)
+def test_keys_out_of_bounds(wrong):
+    with pytest.raises(CaseError, match=next(iter(wrong))):
+        HalfSpace(**wrong)

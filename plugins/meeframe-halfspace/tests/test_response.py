@@ -1,0 +1,155 @@
+"""The point response and its integrals over cells against closed forms and quadrature."""
+
+import numpy as np
+import pytest
+from meeframe_halfspace import PointResponse
+from meeframe_halfspace.cells import _pieces, _product_rules, cell_table
+from meeframe_halfspace.kernels import _near
+from meeframe_halfspace.kernels import cell_response as one_cell
+from meeframe_halfspace.response import entries_to_matrix
+from scipy.integrate import dblquad
+
+from meeframe.core.errors import MaterialError
+from meeframe.materials import Material, library_material, rotation_about
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.testing.elastic_half_space import cell_response
+
+YOUNG, POISSON = 2e11, 0.27
+H = 1e-3
+
+
+def turned_orthotropic():
+    return library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+
+
+def table(response, spacing, shape, size):
+    values = np.moveaxis(cell_table(response, spacing, shape, size), 0, -1)
+    return entries_to_matrix(values) * np.outer(response.factors, response.factors)
+
+
+def test_constant_cells_are_those_of_boussinesq_and_cerruti():
+    response = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
+    n = 16  # farther away the closed form itself, a difference of four large numbers, loses digits
+    x, y = np.meshgrid(np.arange(n) * H, np.arange(1 - n, n) * H, indexing="ij")
+    exact = cell_response(YOUNG, POISSON, x, y, H / 2)[..., :3, :3]
+    computed = table(response, (H, H), "constant", (n, n))[..., :3, :3]
+    size = np.abs(exact).max(axis=(2, 3), keepdims=True)
+    assert (np.abs(computed - exact) / size).max() < 1e-12
+    assert np.abs(exact[..., 2, :2] / size[..., 0]).max() > 0.1  # the odd coupling is there to be met
+
+
+def test_axisymmetric_response_is_that_of_the_closed_form():
+    stiffness = library_material("batio3-cofe2o4").stiffness
+    xi = axisymmetric_compliance(stiffness)
+    offset = np.array([[0.3, 0.4], [-2.0, 0.1]])
+    response = PointResponse.of(stiffness, np.eye(3)).evaluate(offset)[:, 2:, 2:]
+    exact = xi / np.linalg.norm(offset, axis=1)[:, None, None]
+    np.testing.assert_allclose(response, exact, rtol=1e-10)
+
+
+def test_the_response_turns_with_the_body():
+    material = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))
+    angle = 0.7
+    about = rotation_about((0.0, 0.0, 1.0), angle)
+    offset = np.array([[0.3, 0.4], [-2.0, 0.1], [0.1, -0.9]])
+    first = PointResponse.of(material.stiffness, np.eye(3)).evaluate(offset)
+    second = PointResponse.of(material.rotated(about).stiffness, np.eye(3)).evaluate(offset @ about[:2, :2].T)
+    turn = np.eye(5)
+    turn[:3, :3] = about
+    scale = np.sqrt(np.abs(np.einsum("naa,nbb->nab", first, first)))
+    assert (np.abs(second - turn @ first @ turn.T) / scale).max() < 1e-11
+    # the frame of the zone may be turned instead
+    third = PointResponse.of(material.stiffness, about.T).evaluate(offset @ about[:2, :2])
+    assert (np.abs(third - turn.T @ first @ turn) / scale).max() < 1e-11
+
+
+def test_reciprocity_between_two_points():
+    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+    offset = np.array([[0.3, 0.4], [-2.0, 0.1]])
+    there, back = response.evaluate(offset), response.evaluate(-offset)
+    np.testing.assert_allclose(back, there.transpose(0, 2, 1), rtol=1e-12)
+    scale = np.outer(response.factors, response.factors)
+    assert np.abs((there - back) / scale).max() > 1e-2 * np.abs(there / scale).max()
+
+
+@pytest.mark.parametrize("shape", ["constant", "bilinear"])
+@pytest.mark.parametrize("place", [(0, 0), (1, 0), (0, -2), (3, 2), (5, 4), (6, 1), (9, -13)])
+def test_cells_are_the_integrals_of_the_response(shape, place):
+    spacing = (1.0, 1.4)
+    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+    computed = table(response, spacing, shape, (10, 14))[place[0], 13 + place[1]] / np.outer(*[response.factors] * 2)
+    x, y = place[0] * spacing[0], place[1] * spacing[1]
+    for row, column in ((0, 0), (2, 1), (1, 2), (3, 2), (4, 4)):
+        exact = _integral(response, shape, spacing, x, y, row, column)
+        assert abs(computed[row, column] - exact) < 1e-9 * np.abs(computed).max()
+
+
+def _integral(response, shape, spacing, x, y, row, column):
+    """By adaptive quadrature in polar coordinates about the point, where the integrand is bounded."""
+    hx, hy = spacing
+    scale = response.factors[row] * response.factors[column]
+
+    def kernel(dx, dy):
+        return response.evaluate(np.array([[dx, dy]]))[0, row, column] / scale
+
+    def density(dx, dy):
+        a, b = abs(x - dx) / hx, abs(y - dy) / hy
+        return (1 - a) * (1 - b) if shape == "bilinear" else 1.0
+
+    edges = [-1.0, 0.0, 1.0] if shape == "bilinear" else [-0.5, 0.0, 0.5]
+    total = 0.0
+    for i in range(2):
+        for j in range(2):
+            x0, x1, y0, y1 = (x + hx * edges[i], x + hx * edges[i + 1], y + hy * edges[j], y + hy * edges[j + 1])
+            if x0 * x1 > 0.0 or y0 * y1 > 0.0 or (x, y) != (0.0, 0.0):
+                total += _away_or_corner(kernel, density, (x0, x1), (y0, y1))
+            else:
+                total += _corner(kernel, density, (x0, x1), (y0, y1))
+    return total
+
+
+def _away_or_corner(kernel, density, xs, ys):
+    if 0.0 in xs and 0.0 in ys:
+        return _corner(kernel, density, xs, ys)
+    return dblquad(lambda b, a: kernel(a, b) * density(a, b), *xs, *ys, epsabs=1e-11, epsrel=1e-11)[0]
+
+
+def _corner(kernel, density, xs, ys):
+    """The singular point is a corner of the rectangle: two triangles, collapsed there."""
+    a, b = (xs[0] or xs[1]), (ys[0] or ys[1])
+
+    def one(v, u):
+        return (
+            (
+                kernel(u * a, u * v * b) * density(u * a, u * v * b)
+                + kernel(u * v * a, u * b) * density(u * v * a, u * b)
+            )
+            * u
+            * abs(a * b)
+        )
+
+    return dblquad(one, 1e-300, 1.0, 0.0, 1.0, epsabs=1e-11, epsrel=1e-11)[0]
+
+
+@pytest.mark.parametrize("shape", ["constant", "bilinear"])
+def test_product_rules_take_over_without_a_step(shape):
+    """Both ways of integration where one gives way to the other, and where the rules get fewer points."""
+    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+    spacing, rule = np.array([1.0, 0.8]), np.array(np.polynomial.legendre.leggauss(60))
+    pieces = [_pieces(shape, h) for h in spacing]
+    series = response.even, response.odd
+    worst = 0.0
+    for distance in (6.05, 7.0, 9.0, 12.0, 20.0, 30.0):
+        for angle in (0.1, 1.2, 2.9):
+            x, y = distance * np.cos(angle), distance * np.sin(angle)
+            near, far = np.zeros(25), np.zeros(25)
+            _near(x, y, *pieces, *series, rule, near)
+            one_cell(x, y, spacing, *pieces, *series, rule, *_product_rules(shape), far)
+            # along the edges terms cancel that are larger by the distance squared
+            worst = max(worst, np.abs(near - far).max() / np.abs(near).max() / distance**2)
+    assert worst < 1e-13
+
+
+def test_what_is_no_material_is_refused():
+    with pytest.raises(MaterialError, match="converge"):
+        PointResponse.of(np.full((3, 5, 5, 3), np.nan), np.eye(3))
