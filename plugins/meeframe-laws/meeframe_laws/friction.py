@@ -1,7 +1,169 @@
 """Friction laws: limits of the tangential traction, and how they change with slip, rate and pressure."""
 
-from meeframe.core.law import ContactLaw
-from meeframe.plugin.hookspecs import Record
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final, final
 
-RECORDS: list[Record[ContactLaw]] = []
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.plugin.hookspecs import Record
+from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
+from meeframe_laws.evolving import RateAndPressure, SlipWeakening
+from meeframe_laws.limits import along, isotropic_scaling, pressing, returned_to_disc, sheared
+
+_ROUNDS: Final = 100
+"""Of Newton's method; it needs a dozen."""
+_ROUND_OFF: Final = float(np.finfo(float).eps)
+
+
+@final
+@dataclass(frozen=True)
+class Tresca(ContactLaw):
+    """|t_tau| <= limit wherever there is pressure, however small: friction as a constant shear factor of metal forming.
+
+    limit: shear stress at which the contact slips [Pa], >= 0; 0 is frictionless, inf sticks. The traction jumps where
+    the contact opens. Raises CaseError if it is negative or NaN.
+    Source: Avitzur, Metal Forming: Processes and Analysis (1968); Duvaut and Lions, Inequalities in Mechanics and
+    Physics (1976), chapter III, where a given limit makes friction a convex problem.
+    """
+
+    limit: Annotated[float, Quantity("Pa", ge=0)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the disc of radius `limit` where p_nu < 0, (n, 3) [Pa]."""
+        return returned_to_disc(trial, self.limit)
+
+    def tangential_scaling(self) -> Array:
+        """The identity; zero if the limit is zero."""
+        return isotropic_scaling(self.limit)
+
+
+@final
+@dataclass(frozen=True)
+class CappedCoulomb(ContactLaw):
+    """|t_tau| <= min(mu |p_nu|, limit): Coulomb's law until the softer body shears instead.
+
+    mu: friction coefficient, >= 0, inf sticks up to the limit; limit: shear strength [Pa], >= 0, inf leaves Coulomb's
+    law. Raises CaseError if one of them is negative or NaN.
+    Source: Orowan, Proc. Inst. Mech. Eng. 150 (1943) 140.
+    """
+
+    mu: Annotated[float, Quantity("", ge=0)]
+    limit: Annotated[float, Quantity("Pa", ge=0)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the disc of radius min(mu |p_nu|, limit), (n, 3) [Pa]."""
+        pressure = pressing(trial)
+        shear = np.multiply(self.mu, pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
+        return returned_to_disc(trial, np.minimum(shear, self.limit))
+
+    def tangential_scaling(self) -> Array:
+        """The identity; zero if either limit is zero."""
+        return isotropic_scaling(min(self.mu, self.limit))
+
+
+@final
+@dataclass(frozen=True)
+class RegularisedCoulomb(ContactLaw):
+    """t_tau = mu |p_nu| g / sqrt(|g|^2 + slip_length^2) of the slip g of the increment: no slip, no friction.
+
+    mu: friction coefficient, >= 0; slip_length: slip at which 1/sqrt(2) of Coulomb's friction is reached [m], > 0;
+    for slip_length -> 0 Coulomb's law, from which the solution departs in proportion. Nothing sticks: under a constant
+    force the contact creeps by some slip_length in each increment. Raises CaseError if one of them is out of bounds.
+    Source: Oden and Pires, J. Appl. Mech. 50 (1983) 67; Wriggers, Computational Contact Mechanics (2006), chapter 5.
+    """
+
+    mu: Annotated[float, Quantity("", ge=0, lt=math.inf)]
+    slip_length: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the disc of radius mu |p_nu|, which holds all tractions of the law, (n, 3) [Pa]."""
+        return returned_to_disc(trial, self.mu * pressing(trial))
+
+    def tangential_scaling(self) -> Array:
+        """The identity; zero if mu is zero."""
+        return isotropic_scaling(self.mu)
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        """The traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip that causes it."""
+        limit = self.mu * pressing(trial)
+        x = smoothed_slip(sheared(trial), limit, r[1] * self.slip_length)
+        return along(trial, limit * x / np.hypot(1.0, x))
+
+
+def smoothed_slip(trial: Array, limit: Array, stiffness: float) -> Array:
+    """x >= 0, (n,), with limit x / sqrt(1 + x^2) + stiffness x = trial; trial, limit: (n,) >= 0 [Pa].
+
+    stiffness > 0 [Pa]. The left side is concave, and at most (limit + stiffness) x and limit + stiffness x: Newton's
+    method rises to the root from where the larger of these reaches the trial.
+    """
+    x: Array = np.maximum(trial / (limit + stiffness), (trial - limit) / stiffness)
+    for _ in range(_ROUNDS):
+        root = np.hypot(1.0, x)
+        step = (trial - limit * x / root - stiffness * x) / (limit / root**3 + stiffness)
+        x = x + np.maximum(step, 0.0)
+        if (step <= _ROUND_OFF * x).all():
+            break
+    return x
+
+
+RECORDS: list[Record[ContactLaw]] = [
+    Record(
+        "tresca",
+        Tresca,
+        "|t_tau| <= limit wherever there is pressure",
+        "Avitzur, Metal Forming: Processes and Analysis (1968); Duvaut & Lions, Inequalities in Mechanics and Physics "
+        "(1976), chapter III",
+    ),
+    Record(
+        "capped-coulomb",
+        CappedCoulomb,
+        "|t_tau| <= min(mu |p|, limit), the shear strength of the softer body",
+        "Orowan, Proc. Inst. Mech. Eng. 150 (1943) 140-167",
+    ),
+    Record(
+        "regularised-coulomb",
+        RegularisedCoulomb,
+        "t_tau = mu |p| g / sqrt(|g|^2 + slip_length^2) of the slip g: smooth, without stick",
+        "Oden & Pires, J. Appl. Mech. 50 (1983) 67-76",
+    ),
+    Record(
+        "slip-weakening",
+        SlipWeakening,
+        "|t_tau| <= mu |p|, mu falling from mu_static to mu_kinetic over slip_distance of slip",
+        "Ida, J. Geophys. Res. 77 (1972) 3796-3805; Palmer & Rice, Proc. R. Soc. A 332 (1973) 527-548; "
+        "Andrews, J. Geophys. Res. 81 (1976) 5679-5687",
+    ),
+    Record(
+        "rate-and-pressure",
+        RateAndPressure,
+        "|t_tau| <= mu(v) |p| (|p|/p_0)^(n-1), mu(v) = mu_k + (mu_s - mu_k) exp(-(v/v_s)^d): Stribeck and Archard",
+        "Bo & Pavelescu, Wear 82 (1982) 277-289; Archard, Proc. R. Soc. A 243 (1957) 190-205",
+    ),
+    Record(
+        "non-associated-coulomb",
+        NonAssociatedCoulomb,
+        "t on the ellipse of mu1, mu2; slip normal to another ellipse of half-axes 1, slip_ratio",
+        "Michalowski & Mroz, Arch. Mech. 30 (1978) 259-276; Hjiaj, Feng, de Saxce & Mroz, Int. J. Numer. Methods Eng. "
+        "60 (2004) 2045-2076",
+    ),
+    Record(
+        "superelliptic-coulomb",
+        SuperellipticCoulomb,
+        "(|t1|/mu1)^n + (|t2|/mu2)^n <= |p|^n, n >= 1, slip normal to it: from rhombus (1) over ellipse (2) to box",
+        "Mroz & Stupkiewicz, Int. J. Solids Struct. 31 (1994) 1113-1131",
+    ),
+]
 """What this module registers."""

@@ -1,0 +1,183 @@
+"""Friction that depends on the direction beyond the ellipse with its own normal as the direction of slip."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Final, final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.laws import OrthotropicCoulomb
+from meeframe_laws.limits import pressing
+
+_ROUNDS: Final = 100
+"""Of Newton's method, bisection included; enough to halve an interval down to round-off."""
+_ROUND_OFF: Final = float(np.finfo(float).eps)
+
+
+@final
+@dataclass(frozen=True)
+class NonAssociatedCoulomb(ContactLaw):
+    """Traction on one ellipse, slip along the normal of another: g = lambda K^-2 t, ||t||_mu = |p_nu| where it slips.
+
+    mu1, mu2: half-axes of the friction limit over |p_nu|, > 0, finite; angle: of its first axis from e1 towards e2
+    [rad]; slip_ratio: second over first half-axis of the ellipse t . K^-2 t = constant that slip is normal to, > 0; 1
+    makes traction opposite to slip whatever mu1 and mu2; slip_angle: of its first axis [rad]. With slip_ratio =
+    mu2/mu1 and equal angles orthotropic Coulomb friction. Slip always dissipates, but not the most that the limit
+    allows. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
+
+    The step is that of the limit's own metric, S = M^2/max(mu)^2, so that t + r S g = trial reads, in y = M^-1 t,
+    (1 + c M K^-2 M) y = M^-1 trial with |y| = |p_nu|: a secular equation for c >= 0.
+    Source: Michalowski and Mroz, Arch. Mech. 30 (1978) 259; Hjiaj, Feng, de Saxce and Mroz, Int. J. Numer. Methods Eng.
+    60 (2004) 2045.
+    """
+
+    mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
+    mu2: Annotated[float, Quantity("", gt=0, lt=math.inf)]
+    slip_ratio: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
+    angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
+    slip_angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        self._associated()
+
+    def project(self, trial: Array) -> Array:
+        """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        return self._associated().project(trial)
+
+    def tangential_scaling(self) -> Array:
+        """M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
+        return self._associated().tangential_scaling()
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        """The traction with t + r_tau S g(t) = trial, (n, 3) [Pa], whatever r."""
+        limit = _half_axes(self.mu1, self.mu2, self.angle)
+        growth, basis = np.linalg.eigh(limit @ np.linalg.inv(self.slip_metric()) @ limit)
+        pressure = pressing(trial)
+        traction = np.column_stack([trial[:, :2], -pressure])
+        traction[pressure == 0.0, :2] = 0.0
+        unit = limit @ basis
+        point = np.linalg.solve(unit, traction[:, :2].T).T
+        slips = np.linalg.norm(point, axis=1) > pressure
+        traction[slips, :2] = shrunk_to_circle(point[slips], growth, pressure[slips]) @ unit.T
+        return traction
+
+    def slip_metric(self) -> Array:
+        """K^2 (2, 2), half-axes 1 and slip_ratio: slip is along K^-2 t."""
+        root = _half_axes(1.0, self.slip_ratio, self.slip_angle)
+        return root @ root
+
+    def _associated(self) -> OrthotropicCoulomb:
+        return OrthotropicCoulomb(self.mu1, self.mu2, self.angle)
+
+
+@final
+@dataclass(frozen=True)
+class SuperellipticCoulomb(ContactLaw):
+    """(|t1|/mu1)^n + (|t2|/mu2)^n <= |p_nu|^n, slip normal to the limit where it slips (maximum dissipation).
+
+    mu1, mu2: half-axes over |p_nu|, > 0, finite; exponent: n >= 1, finite; 1 is a rhombus, 2 the ellipse of orthotropic
+    friction, large ones near a box, in which the two directions do not know of each other; angle: of the first axis
+    from e1 towards e2 [rad]. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
+    Source: Mroz and Stupkiewicz, Int. J. Solids Struct. 31 (1994) 1113, for limit curves of anisotropic friction;
+    Lame's curve for their shape.
+    """
+
+    mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
+    mu2: Annotated[float, Quantity("", gt=0, lt=math.inf)]
+    exponent: Annotated[float, Quantity("", ge=1, lt=math.inf)]
+    angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        self.tangential_scaling()
+
+    def project(self, trial: Array) -> Array:
+        """Nearest point of the limit in y = M^-1 t, (n, 3) [Pa]: the projection in the metric of S."""
+        half_axes, axes = np.array([self.mu1, self.mu2]), _axes(self.angle)
+        pressure = pressing(trial)
+        point = (trial[:, :2] @ axes.T) / half_axes
+        point[pressure == 0.0] = 0.0
+        slips = lame_norm(point, self.exponent) > pressure
+        point[slips] = nearest_on_lame_curve(point[slips] / pressure[slips, None], self.exponent)
+        point[slips] *= pressure[slips, None]
+        return np.column_stack([(point * half_axes) @ axes, -pressure])
+
+    def tangential_scaling(self) -> Array:
+        """M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
+        return OrthotropicCoulomb(self.mu1, self.mu2, self.angle).tangential_scaling()
+
+
+def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
+    """y (m, 2) with (1 + c growth) y = point, |y| = radius and c >= 0, for points (m, 2) outside of radii (m,) > 0.
+
+    growth: (2,) > 0. 1/|y| is a concave function of c, so that Newton's method for 1/|y| = 1/radius rises to the root
+    from c = 0 (More and Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553).
+    """
+    point, rate = point / radius[:, None], growth / growth.max()
+    c = np.zeros(len(point))
+    for _ in range(_ROUNDS):
+        y = point / (1.0 + c[:, None] * rate)
+        size = np.linalg.norm(y, axis=1)
+        step = size**2 * (size - 1.0) / (y**2 * rate / (1.0 + c[:, None] * rate)).sum(axis=1)
+        c = c + np.maximum(step, 0.0)
+        if (step <= _ROUND_OFF * (1.0 + c)).all():
+            break
+    y = point / (1.0 + c[:, None] * rate)
+    on_circle: Array = y * (radius / np.linalg.norm(y, axis=1))[:, None]
+    return on_circle
+
+
+def lame_norm(point: Array, n: float) -> Array:
+    """(|x|^n + |y|^n)^(1/n), (m,), of points (m, 2); n >= 1."""
+    small, large = np.sort(np.abs(point), axis=1).T
+    share = np.divide(small, large, out=np.zeros_like(large), where=large > 0.0)
+    norm: Array = large * (1.0 + share**n) ** (1.0 / n)
+    return norm
+
+
+def nearest_on_lame_curve(point: Array, n: float) -> Array:
+    """Nearest points (m, 2) of |x|^n + |y|^n = 1, n >= 1, to points (m, 2) outside of it.
+
+    By symmetry a >= b >= 0 for the point and x >= y = u x for its nearest one, x = (1 + u^n)^(-1/n). The way from one
+    to the other is normal to the curve where h(u) = (a - x) u^(n - 1) - (b - u x) = 0. h(0) <= 0 <= h(1) but for a
+    rhombus whose corner is nearest, and the root in [0, 1] is the only one: Newton's method, with bisection where it
+    leaves the interval or does not halve its steps.
+    """
+    turned = np.abs(point[:, 1]) > np.abs(point[:, 0])
+    b, a = np.sort(np.abs(point), axis=1).T
+    low, high, u, step = np.zeros_like(a), np.ones_like(a), np.divide(b, a), np.ones_like(a)
+    for _ in range(_ROUNDS):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            power = u ** (n - 1.0)
+            x = (1.0 + u * power) ** (-1.0 / n)
+            h = (a - x) * power - (b - u * x)
+            falling = x * power / (1.0 + u * power)  # -dx/du
+            newton = h / (falling * (power - u) + (a - x) * (n - 1.0) * power / u + x)
+        low, high = np.where(h < 0.0, u, low), np.where(h > 0.0, u, high)
+        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step))
+        step = np.where(lawful, newton, u - 0.5 * (low + high))
+        u = u - step
+        if (np.abs(step) <= _ROUND_OFF).all():
+            break
+    x = (1.0 + u**n) ** (-1.0 / n)
+    nearest = np.column_stack([x, u * x])
+    nearest[turned] = nearest[turned][:, ::-1]
+    signed: Array = np.copysign(nearest, point)
+    return signed
+
+
+def _axes(angle: float) -> Array:
+    """Directions at an angle [rad] and a right angle further as rows, (2, 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
+def _half_axes(first: float, second: float, angle: float) -> Array:
+    """The symmetric matrix (2, 2) that makes an ellipse of these half-axes of the unit circle."""
+    axes = _axes(angle)
+    ellipse: Array = axes.T @ np.diag([first, second]) @ axes
+    return ellipse
