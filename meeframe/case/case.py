@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
-from meeframe.case.step import Step, check_first, check_resisted, resisted
+from meeframe.case.step import Step, check_duration, check_first, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter, motion_modes
 from meeframe.core.law import ConductivityLaw, ContactLaw
@@ -43,9 +44,10 @@ class Case:
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
-    fixes), an indenter that is nowhere above the zone, a counter body whose zone does not match,
-    a first step that neither moves nor presses it, a
-    resultant that the laws cannot resist, a run to go on from that had another contact zone or other axes.
+    fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite, a counter body
+    whose zone does not match, a first step that neither moves nor presses it, a step without the duration that the
+    contact law needs, a resultant that the laws cannot resist, a run to go on from that had another contact zone or
+    other axes.
     """
 
     material: Material
@@ -75,6 +77,7 @@ class Case:
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
+        gap_of_law(self.contact_law, zone_frames(self.mesh, self.zone).points)
         check_match(self.counter, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
@@ -83,7 +86,8 @@ class Case:
         resists = resistance(
             self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
         )
-        for step in self.steps:
+        for number, step in enumerate(self.steps, 1):
+            check_duration(step, number, self.contact_law)
             check_resisted(step, resists)
 
     @property
@@ -101,6 +105,23 @@ def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zon
     """Raises CaseError unless a part of the indenter lies above the contact zone."""
     if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
+
+
+def gap_of_law(law: ContactLaw, points: Array) -> Array:
+    """What the contact law adds to the gap at points (n, 3), (n,) [m]. Raises CaseError unless that is finite."""
+    gap = law.initial_gap(points)
+    name = type(law).__name__
+    if np.shape(gap) != (len(points),):
+        raise CaseError(
+            f"the initial gap of the contact law {name} has shape {np.shape(gap)}; allowed: ({len(points)},), a number "
+            "for each node of the contact zone"
+        )
+    if not np.isfinite(gap).all():
+        node = int(np.flatnonzero(~np.isfinite(gap))[0])
+        raise CaseError(
+            f"the initial gap of the contact law {name} is {gap[node]} at {points[node]} [m]; allowed: finite numbers"
+        )
+    return gap
 
 
 def resistance(

@@ -17,13 +17,14 @@ Controls = Mapping[str, Array]
 class Converged:
     """A converged state to go on from.
 
-    motion, resultants: (8,) of the indenter, at the places of meeframe.core.indenter.COLUMNS; total_slip: (n, 2) [m] as
-    in StepResult; state: of the contact zone, None for the undeformed body.
+    motion, resultants: (8,) of the indenter, at the places of meeframe.core.indenter.COLUMNS; total_slip: (n, 2) and
+    slip_path: (n,) [m] as in StepResult; state: of the contact zone, None for the undeformed body.
     """
 
     motion: Array
     resultants: Array
     total_slip: Array
+    slip_path: Array
     state: ContactState | None
 
     def value(self, key: str) -> Array:
@@ -41,7 +42,7 @@ def at_rest(potentials: tuple[float, float], n: int) -> Converged:
     """The beginning, n nodes without load: the indenter just touches and has its electric and magnetic potential."""
     motion = np.zeros(N_MOTIONS)
     motion[COLUMNS["electric_potential"]], motion[COLUMNS["magnetic_potential"]] = potentials
-    return Converged(motion, np.zeros(N_MOTIONS), np.zeros((n, 2)), None)
+    return Converged(motion, np.zeros(N_MOTIONS), np.zeros((n, 2)), np.zeros(n), None)
 
 
 def held(start: Converged, prescribed: Controls) -> Controls:

@@ -6,17 +6,17 @@ from dataclasses import replace
 from functools import partial
 
 from meeframe.case.body_tables import CounterBodyTable
-from meeframe.case.case import check_reach, resistance
+from meeframe.case.case import check_reach, gap_of_law, resistance
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
-from meeframe.case.step import check_first, check_resisted
+from meeframe.case.step import check_duration, check_first, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, zone_frames
 from meeframe.plugin.validation import Problem
 
-Check = tuple[Problem, Callable[[], None]]
+Check = tuple[Problem, Callable[[], object]]
 """A place in the file with what is given there, and the check of it."""
 
 
@@ -71,6 +71,8 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
+    points = zone_frames(body.mesh, zone).points
+    yield Problem(("contact", "law"), ""), partial(gap_of_law, table.contact.law, points)
     yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:
@@ -81,4 +83,5 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     laws = table.contact.law, table.conductivity.electric, table.conductivity.magnetic
     resists = resistance(placement, body.mesh, zone, laws)
     for number, step in enumerate(steps):
+        yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, table.contact.law)
         yield Problem(("steps", number), ""), partial(check_resisted, step, resists)

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.case.case import Case
+from meeframe.case.case import Case, gap_of_law
 from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
@@ -28,12 +28,13 @@ _UNCERTAIN: Final = 10.0
 @dataclass(frozen=True, eq=False)
 class Increment:
     """One increment. problem: of contact; base: (8,) motions of the indenter from which its freedoms count; free: (m,)
-    numbers of those that are free; prescribed: as in Loading."""
+    numbers of those that are free; prescribed, duration: as in Loading."""
 
     problem: ContactProblem
     base: Array
     free: Indices
     prescribed: Controls
+    duration: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +51,20 @@ class Mechanism:
 
     @cached_property
     def touching_gap(self) -> Array:
-        """Gap (n,) [m] between the undeformed body and the indenter where that just touches."""
+        """Gap (n,) [m] between the undeformed body and the indenter where that just touches.
+
+        If the contact law adds to it, along the normals, the indenter stands so that the lowest gap at a node is zero.
+        """
         points, system = self.system.points, self.system
         zone = ContactZone(points, system.frames, system.weights, system.cells, np.arange(len(points)))
-        return initial_gap(self.case.indenter, zone, self.case.placement)
+        gap = initial_gap(self.case.indenter, zone, self.case.placement)
+        added = gap_of_law(self.case.contact_law, points)
+        if not added.any():
+            return gap
+        above = np.isfinite(gap)
+        nearing = -self.modes[0, :, 2]  # of the gap, for each metre of approach
+        way = ((gap + added)[above] / nearing[above]).min()
+        return np.where(above, np.maximum(gap + added - way * nearing, 0.0), np.inf)
 
     @cached_property
     def modes(self) -> Array:
@@ -70,8 +81,8 @@ class Mechanism:
         """Which of its motions anything may resist, (8,)."""
         return resisted(self.modes, self.case.contact_law, self.case.electric_law, self.case.magnetic_law)
 
-    def increment(self, controls: Controls, start: Converged) -> Increment:
-        """The increment from a converged state to where the controls are in force.
+    def increment(self, controls: Controls, start: Converged, duration: float | None = None) -> Increment:
+        """The increment from a converged state to where the controls are in force, in a duration [s].
 
         Slip is measured from that state. Motions are small: the gap changes by their part along the normals. Free ones
         count from the converged state, and those that nothing can resist stay there.
@@ -84,10 +95,11 @@ class Mechanism:
         gap = self.touching_gap + np.einsum("k,kn->n", base[:6], self.modes[:6, :, 2])
         tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
         potentials = np.tile(base[6:], (len(gap), 1))
-        laws = self.case.contact_law, self.case.electric_law, self.case.magnetic_law
+        contact_law = self.case.contact_law.for_increment(start.slip_path, duration)
+        laws = contact_law, self.case.electric_law, self.case.magnetic_law
         translation = tangential - start.total_slip
         problem = ContactProblem(self.system, *laws, gap, translation, potentials, tuple(freedoms.values()))
-        return Increment(problem, base, np.array(list(freedoms), int), prescribed)
+        return Increment(problem, base, np.array(list(freedoms), int), prescribed, duration)
 
     def _freedoms(self, prescribed: Controls) -> dict[int, Freedom]:
         """Free motions that something may resist, by their number."""
@@ -112,11 +124,15 @@ class Mechanism:
         normal = self.modes[increment.free, :, 2].any(axis=1)
         return replace(state, motion=np.where(normal, state.motion, 0.0))
 
-    def reached(self, increment: Increment, state: ContactState, start: Converged) -> Converged:
-        """A state of the contact zone as one to go on from."""
+    def reached(
+        self, increment: Increment, state: ContactState, touching: NDArray[np.bool_], start: Converged
+    ) -> Converged:
+        """A state of the contact zone, in which these nodes (n,) touch, as one to go on from."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
-        return Converged(motion, self.resultants(state), start.total_slip + slip_of(increment, state), state)
+        slip = slip_of(increment, state)
+        way = np.where(touching, np.linalg.norm(slip, axis=1), 0.0)
+        return Converged(motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state)
 
     def resultants(self, state: ContactState) -> Array:
         """Those that work on its motions in a state of the contact zone, (8,)."""

@@ -34,6 +34,7 @@ from meeframe.case.values import (
     Ratio,
     Table,
     Text,
+    Time,
     TotalMagneticFlux,
     by_name,
     registry_of,
@@ -133,6 +134,7 @@ class StepTable(Table):
     charge: Charge | None = None
     magnetic_potential: MagneticPotential | None = None
     magnetic_flux: TotalMagneticFlux | None = None
+    duration: Time | None = None
     increments: Count = 1
 
     @model_validator(mode="before")

@@ -20,11 +20,13 @@ from meeframe.core.contact import ContactSolution, ContactState, Status, indente
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.mesh import Indices
 from meeframe.core.pair import PairSystem, pair
 from meeframe.core.result import (
     CounterSurface,
     Loading,
     Provenance,
+    Region,
     Result,
     StepResult,
     Zone,
@@ -96,7 +98,8 @@ def solve_steps(
         for increment in range(1, step.increments + 1):
             controls = ramped(before, begin, step.given, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
-            here, result = _solve(mechanism, controls, here, (number, increment), share)
+            planned = mechanism.increment(controls, here, step.increment_duration)
+            here, result = _solve(mechanism, planned, here, (number, increment), share)
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
@@ -112,7 +115,8 @@ def _beginning(mechanism: Mechanism) -> tuple[Converged, Controls]:
         return here, held(here, {})
     check_same_body(case.restart, system)
     step = case.restart.step
-    here = Converged(step.loading.motion, mechanism.resultants(step.state), step.total_slip, step.state)
+    totals = mechanism.resultants(step.state)
+    here = Converged(step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
     return here, held(here, step.loading.prescribed)
 
 
@@ -122,20 +126,20 @@ def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float
 
 
 def _solve(
-    mechanism: Mechanism, controls: Controls, here: Converged, numbers: tuple[int, int], progress: Progress
+    mechanism: Mechanism, increment: Increment, here: Converged, numbers: tuple[int, int], progress: Progress
 ) -> tuple[Converged, StepResult]:
     """The state after an increment, or the one before if it does not converge, and its result.
 
     numbers: of the step and the increment.
     """
     progress("contact", 0.0)
-    increment = mechanism.increment(controls, here)
     # free motions count from the converged state
     start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
     solution = solve(increment.problem, mechanism.case.solver, mechanism.case.limits, start, progress)
     solution = replace(solution, state=mechanism.settled(increment, solution.state))
-    reached = mechanism.reached(increment, solution.state, here)
-    result = _step_result(mechanism, increment, reached, solution, numbers)
+    region = regions(increment, solution)
+    reached = mechanism.reached(increment, solution.state, region != Region.OPEN, here)
+    result = _step_result(mechanism, increment, reached, solution, region, numbers)
     return (reached if solution.status is Status.CONVERGED else here), result
 
 
@@ -153,13 +157,24 @@ def provenance(case: Case) -> Provenance:
 
 
 def _step_result(
-    mechanism: Mechanism, increment: Increment, reached: Converged, solution: ContactSolution, numbers: tuple[int, int]
+    mechanism: Mechanism,
+    increment: Increment,
+    reached: Converged,
+    solution: ContactSolution,
+    region: Indices,
+    numbers: tuple[int, int],
 ) -> StepResult:
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials, counter = _surfaces(mechanism.system, state)
     result = StepResult(
-        loading=Loading.of(reached.motion, increment.prescribed, mechanism.reference, mechanism.case.placement.base),
+        loading=Loading.of(
+            reached.motion,
+            increment.prescribed,
+            mechanism.reference,
+            mechanism.case.placement.base,
+            increment.duration,
+        ),
         step=numbers[0],
         increment=numbers[1],
         initial_gap=indenter_position(increment.problem, state.motion)[:, 2],
@@ -170,7 +185,8 @@ def _step_result(
         closed=state.closed,
         slip=slip_of(increment, state),
         total_slip=reached.total_slip,
-        region=regions(increment, solution),
+        slip_path=reached.slip_path,
+        region=region,
         status=solution.status,
         iterations=solution.iterations,
         residual=solution.residual,

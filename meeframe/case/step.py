@@ -1,5 +1,6 @@
 """A load step: what it prescribes to the indenter."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from itertools import combinations
@@ -29,7 +30,8 @@ class Step:
     approach [m] or normal_force [N], >= 0 in compression; translation (2,) [m], tangential_force (2,) [N] or
     force_ratio (2,), the tangential over the normal force; tilt (2,) [rad] or moment (2,) [N m]; twist [rad] or torque
     [N m]; electric_potential [V] or charge [C]; magnetic_potential [A] or magnetic_flux [Wb]. Axes, signs and reference
-    point as in Loading and `resultants`. increments: in how many equal parts it is applied.
+    point as in Loading and `resultants`. duration: time of the whole step [s] > 0, for laws that need it; increments:
+    in how many equal parts it is applied.
     Raises CaseError if two of them name the same motion or a number is not allowed.
     """
 
@@ -46,6 +48,7 @@ class Step:
     charge: float | None = None
     magnetic_potential: float | None = None
     magnetic_flux: float | None = None
+    duration: float | None = None
     increments: int = 1
 
     def __post_init__(self) -> None:
@@ -61,6 +64,8 @@ class Step:
                 )
         if self.normal_force is not None and self.normal_force < 0:
             raise CaseError(f"normal_force = {self.normal_force!r}; allowed: numbers >= 0 [N], pressing on the body")
+        if self.duration is not None and not 0.0 < self.duration < math.inf:
+            raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
 
@@ -70,11 +75,25 @@ class Step:
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.name in COLUMNS}
         return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
 
+    @property
+    def increment_duration(self) -> float | None:
+        """Time of each of its increments [s], if it says any."""
+        return None if self.duration is None else self.duration / self.increments
+
 
 def check_first(step: Step) -> None:
     """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
     if step.approach is None and step.normal_force is None:
         raise CaseError("the first load step gives neither approach nor normal_force; allowed: one of them")
+
+
+def check_duration(step: Step, number: int, law: ContactLaw) -> None:
+    """Raises CaseError if the contact law needs the duration of a load step, of this number from 1, that has none."""
+    if law.needs_duration and step.duration is None:
+        raise CaseError(
+            f"load step {number} has no duration, which the contact law {type(law).__name__} needs; "
+            "allowed: a duration > 0 [s]"
+        )
 
 
 def check_resisted(step: Step, resists: NDArray[np.bool_]) -> None:

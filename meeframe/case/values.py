@@ -27,6 +27,7 @@ ElectricFlux = Annotated[float, Quantity("C/m^2", **FINITE)]
 MagneticFlux = Annotated[float, Quantity("Wb/m^2", **FINITE)]
 Charge = Annotated[float, Quantity("C", **FINITE)]
 TotalMagneticFlux = Annotated[float, Quantity("Wb", **FINITE)]
+Time = Annotated[float, Quantity("s", gt=0, lt=math.inf)]
 Ratio = Annotated[float, Quantity("", **FINITE)]
 
 _FREE: Final = BeforeValidator(lambda value: None if value == "free" else value)

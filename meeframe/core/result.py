@@ -49,7 +49,7 @@ class Loading:
     [A]: of its surface, where the laws conduct. All from where it just touched, and found ones where they were free.
     prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
     reference: its lowest point where it just touched, about which it turns, (3,) in global axes [m]; axes: rows e1, e2,
-    axis of its place, (3, 3).
+    axis of its place, (3, 3); duration: of the increment, None if its load step says none [s].
     """
 
     approach: float
@@ -61,13 +61,21 @@ class Loading:
     prescribed: Mapping[str, Array] = field(default_factory=dict)
     reference: Array = field(default_factory=lambda: np.zeros(3))
     axes: Array = field(default_factory=lambda: np.eye(3))
+    duration: float | None = None
 
     @classmethod
-    def of(cls, motion: Array, prescribed: Mapping[str, Array], reference: Array, axes: Array) -> "Loading":
+    def of(
+        cls,
+        motion: Array,
+        prescribed: Mapping[str, Array],
+        reference: Array,
+        axes: Array,
+        duration: float | None = None,
+    ) -> "Loading":
         """Of the eight motions of an indenter, (8,)."""
         approach, *_, twist, electric, magnetic = (float(value) for value in motion)
         translation, tilt = motion[MOTIONS["translation"]], motion[MOTIONS["tilt"]]
-        return cls(approach, translation, tilt, twist, electric, magnetic, prescribed, reference, axes)
+        return cls(approach, translation, tilt, twist, electric, magnetic, prescribed, reference, axes, duration)
 
     @property
     def motion(self) -> Array:
@@ -96,9 +104,10 @@ class StepResult:
     in compression; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2) electric [V] and magnetic [A]; fluxes:
     (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in ContactState; slip: (n, 2) tangential
     motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
-    beginning, both also where the contact is open [m]; region: (n,) numbers of Region; iterations, residual, history,
-    message as in ContactSolution; boundary: fields on the whole boundary. All of them are of the body; counter: surface
-    of the counter body, if there is one instead of a rigid indenter.
+    beginning, both also where the contact is open [m]; slip_path: (n,) length of the way slipped in contact, the sum of
+    the moduli of the slips of those increments at whose end the node touches [m]; region: (n,) numbers of Region;
+    iterations, residual, history, message as in ContactSolution; boundary: fields on the whole boundary. All of them
+    are of the body; counter: surface of the counter body, if there is one instead of a rigid indenter.
     """
 
     loading: Loading
@@ -112,6 +121,7 @@ class StepResult:
     closed: Array
     slip: Array
     total_slip: Array
+    slip_path: Array
     region: Indices
     status: Status
     iterations: int
@@ -120,6 +130,11 @@ class StepResult:
     message: str
     boundary: NodalFields | None = None
     counter: CounterSurface | None = None
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Nodes in contact, (n,): an attraction across the gap does not make one."""
+        return np.asarray(self.region != Region.OPEN)
 
     @property
     def gap(self) -> Array:

@@ -24,7 +24,7 @@ from meeframe.core.mesh import Indices
 from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Result, StepResult, Zone, resultants
 from meeframe.io.output import RESULT_FILE, replacing
 
-FORMAT: Final = "meeframe-result 2"
+FORMAT: Final = "meeframe-result 3"
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = {
@@ -39,6 +39,7 @@ _STEP_UNITS: Final = {
     "closed": "1",
     "slip": "m",
     "total_slip": "m",
+    "slip_path": "m",
     "region": "1",
     "step": "1",
     "increment": "1",
@@ -106,10 +107,10 @@ def read_result(folder: Path) -> Result:
     path = folder / RESULT_FILE
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise ResultError(
-                    f"{path}: format {file.attrs.get('format')!r} is unknown; this version reads {FORMAT!r}"
-                )
+            found = file.attrs.get("format")
+            if found != FORMAT:
+                again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
+                raise ResultError(f"{path}: format {found!r} is unknown; this version reads {FORMAT!r}{again}")
             return _read(file)
     except OSError:
         state = "cannot be read as HDF5" if path.exists() else "does not exist"
@@ -155,6 +156,8 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     _put_all(group, _STEP_UNITS, _step_values(step))
     loading = group.create_group("loading")
     _put_all(loading, _LOADING_UNITS, asdict(step.loading))
+    if step.loading.duration is not None:
+        _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
     prescribed = step.loading.prescribed
     _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
     _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
@@ -226,6 +229,7 @@ def _get_step(file: Any, group: Any) -> StepResult:
         closed=group["closed"][()],
         slip=group["slip"][()],
         total_slip=group["total_slip"][()],
+        slip_path=group["slip_path"][()],
         region=group["region"][()],
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
@@ -245,7 +249,8 @@ def _get_both(group: Any, name: str) -> Array:
 def _get_loading(group: Any) -> Loading:
     motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
     prescribed = {key: own[()] for key, own in group["prescribed"].items()}
-    return Loading.of(motion, prescribed, group["reference"][()], group["axes"][()])
+    duration = float(group["duration"][()]) if "duration" in group else None
+    return Loading.of(motion, prescribed, group["reference"][()], group["axes"][()], duration)
 
 
 def _get_cells(group: Any) -> tuple[tuple[str, Indices], ...]:

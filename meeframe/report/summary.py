@@ -47,6 +47,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "increment": step.increment,
         **{name: getattr(loading, name) for name in MOTIONS},
         "prescribed": dict(loading.prescribed),
+        "duration": loading.duration,
         **vars(totals),
         "iterations": step.iterations,
         "residual": step.residual,
@@ -96,6 +97,7 @@ def summary_table(result: Result) -> RenderableType:
         ("largest pressure", "Pa", [total.max_pressure for total in totals]),
         ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
         ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
+        *_durations(result, shown),
         ("iterations", "", [step.iterations for step in shown]),
         ("residual", "", [step.residual for step in shown]),
         ("status", "", [str(step.status) for step in shown]),
@@ -110,6 +112,15 @@ def summary_table(result: Result) -> RenderableType:
 def _ends(step: StepResult, after: StepResult | None) -> bool:
     """Whether an increment is the last one of its step so far."""
     return after is None or after.step != step.step
+
+
+def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
+    """Row of the time that the finished increments of each load step took, if any step says how long it takes."""
+    if all(end.loading.duration is None for end in shown):
+        return []
+    all_times = [[s.loading.duration or math.nan for s in result.steps if s.step == end.step] for end in shown]
+    sums = [float(sum(times)) for times in all_times]
+    return [("duration", "s", [total if math.isfinite(total) else "-" for total in sums])]
 
 
 def _dissipated(result: Result, numbers: list[int]) -> list[float]:

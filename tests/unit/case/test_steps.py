@@ -38,6 +38,7 @@ TAKEN = {
     'magnetic_potential = "1 mA"': {"magnetic_potential": 1e-3},
     'magnetic_flux = "1 uWb"': {"magnetic_flux": 1e-6},
     "increments = 7": {},
+    'duration = "2 ms"': {},
 }
 
 
@@ -45,6 +46,7 @@ TAKEN = {
 def test_keys(write_case, registry, text):
     step = second(write_case, registry, text)
     assert step.increments == (7 if "increments" in text else 1)
+    assert step.duration == (2e-3 if "duration" in text else None)
     assert set(step.given) == set(TAKEN[text])
     for key, value in TAKEN[text].items():
         assert step.given[key] == pytest.approx(value, rel=1e-14, abs=1e-21)
@@ -75,6 +77,8 @@ REFUSED = {
     'force_ratio = "1 N"\ndirection = 0': "steps[2].force_ratio = '1 N': has the wrong unit; expected a number without",
     'force_ratio = 1\ndirection = "x"': "steps[2].direction = 'x': cannot be read as a quantity",
     "increments = 0": "steps[2].increments = 0: should be greater than or equal to 1",
+    "duration = 0": "steps[2].duration = 0: must be > 0",
+    'duration = "1 m"': "steps[2].duration = '1 m': has the wrong unit; expected a number in s",
     "increments = 1.5": "steps[2].increments = 1.5: should be a whole number",
     "normalforce = 1": "steps[2].normalforce = 1: unknown key; did you mean 'normal_force'? allowed: approach, ",
 }
@@ -124,6 +128,7 @@ def test_the_first_step_must_press(write_case, registry):
         ({"translation": 1.0}, r"translation = 1.0; allowed: two finite numbers \[m\]"),
         ({"twist": 1.0, "torque": 1.0}, "twist and torque are both given"),
         ({"normal_force": -1.0}, "normal_force = -1.0; allowed: numbers >= 0"),
+        ({"duration": 0.0}, r"duration = 0.0; allowed: finite numbers > 0 \[s\]"),
         ({"increments": 0}, "increments = 0; allowed: whole numbers from 1"),
     ],
 )

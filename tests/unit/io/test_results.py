@@ -98,8 +98,10 @@ def test_nothing_to_read(tmp_path):
     with pytest.raises(ResultError, match="'something else' is unknown"):
         files.read_result(tmp_path)
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
-        file.attrs["format"] = "meeframe-result 1"  # before load histories
-    with pytest.raises(ResultError, match="'meeframe-result 1' is unknown; this version reads 'meeframe-result 2'"):
+        file.attrs.update({"format": "meeframe-result 2", "case": ""})  # without slip paths
+    with pytest.raises(
+        ResultError, match="'meeframe-result 2' is unknown; this version reads 'meeframe-result 3': run"
+    ):
         files.read_result(tmp_path)
 
 

@@ -1,0 +1,163 @@
+"""Laws that depend on time and on the way slipped: what a case hands them, stores, and finds again at a restart."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.core.errors import CaseError
+from meeframe.core.law import ContactLaw
+from meeframe.core.quantities import Quantity
+from meeframe.core.result import Region
+from meeframe.laws import IsotropicCoulomb
+from meeframe.plugin.hookspecs import Record
+from meeframe.plugin.registry import Entry, Kind, Provider
+from meeframe.report.summary import summary, summary_table
+
+Step = meeframe.Step
+MU, RATE, WEAK = 0.3, 0.5, 5e-6
+
+
+@dataclass(frozen=True)
+class Hurried(ContactLaw):
+    """Coulomb friction whose coefficient grows with every second of an increment."""
+
+    mu: Annotated[float, Quantity("", ge=0)] = MU
+    needs_duration: ClassVar[bool] = True
+
+    def project(self, trial):
+        return IsotropicCoulomb(self.mu).project(trial)
+
+    def tangential_scaling(self):
+        return IsotropicCoulomb(self.mu).tangential_scaling()
+
+    def for_increment(self, slip_path, duration):
+        return replace(self, mu=self.mu * (1.0 + RATE * duration))
+
+
+@dataclass(frozen=True)
+class Polished(ContactLaw):
+    """Coulomb friction whose coefficient mu / (1 + s / WEAK) is that of the way s slipped before the increment."""
+
+    slip_path: object = None
+
+    @property
+    def mu(self):
+        return MU if self.slip_path is None else MU / (1.0 + self.slip_path / WEAK)
+
+    def project(self, trial):
+        limit = self.mu * np.maximum(-trial[:, 2], 0.0)
+        size = np.linalg.norm(trial[:, :2], axis=1)
+        share = np.minimum(1.0, limit / np.where(size > 0.0, size, 1.0))
+        return np.column_stack([share[:, None] * trial[:, :2], np.minimum(trial[:, 2], 0.0)])
+
+    def tangential_scaling(self):
+        return np.eye(2)
+
+    def for_increment(self, slip_path, duration):
+        return Polished(slip_path)
+
+
+@pytest.fixture
+def laws(registry):
+    """All that is installed, the springs, and the laws of this page."""
+    records = [
+        Record(name, factory, "for tests", "none") for name, factory in (("hurried", Hurried), ("pol", Polished))
+    ]
+    entries = [Entry(Kind.CONTACT_LAW, record, Provider("tests", "0")) for record in records]
+    return replace(registry, entries=(*registry.entries, *entries))
+
+
+HURRIED = '\n[contact]\nlaw = "hurried"\n'
+TIMED = 'duration = "4 s"\nincrements = 2\n'
+SLIDE = '[[steps]]\ntranslation = ["9 um", 0]\n'
+
+
+def table_text(result):
+    console = Console(width=200)
+    with console.capture() as caught:
+        console.print(summary_table(result))
+    return caught.get()
+
+
+def test_a_law_gets_the_duration_of_each_increment(write_case, laws):
+    case = load_case(write_case(more=f'{TIMED}{HURRIED}{SLIDE}duration = "0.6 s"\nincrements = 3\n'), laws)
+    result = meeframe.solve_case(case)
+    assert [step.loading.duration for step in result.steps] == [2.0, 2.0, *[pytest.approx(0.2)] * 3]
+    end = meeframe.resultants(result.zone, result.steps[-1])
+    factor = 1.0 + RATE * 0.2
+    assert end.tangential_force[0] == pytest.approx(factor * MU * end.normal_force, rel=1e-9), "all of it slips"
+    assert [step["duration"] for step in summary(result)["steps"]] == [2.0, 2.0, *[pytest.approx(0.2)] * 3]
+    (row,) = [line for line in table_text(result).splitlines() if "duration" in line]
+    assert [word for word in row.split() if word[0].isdigit()] == ["4", "0.6"]
+
+
+def test_steps_without_a_duration_are_refused_where_the_law_needs_it(write_case, laws):
+    path = write_case(more=TIMED + HURRIED + SLIDE)
+    text = (
+        r"steps\[2\]: load step 2 has no duration, which the contact law Hurried needs; allowed: a duration > 0 \[s\]"
+    )
+    with pytest.raises(CaseError, match=text):
+        load_case(path, laws)
+    timed = load_case(write_case(more=TIMED + HURRIED), laws)
+    with pytest.raises(CaseError, match="load step 1 has no duration"):
+        replace(timed, steps=(Step(approach=1e-5), Step(twist=0.0, duration=1.0)))
+
+
+def test_without_durations_nothing_speaks_of_them(write_case, laws):
+    result = meeframe.solve_case(load_case(write_case(), laws))
+    assert summary(result)["steps"][0]["duration"] is None
+    assert "duration" not in table_text(result)
+
+
+def test_the_duration_is_kept_with_the_result(write_case, laws, tmp_path):
+    meeframe.run(load_case(write_case(more=f"{TIMED}{HURRIED}{SLIDE}duration = 3\n"), laws), tmp_path / "out")
+    assert [step.loading.duration for step in meeframe.read_result(tmp_path / "out").steps] == [2.0, 2.0, 3.0]
+
+
+BACK = [Step(approach=1e-5), Step(translation=(8e-6, 0.0), increments=4), Step(translation=(0.0, 0.0), increments=2)]
+
+
+def test_the_slip_path_counts_every_way_in_contact(bed, rubbing, system):
+    """There and back: the total slip falls again, the path does not; nodes that are open stay where they are."""
+    path = bed.follow(rubbing, system, *BACK)
+    ways = np.array([np.linalg.norm(step.slip, axis=1) * (step.region != Region.OPEN) for step in path.steps])
+    for step, way in zip(path.steps, np.cumsum(ways, axis=0), strict=True):
+        np.testing.assert_array_equal(step.slip_path, way)
+    last = path.steps[-1]
+    touched = last.region != Region.OPEN
+    assert touched.any()
+    assert (last.slip_path[~touched & (ways.max(axis=0) == 0.0)] == 0.0).all()
+    assert np.linalg.norm(last.total_slip[touched], axis=1).sum() < 0.5 * last.slip_path[touched].sum()
+
+
+def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, laws):
+    """Springs: all slip, each by the same way, so that the friction of an increment is known."""
+    text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["40 um", 0]\nincrements = 4\n'
+    first, *slid = meeframe.solve_case(load_case(write_case(more=text), laws)).steps
+    assert first.slip_path.max() == 0.0
+    before = first
+    for step in slid:
+        pressed = step.region == Region.SLIP
+        ratio = np.linalg.norm(step.traction[pressed, :2], axis=1) / -step.traction[pressed, 2]
+        np.testing.assert_allclose(ratio, MU / (1.0 + before.slip_path[pressed] / WEAK), rtol=1e-9)
+        before = step
+    assert ratio.max() < 0.2 * MU
+
+
+def test_a_run_and_its_restart_are_one_run_to_the_last_bit(write_case, laws, tmp_path):
+    first = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "3 um"]\nincrements = 3\n'
+    second = '\n[[steps]]\ntranslation = ["4 um", 0]\nincrements = 3\n'
+    whole = meeframe.solve_case(load_case(write_case(more=first + second), laws))
+    meeframe.run(load_case(write_case(more=first), laws), tmp_path / "first")
+    text = '\n[contact]\nlaw = "pol"\n[restart]\nfrom = "first"\n' + second
+    rest = meeframe.run(load_case(write_case(('[[steps]]\napproach = "10 um"\n', ""), more=text), laws), tmp_path / "b")
+    assert len(rest.steps) == 3
+    for ours, theirs in zip(meeframe.read_result(tmp_path / "b").steps, whole.steps[4:], strict=True):
+        for name in ("slip_path", "total_slip", "traction", "region"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
+    assert rest.steps[-1].slip_path.max() > np.linalg.norm(rest.steps[-1].total_slip, axis=1).max()
