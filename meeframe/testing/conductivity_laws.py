@@ -1,31 +1,134 @@
 """Conformance of conductivity laws; see meeframe.testing.contact."""
 
-from functools import partial
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from meeframe.core.law import ConductivityLaw, contact_conductivity
-from meeframe.testing.requirements import check_frozen, each, pure, require
-from meeframe.testing.search import search_tractions
+from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
+from meeframe.testing.requirements import ROUND_OFF, check_frozen, each, pure, require
+from meeframe.testing.search import search_conductivities
 
 _SAMPLES: Final = 400
+_HALVINGS: Final = 46
+"""Of an interval in search of a jump: what is left is hardly wider than round-off."""
+_JUMP: Final = 1e-6
+"""Of kappa / (kappa + a typical one), which is one for perfect conduction."""
+_NOTHING: Final = 1e-12
+_TRACTION, _GAP, _DROP = range(3)
+_WHERE: Final = ("under pressure", "across the gap", "with the drop")
 
 
-def check_conductivity_law(law: ConductivityLaw, pressure: float = 1e6, seed: int = 0) -> None:
-    """Frozen; conductivity is pure, local, >= 0 and not NaN, and continuous but for a jump at zero traction."""
+def check_conductivity_law(
+    law: ConductivityLaw,
+    pressure: float = 1e6,
+    seed: int = 0,
+    gap: float = 1e-6,
+    drop: float = 1e3,
+    rectifies: bool = False,
+) -> None:
+    """Frozen; conductivity is pure, local, >= 0 and not NaN, in contact and across any gap, the closed one included;
+    continuous under pressure, in the gap and in the drop, so that it jumps at zero traction only; the same whatever the
+    gap and the drop unless the law is `across_gap`; the same for both signs of the drop unless it `rectifies`.
+
+    pressure [Pa], gap [m], drop [V] or [A]: magnitudes of the random states; pass some that are typical for the law.
+    Beside them hypothesis looks for simple states that break it. That the flux grows with the drop is checked apart:
+    check_growing_flux.
+    """
     check_frozen(law)
     random = np.random.default_rng(seed)
-    traction = np.concatenate([-pressure * 10.0 ** random.uniform(-6, 2, _SAMPLES), [0.0, -np.finfo(float).tiny]])
-    kappa = pure(partial(contact_conductivity, law), traction, "conductivity")
-    require(np.shape(kappa) == traction.shape, "conductivity has another shape than the traction", np.shape(kappa))
-    each(kappa >= 0.0, "conductivity is negative or NaN", traction, kappa)
-    some = random.permutation(len(traction))[: _SAMPLES // 3]
-    alone = contact_conductivity(law, traction[some])
-    require(np.array_equal(alone, kappa[some]), "conductivity depends on other nodes", kappa)
-    nearby = contact_conductivity(law, traction * (1.0 + 1e-9))
-    bounded = np.isfinite(kappa)
-    require(np.array_equal(bounded, np.isfinite(nearby)), "conductivity jumps to infinity under pressure", kappa)
-    jump = np.abs(nearby[bounded] - kappa[bounded]) - 1e-6 * kappa[bounded]
-    require(bool((jump <= 0.0).all()), "conductivity jumps under pressure", jump)
-    search_tractions(law, pressure)
+    units = (pressure, gap, drop)
+    states = _states(random, units)
+    kappa = pure(lambda given: _conductivity(law, given), states, "conductivity")
+    require(np.shape(kappa) == (len(states),), "conductivity has another shape than the traction", np.shape(kappa))
+    each(kappa >= 0.0, "conductivity is negative or NaN", states, kappa)
+    some = random.permutation(len(states))[: _SAMPLES // 3]
+    each(
+        _same(_conductivity(law, states[some]), kappa[some]),
+        "conductivity depends on other nodes",
+        states[some],
+        kappa[some],
+    )
+    for column in (_GAP, _DROP) if not law.across_gap else ():
+        moved = states.copy()
+        moved[:, column] = random.permutation(states[:, column])
+        what = f"conductivity changes {_WHERE[column]}, but the law is not across_gap"
+        each(_same(_conductivity(law, moved), kappa), what, moved, kappa)
+    if not rectifies:
+        turned = states * [1.0, 1.0, -1.0]
+        each(_same(_conductivity(law, turned), kappa), "conductivity depends on the sign of the drop", turned, kappa)
+    for column in (_TRACTION, _GAP, _DROP):
+        _check_jumps(law, states, column, units[column])
+    search_conductivities(law, *units)
+
+
+def check_growing_flux(
+    law: ConductivityLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6, drop: float = 1e3
+) -> None:
+    """The flux kappa drop never falls while the drop grows: potentials are then determined by what is prescribed."""
+    states = _states(np.random.default_rng(seed), (pressure, gap, drop))
+    further = states * [1.0, 1.0, 1.01]
+    kappa, beyond = _conductivity(law, states), _conductivity(law, further)
+    # compared as kappa: a perfect conductor leaves no drop to be multiplied with
+    each(1.01 * beyond >= (1.0 - ROUND_OFF) * kappa, "flux falls while the drop grows", states, kappa)
+
+
+def _conductivity(law: ConductivityLaw, states: Array) -> Array:
+    return law.conductivity(*states.T)
+
+
+def _same(one: Array, other: Array) -> NDArray[np.bool_]:
+    """Where they are equal but for round-off, (n,): powers need not be the same number in arrays of other lengths."""
+    return np.isclose(one, other, rtol=ROUND_OFF, atol=0.0)
+
+
+def _states(random: np.random.Generator, units: tuple[float, float, float]) -> Array:
+    """(n, 3) tractions, gaps, drops: the first half in contact, the others apart; some with no gap or drop."""
+    size = 10.0 ** random.uniform(-6.0, 2.0, (2 * _SAMPLES, 3)) * units
+    size[::7, _GAP] = 0.0
+    size[::5, _DROP] = 0.0
+    states: Array = size * np.array([-1.0, 1.0, 1.0])
+    states[:, _DROP] *= random.choice([-1.0, 1.0], len(states))
+    states[:_SAMPLES, _GAP] = 0.0
+    states[_SAMPLES:, _TRACTION] = 0.0
+    return states
+
+
+def _check_jumps(law: ConductivityLaw, states: Array, column: int, unit: float) -> None:
+    """No jump along a line of tractions, gaps or drops, between whose points the others are those of random states."""
+    positive = unit * np.concatenate([[0.0], 10.0 ** np.linspace(-6.0, 2.0, _SAMPLES)])
+    closed, apart = states[:_SAMPLES], states[_SAMPLES:]
+    if column == _TRACTION:
+        _check_line(law, closed[1:], column, -positive[1:])
+    elif column == _GAP:
+        _check_line(law, apart, column, positive)
+    else:
+        both = np.concatenate([-positive[:0:-1], positive])
+        for side in (closed, apart):
+            _check_line(law, np.concatenate([side, side]), column, both)
+
+
+def _check_line(law: ConductivityLaw, others: Array, column: int, line: Array) -> None:
+    """No jump between successive points (n + 1,) of a column; others: (n, 3). Halves intervals where kappa differs."""
+    start, end = others.copy(), others.copy()
+    start[:, column], end[:, column] = line[:-1], line[1:]
+    before, after = _conductivity(law, start), _conductivity(law, end)
+    finite = np.concatenate([before, after])
+    finite = finite[np.isfinite(finite) & (finite > 0.0)]
+    typical = float(np.median(finite)) if finite.size else 1.0
+
+    def change(one: Array, other: Array) -> Array:
+        first, second = (1.0 / (1.0 + typical / np.maximum(kappa, _NOTHING * typical)) for kappa in (one, other))
+        return np.abs(first - second)
+
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (start + end)
+        between = _conductivity(law, middle)
+        first = change(before, between) >= change(between, after)
+        start, before = np.where(first[:, None], start, middle), np.where(first, before, between)
+        end, after = np.where(first[:, None], middle, end), np.where(first, between, after)
+    perfect = np.isinf(before) != np.isinf(after)
+    jumps = change(before, after) > _JUMP
+    each(~(jumps & perfect), f"conductivity jumps to infinity {_WHERE[column]}", start, before)
+    each(~jumps, f"conductivity jumps {_WHERE[column]}", start, before)

@@ -3,7 +3,7 @@
 Each check raises AssertionError that says which property fails and shows an offending value.
 """
 
-from meeframe.testing.conductivity_laws import check_conductivity_law
+from meeframe.testing.conductivity_laws import check_conductivity_law, check_growing_flux
 from meeframe.testing.contact_laws import (
     check_associated,
     check_contact_law,
@@ -18,6 +18,7 @@ __all__ = [
     "check_associated",
     "check_conductivity_law",
     "check_contact_law",
+    "check_growing_flux",
     "check_homogeneous",
     "check_isotropic",
     "check_orthotropic",

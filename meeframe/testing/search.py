@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, currently_in_test_context, find, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
+from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
 from meeframe.testing.requirements import require
 
@@ -42,15 +43,27 @@ def search_trials(law: ContactLaw, pressure: float) -> None:
     _search(st.tuples(_NUMBERS, _NUMBERS, _NUMBERS), fault, lambda trial: pressure * np.array(trial))
 
 
-def search_tractions(law: ConductivityLaw, pressure: float) -> None:
-    """Normal tractions, zero, tiny and huge, in units of a pressure [Pa], at which kappa is none. As search_trials."""
+def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, drop: float) -> None:
+    """States of zero, tiny and huge numbers, in units of a pressure [Pa], a gap [m] and a drop [V] or [A], at which
+    kappa is none or changes though the law is not across_gap. As search_trials."""
+    units = np.array([pressure, gap, drop])
 
-    def fault(traction: Any) -> str:
+    def state(numbers: Any) -> Array:
+        traction, apart, dropping = numbers
+        closed = traction < 0.0
+        given: Array = units * np.array([traction if closed else 0.0, 0.0 if closed else abs(apart), dropping])
+        return given
+
+    def fault(numbers: Any) -> str:
+        given = state(numbers)[:, None]
         with np.errstate(all="ignore"):
-            kappa = contact_conductivity(law, pressure * np.array([traction]))
-        return "" if kappa[0] >= 0.0 else "conductivity is negative or NaN"
+            kappa = law.conductivity(*given)[0]
+            alone = contact_conductivity(law, given[0])[0]
+        if kappa != alone and not law.across_gap:
+            return "conductivity changes with gap or drop, but the law is not across_gap"
+        return "" if kappa >= 0.0 else "conductivity is negative or NaN"
 
-    _search(_NUMBERS, fault, lambda traction: pressure * traction)
+    _search(st.tuples(_NUMBERS, _NUMBERS, _NUMBERS), fault, lambda numbers: f"traction, gap, drop = {state(numbers)}")
 
 
 def _search(strategy: st.SearchStrategy[Any], fault: Callable[[Any], str], shown: Callable[[Any], object]) -> None:

@@ -1,6 +1,7 @@
 """Conformance of the built-in laws for any coefficient; wrong conductivities are caught (wrong laws: seeded_laws)."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar, final
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from meeframe.testing.contact import (
     check_associated,
     check_conductivity_law,
     check_contact_law,
+    check_growing_flux,
     check_homogeneous,
     check_isotropic,
     check_orthotropic,
@@ -63,18 +65,52 @@ class WrongConductivity(ConductivityLaw):
             case "nan":
                 return np.where(kappa > 0.0, np.nan, 0.0)
             case "jump":
-                return np.where(normal_traction * 1e3 % 1.0 < 0.5, 2.0, 1.0) * kappa
+                return np.where(normal_traction < -2e6, 2.0, 1.0) * kappa
             case "infinite":
-                return np.where(normal_traction * 1e3 % 1.0 < 0.5, np.inf, 1.0) * np.where(kappa > 0.0, 1.0, 0.5)
+                return np.where(normal_traction < -2e6, np.inf, 1.0) * np.where(kappa > 0.0, 1.0, 0.5)
             case "nonlocal":
                 return kappa * np.argmin(normal_traction)
             case "changes":
                 normal_traction *= 2.0
+            case "changes drop":
+                drop *= 2.0
             case "remembers":
                 self.seen.append(None)
                 return kappa * len(self.seen)
             case "shape":
                 return kappa[:, None]
+            case "follows gap":
+                return kappa + np.where(gap > 0.0, 1e-6 / (gap + 1e-6), 0.0)
+            case "follows drop":
+                return kappa * (1.0 + (drop / 1e3) ** 2)
+        return kappa
+
+
+@final
+@dataclass(frozen=True)
+class WrongAcrossGap(ConductivityLaw):
+    """A plate capacitor of unit constant with one thing wrong; lengths in micrometres, potentials in kilovolts."""
+
+    across_gap: ClassVar[bool] = True
+
+    fault: str
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        distance, drop = 1e6 * gap + 0.1, 1e-3 * drop
+        kappa = np.where(normal_traction < 0.0, 10.0, 1.0 / distance)
+        match self.fault:
+            case "nan":
+                kappa = np.where(normal_traction < 0.0, 10.0, kappa * np.divide(gap, gap))
+            case "sparks":
+                kappa = np.where(np.abs(drop) > 3.0 * distance, 10.0 * kappa, kappa)
+            case "ends":
+                kappa = np.where(distance > 5.0, 0.0, kappa)
+            case "touches":
+                kappa = np.where((distance < 0.2) & (normal_traction == 0.0), np.inf, kappa)
+            case "diode":
+                kappa = kappa * (2.0 + drop / (1.0 + np.abs(drop)))
+            case "falls":
+                kappa = kappa / (1.0 + drop**4)
         return kappa
 
 
@@ -87,14 +123,42 @@ class WrongConductivity(ConductivityLaw):
         ("infinite", "conductivity jumps to infinity under pressure"),
         ("nonlocal", "conductivity depends on other nodes"),
         ("changes", "conductivity changes its argument"),
+        ("changes drop", "conductivity changes its argument"),
         ("remembers", "conductivity depends on earlier calls"),
         ("shape", "conductivity has another shape than the traction"),
+        ("follows gap", "conductivity changes across the gap, but the law is not across_gap"),
+        ("follows drop", "conductivity changes with the drop, but the law is not across_gap"),
     ],
 )
 def test_wrong_conductivities_are_caught(fault: str, message: str) -> None:
     check_conductivity_law(WrongConductivity("none"))
     with pytest.raises(AssertionError, match=message):
         check_conductivity_law(WrongConductivity(fault))
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("nan", "conductivity is negative or NaN"),
+        ("sparks", "conductivity jumps (across the gap|with the drop)"),
+        ("ends", "conductivity jumps across the gap"),
+        ("touches", "conductivity jumps to infinity across the gap"),
+        ("diode", "conductivity depends on the sign of the drop"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_wrong_conductivities_across_the_gap_are_caught(fault: str, message: str) -> None:
+    check_conductivity_law(WrongAcrossGap("none"))
+    with pytest.raises(AssertionError, match=message):
+        check_conductivity_law(WrongAcrossGap(fault))
+
+
+def test_what_a_conductivity_law_need_not_be() -> None:
+    check_conductivity_law(WrongAcrossGap("diode"), rectifies=True)
+    check_growing_flux(WrongAcrossGap("diode"))
+    check_conductivity_law(WrongAcrossGap("falls"))
+    with pytest.raises(AssertionError, match="flux falls while the drop grows"):
+        check_growing_flux(WrongAcrossGap("falls"))
 
 
 @SETTINGS
