@@ -14,7 +14,7 @@ from meeframe_laws.limits import pressing
 
 _ROUNDS: Final = 100
 """Of Newton's method, bisection included; enough to halve an interval down to round-off."""
-_ROUND_OFF: Final = float(np.finfo(float).eps)
+_ROUND_OFF: Final = 4.0 * float(np.finfo(float).eps)
 
 
 @final
@@ -158,7 +158,7 @@ def nearest_on_lame_curve(point: Array, n: float) -> Array:
             falling = x * power / (1.0 + u * power)  # -dx/du
             newton = h / (falling * (power - u) + (a - x) * (n - 1.0) * power / u + x)
         low, high = np.where(h < 0.0, u, low), np.where(h > 0.0, u, high)
-        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step))
+        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step) + _ROUND_OFF)
         step = np.where(lawful, newton, u - 0.5 * (low + high))
         u = u - step
         if (np.abs(step) <= _ROUND_OFF).all():

@@ -1,0 +1,188 @@
+"""All friction laws: the kit, both ways of solving a contact problem, prescribed forces, case tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
+from meeframe_laws.evolving import RateAndPressure, SlipWeakening
+from meeframe_laws.friction import RECORDS, CappedCoulomb, RegularisedCoulomb, Tresca
+
+from meeframe.core.contact import Status, resultant
+from meeframe.core.errors import CaseError
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.plugin.registry import Kind, load
+from meeframe.solvers import SemismoothNewton, solve
+from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.testing.contact import (
+    check_associated,
+    check_contact_law,
+    check_homogeneous,
+    check_isotropic,
+    check_orthotropic,
+)
+from meeframe.testing.contact_cases import SphereCase
+from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
+
+# of pressures near 1 MPa, as the kit has them
+LAWS = {
+    "tresca": Tresca(3e5),
+    "capped-coulomb": CappedCoulomb(0.4, 3e5),
+    "regularised-coulomb": RegularisedCoulomb(0.4, 1e-6),
+    "slip-weakening": SlipWeakening(0.5, 0.2, 4e-5),
+    "rate-and-pressure": RateAndPressure(0.5, 0.2, 1e-5, pressure_exponent=0.8),
+    "non-associated-coulomb": NonAssociatedCoulomb(0.6, 0.2, 0.5, 0.3, -0.4),
+    "superelliptic-coulomb": SuperellipticCoulomb(0.6, 0.2, 3.0, 0.3),
+}
+SUPERELLIPTIC = [SuperellipticCoulomb(0.6, 0.2, n, 0.3) for n in (1.0, 1.5, 50.0)]
+# of pressures near 2 GPa, as under the sphere
+LARGE = {
+    **LAWS,
+    "tresca": Tresca(3e8),
+    "capped-coulomb": CappedCoulomb(0.4, 3e8),
+    "rate-and-pressure": RateAndPressure(0.5, 0.2, 1e-5, 1.0, 1e9, 0.8),
+}
+
+
+def sphere(law, cells=10):
+    """A sphere dragged over an anisotropic medium, all fields coupled, in an increment of 1 s from rest."""
+    medium = library_material("batio3-cofe2o4")
+    case = SphereCase(medium, law, Insulating(), StepConductivity(np.inf), cells)
+    return case_of(case.problem(), law)
+
+
+def case_of(problem, law):
+    return replace(problem, contact_law=law.for_increment(np.zeros(len(problem.gap)), 1.0))
+
+
+def solved(problem, solver):
+    solution = solve(problem, solver, TIGHT)
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.state
+
+
+def test_all_laws_are_registered_under_their_names():
+    assert {record.name: record.factory for record in RECORDS} == {name: type(law) for name, law in LAWS.items()}
+    registered = {entry.record.name for entry in load().entries if entry.provider.name == "meeframe-laws"}
+    assert set(LAWS) <= registered
+
+
+@pytest.mark.parametrize("law", [*LAWS.values(), *SUPERELLIPTIC], ids=repr)
+def test_kit(law):
+    check_contact_law(law, pressure=1e6)
+
+
+@pytest.mark.parametrize("name", ["tresca", "capped-coulomb", "regularised-coulomb", "slip-weakening"])
+def test_isotropic(name):
+    check_isotropic(LAWS[name])
+
+
+@pytest.mark.parametrize("law", [Tresca(3e5), CappedCoulomb(0.4, 3e5), *SUPERELLIPTIC], ids=repr)
+def test_associated(law):
+    check_associated(law)
+
+
+@pytest.mark.parametrize("law", SUPERELLIPTIC, ids=repr)
+def test_superelliptic_is_homogeneous_and_orthotropic(law):
+    check_homogeneous(law)
+    check_orthotropic(law, (0.6, 0.2), 0.3)
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_two_solvers_agree(name):
+    problem = sphere(LARGE[name])
+    newton, gradient = (solved(problem, solver) for solver in (SemismoothNewton(), BarzilaiBorwein()))
+    forces = [resultant(problem.system, state.load)[0] for state in (newton, gradient)]
+    assert np.abs(forces[1] - forces[0]).max() <= 1e-8 * np.abs(forces[0]).max()
+    slip = (problem.translation - newton.displacement[:, :2])[newton.load[:, 2] < 0.0]
+    assert np.linalg.norm(slip, axis=1).max() > 1e-6  # friction was at its limit somewhere
+    check_same(gradient, newton)
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_prescribed_forces_find_the_motion(name):
+    problem = sphere(LARGE[name], 8)
+    # as far as the limit is not reached everywhere: sliding is undetermined under a force
+    problem = replace(problem, translation=0.3 * problem.translation)
+    expected = solved(problem, SemismoothNewton())
+    forced, motion = released(problem, expected, "approach", "translation")
+    found = balanced_solution(forced, SemismoothNewton(), TIGHT).state
+    check_same(found, expected)
+    np.testing.assert_allclose(found.motion, motion, rtol=1e-8)
+
+
+COULOMB = IsotropicCoulomb(0.4)
+SAME_AS = {
+    "Tresca without limit": (Tresca(np.inf), IsotropicCoulomb(np.inf)),
+    "Tresca without friction": (Tresca(0.0), Signorini()),
+    "capped without limit": (CappedCoulomb(0.4, np.inf), COULOMB),
+    "capped, sticking": (CappedCoulomb(np.inf, 3e8), Tresca(3e8)),
+    "capped by nothing": (CappedCoulomb(np.inf, np.inf), IsotropicCoulomb(np.inf)),
+    "regularised without friction": (RegularisedCoulomb(0.0, 1e-6), Signorini()),
+    "equal coefficients, slip": (SlipWeakening(0.4, 0.4, 1e-6), COULOMB),
+    "no weakening yet": (SlipWeakening(0.4, 0.1, 1e8), COULOMB),
+    "equal coefficients, speed": (RateAndPressure(0.4, 0.4, 1e-5), COULOMB),
+    "slow": (RateAndPressure(0.4, 0.1, 1e8), COULOMB),
+    "fast": (RateAndPressure(0.1, 0.4, 1e-25), COULOMB),
+    "associated": (NonAssociatedCoulomb(0.6, 0.2, 1 / 3, 0.3, 0.3), OrthotropicCoulomb(0.6, 0.2, 0.3)),
+    "associated, axes swapped": (
+        NonAssociatedCoulomb(0.6, 0.2, 3.0, 0.3, 0.3 - np.pi / 2),
+        OrthotropicCoulomb(0.6, 0.2, 0.3),
+    ),
+    "ellipse": (SuperellipticCoulomb(0.6, 0.2, 2.0, 0.3), OrthotropicCoulomb(0.6, 0.2, 0.3)),
+}
+
+
+@pytest.mark.parametrize("limit", SAME_AS)
+def test_limits_are_built_in_laws(limit):
+    law, other = SAME_AS[limit]
+    problem = sphere(law)
+    if limit == "fast":  # at rest static friction holds, so that all has to slip
+        problem = replace(problem, translation=20.0 * problem.translation)
+    state = solved(problem, SemismoothNewton())
+    expected = solved(replace(problem, contact_law=other), SemismoothNewton())
+    difference = np.abs(state.load - expected.load).max(axis=0)
+    assert (difference <= 1e-9 * np.abs(expected.load).max(axis=0)).all()
+
+
+BAD = [
+    ("tresca", {"limit": -1.0}, "limit"),
+    ("tresca", {"limit": "1 m"}, "limit"),
+    ("capped-coulomb", {"mu": 0.3, "limit": float("nan")}, "limit"),
+    ("capped-coulomb", {"mu": -0.3, "limit": 1.0}, "mu"),
+    ("regularised-coulomb", {"mu": 0.3, "slip_length": 0.0}, "slip_length"),
+    ("regularised-coulomb", {"mu": float("inf"), "slip_length": 1e-6}, "mu"),
+    ("slip-weakening", {"mu_static": 0.2, "mu_kinetic": 0.3, "slip_distance": 1e-6}, "mu_kinetic = 0.3"),
+    ("slip-weakening", {"mu_static": 0.3, "mu_kinetic": 0.2, "slip_distance": -1e-6}, "slip_distance"),
+    ("rate-and-pressure", {"mu_static": 0.3, "mu_kinetic": 0.2, "reference_speed": 0.0}, "reference_speed"),
+    (
+        "rate-and-pressure",
+        {"mu_static": 0.3, "mu_kinetic": 0.2, "reference_speed": 1.0, "pressure_exponent": 1.2},
+        "pressure_exponent",
+    ),
+    ("non-associated-coulomb", {"mu1": 0.3, "mu2": 0.0}, "mu2"),
+    ("non-associated-coulomb", {"mu1": 0.3, "mu2": 0.1, "slip_ratio": -1.0}, "slip_ratio"),
+    ("non-associated-coulomb", {"mu1": 0.3, "mu2": 1e-5}, "mu2"),
+    ("superelliptic-coulomb", {"mu1": 0.3, "mu2": 0.1, "exponent": 0.9}, "exponent"),
+    ("superelliptic-coulomb", {"mu1": 0.3, "mu2": 1e-5, "exponent": 2.0}, "mu2"),
+]
+
+
+@pytest.mark.parametrize(("name", "keys", "shown"), BAD)
+def test_bad_values_are_refused(name, keys, shown):
+    with pytest.raises(CaseError, match=shown):
+        load().create(Kind.CONTACT_LAW, {"name": name, **keys})
+    factory = type(LAWS[name])
+    with pytest.raises(CaseError, match=shown):
+        factory(**keys)
+
+
+def test_case_tables_take_units():
+    law = load().create(
+        Kind.CONTACT_LAW,
+        {"name": "slip-weakening", "mu_static": 0.6, "mu_kinetic": 0.3, "slip_distance": "2 um"},
+    )
+    assert law == SlipWeakening(0.6, 0.3, 2e-6)
+    law = load().create(Kind.CONTACT_LAW, {"name": "capped-coulomb", "mu": 0.6, "limit": "0.2 GPa"})
+    assert law == CappedCoulomb(0.6, 2e8)
