@@ -23,6 +23,8 @@ from meeframe.solvers.conduction import Mask, own_response
 from meeframe.solvers.floating import POTENTIALS, Floating
 
 KRYLOV_TOLERANCE: Final = 1e-13
+HARDLY: Final = 1e6
+"""A resistance so many times a node's own response."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +232,8 @@ class KrylovElimination(Elimination):
             return left
 
         operator = LinearOperator((len(scale), len(scale)), matvec=equations, dtype=np.float64)
-        start = guess / scale
+        # a pair that hardly conducts has hardly any flux, whatever it had before
+        start = np.where(resistance < HARDLY * own, guess / scale, 0.0)
         solved, _ = gmres(operator, scale * difference, start, rtol=KRYLOV_TOLERANCE, restart=60, maxiter=20)
         return np.asarray(scale * solved)
 
