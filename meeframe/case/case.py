@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
-from meeframe.case.step import Step, check_duration, check_first, check_resisted, resisted
+from meeframe.case.step import Step, check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
@@ -88,6 +88,7 @@ class Case:
         )
         for number, step in enumerate(self.steps, 1):
             check_duration(step, number, self.contact_law)
+            check_pull(step, self.contact_law)
             check_resisted(step, resists)
 
     @property

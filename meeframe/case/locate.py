@@ -10,7 +10,7 @@ from meeframe.case.case import check_reach, gap_of_law, resistance
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
-from meeframe.case.step import check_duration, check_first, check_resisted
+from meeframe.case.step import check_duration, check_first, check_pull, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, zone_frames
@@ -84,4 +84,5 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     resists = resistance(placement, body.mesh, zone, laws)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, table.contact.law)
+        yield Problem(("steps", number), ""), partial(check_pull, step, table.contact.law)
         yield Problem(("steps", number), ""), partial(check_resisted, step, resists)

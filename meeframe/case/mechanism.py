@@ -11,9 +11,10 @@ from meeframe.case.case import Case, gap_of_law
 from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
-from meeframe.core.fields import Array
+from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
+from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
 from meeframe.geometry import ContactZone, initial_gap
@@ -114,24 +115,26 @@ class Mechanism:
                     freedoms[number] = Freedom(self.modes[number], measure, float(total))
         return dict(sorted(freedoms.items()))
 
-    def settled(self, increment: Increment, state: ContactState) -> ContactState:
-        """The state, in which motions that nothing resists, for lack of contact, stay where they were.
+    def settled(self, increment: Increment, state: ContactState, touches: NDArray[np.bool_]) -> ContactState:
+        """The state, in which motions that nothing resists, for lack of nodes (n,) in contact, stay where they were.
 
-        Those are all but the ones along normals, which must not bring the indenter into the body.
+        Those are all but the ones along normals, which must not bring the indenter into the body or away from what it
+        attracts, and potentials of an indenter that charges reach across the gap.
         """
-        if state.load.any():
+        if touches.any():
             return state
-        normal = self.modes[increment.free, :, 2].any(axis=1)
-        return replace(state, motion=np.where(normal, state.motion, 0.0))
+        modes = self.modes[increment.free]
+        felt = modes[:, :, 2].any(axis=1) | (modes * state.load)[:, :, ELECTRIC:].any(axis=(1, 2))
+        return replace(state, motion=np.where(felt, state.motion, 0.0))
 
     def reached(
-        self, increment: Increment, state: ContactState, touching: NDArray[np.bool_], start: Converged
+        self, increment: Increment, state: ContactState, touches: NDArray[np.bool_], start: Converged
     ) -> Converged:
         """A state of the contact zone, in which these nodes (n,) touch, as one to go on from."""
         motion = increment.base.copy()
         motion[increment.free] += state.motion
         slip = slip_of(increment, state)
-        way = np.where(touching, np.linalg.norm(slip, axis=1), 0.0)
+        way = np.where(touches, np.linalg.norm(slip, axis=1), 0.0)
         return Converged(motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state)
 
     def resultants(self, state: ContactState) -> Array:
@@ -145,10 +148,22 @@ def slip_of(increment: Increment, state: ContactState) -> Array:
     return contact_gap(increment.problem, state.displacement, state.motion)[:, :2]
 
 
-def regions(increment: Increment, solution: ContactSolution) -> Indices:
-    """Numbers of Region, (n,): sticking is pressed and slips by less than the contact law notices."""
+def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
+    """Nodes in contact, (n,): the contact itself bears a pressure there, whatever attraction is on top of it."""
+    law = problem.contact_law
+    if not attracts(law):
+        return np.asarray(state.load[:, 2] < 0.0)
+    r = (1.0 / problem_scales(problem).normal_compliance,) * 2
+    gap = contact_gap(problem, state.displacement, state.motion)
+    with np.errstate(all="ignore"):  # the state may be of an iteration that went astray
+        # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
+        trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
+        return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
+
+
+def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:
+    """Numbers of Region, (n,): a node in contact sticks if it slips by less than the contact law notices."""
     scales = problem_scales(increment.problem)
     slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)
     noticed = max(_STUCK, _UNCERTAIN * solution.residual) * scales.pressure * scales.normal_compliance
-    pressed = solution.state.load[:, 2] < 0.0
-    return np.where(pressed, np.where(slip > noticed, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)
+    return np.where(touches, np.where(slip > noticed, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.core.contact import Status
 from meeframe.core.indenter import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
-from meeframe.core.law import ContactLaw
+from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region, StepResult, Zone, corners
 
@@ -22,6 +22,8 @@ _UNCERTAIN: Final = 10.0
 def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
     """What a reader should know of an increment, each in words.
 
+    law: that of the increment.
+
     What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
     is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
     zone or LARGEST_ANGLE; a prescribed tangential force or torque is all that friction can bear, so that the motion is
@@ -30,9 +32,8 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
         return
-    touching = step.traction[:, 2] < 0
-    count = int(touching[_border_sides(zone)].all(axis=1).sum())
-    if not touching.any():
+    count = int(step.touching[_border_sides(zone)].all(axis=1).sum())
+    if not step.touching.any():
         yield "the indenter does not touch the body"
     if count:
         yield f"the contact reaches the edge of its zone at {count} element side{'s' * (count > 1)}"
@@ -56,7 +57,7 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     are, by the law, when everything slips further along it."""
     prescribed = [COLUMNS[key] for key in step.loading.prescribed]
     free = [key for key in ("tangential_force", "torque") if RESULTANTS[key] in prescribed]
-    slips, pressed = step.region == Region.SLIP, step.region != Region.OPEN
+    slips = step.region == Region.SLIP
     if not free or not slips.any():
         return False
     numbers = np.concatenate([np.r_[COLUMNS[key]] for key in free])
@@ -67,10 +68,13 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
     motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])
     motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
-    further = step.traction.copy()
-    further[:, :2] += np.abs(step.traction).max() * motion @ law.tangential_scaling()
-    change = np.linalg.norm((law.project(further) - step.traction)[pressed])
-    return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[pressed, :2]))
+    # far enough to turn what slips the other way
+    distance = 2.0 * max(np.abs(step.slip).max(), np.abs(step.displacement).max())
+    r = (float(np.abs(step.traction).max() / distance),) * 2
+    gap = np.column_stack([step.slip + distance * motion, step.gap])
+    further = lawful_traction(law, augmented_traction(law, step.traction, gap, r), gap, r)
+    change = np.linalg.norm((further - step.traction)[step.touching])
+    return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[step.touching, :2]))
 
 
 def _border_sides(zone: Zone) -> Indices:

@@ -121,7 +121,7 @@ class StepTable(Table):
     """
 
     approach: Length | None = None
-    normal_force: Annotated[float, Quantity("N", ge=0, lt=math.inf)] | None = None
+    normal_force: Force | None = None
     translation: tuple[Length, Length] | None = None
     tangential_force: tuple[Force, Force] | None = None
     force_ratio: tuple[Ratio, Ratio] | None = None

@@ -12,7 +12,7 @@ import numpy as np
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.history import Controls, Converged, at_rest, held, ramped
-from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of
+from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of, touching
 from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
@@ -26,7 +26,6 @@ from meeframe.core.result import (
     CounterSurface,
     Loading,
     Provenance,
-    Region,
     Result,
     StepResult,
     Zone,
@@ -136,9 +135,10 @@ def _solve(
     # free motions count from the converged state
     start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
     solution = solve(increment.problem, mechanism.case.solver, mechanism.case.limits, start, progress)
-    solution = replace(solution, state=mechanism.settled(increment, solution.state))
-    region = regions(increment, solution)
-    reached = mechanism.reached(increment, solution.state, region != Region.OPEN, here)
+    touches = touching(increment.problem, solution.state)
+    solution = replace(solution, state=mechanism.settled(increment, solution.state, touches))
+    region = regions(increment, solution, touches)
+    reached = mechanism.reached(increment, solution.state, touches, here)
     result = _step_result(mechanism, increment, reached, solution, region, numbers)
     return (reached if solution.status is Status.CONVERGED else here), result
 
@@ -196,7 +196,9 @@ def _step_result(
     )
     return replace(
         result,
-        message="; ".join([solution.message, *remarks(zone_of(mechanism.system), result, mechanism.case.contact_law)]),
+        message="; ".join(
+            [solution.message, *remarks(zone_of(mechanism.system), result, increment.problem.contact_law)]
+        ),
     )
 
 

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
-from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
+from meeframe.core.law import ConductivityLaw, ContactLaw, attracts, contact_conductivity
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
 _PRESSURES: Final = -np.logspace(-3, 15, 19)
-"""Normal tractions [Pa] at which a law that insulates at all of them is taken to insulate."""
+_GAPS: Final = np.logspace(-12, 0, 13)
+_DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
+"""Normal tractions [Pa], gaps [m], drops [V] or [A]: a law that insulates at all of them is taken to insulate."""
 
 Pair = tuple[float, float]
 
@@ -27,11 +29,11 @@ class Step:
     """What one load step prescribes, in SI units; what it does not name stays as the step before left it.
 
     For each of the indenter's motions either the motion, from where it just touched, or the resultant that works on it:
-    approach [m] or normal_force [N], >= 0 in compression; translation (2,) [m], tangential_force (2,) [N] or
-    force_ratio (2,), the tangential over the normal force; tilt (2,) [rad] or moment (2,) [N m]; twist [rad] or torque
-    [N m]; electric_potential [V] or charge [C]; magnetic_potential [A] or magnetic_flux [Wb]. Axes, signs and reference
-    point as in Loading and `resultants`. duration: time of the whole step [s] > 0, for laws that need it; increments:
-    in how many equal parts it is applied.
+    approach [m] or normal_force [N], >= 0 in compression, < 0 only under laws whose surfaces attract each other;
+    translation (2,) [m], tangential_force (2,) [N] or force_ratio (2,), the tangential over the normal force; tilt (2,)
+    [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; electric_potential [V] or charge [C]; magnetic_potential
+    [A] or magnetic_flux [Wb]. Axes, signs and reference point as in Loading and `resultants`. duration: time of the
+    whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied.
     Raises CaseError if two of them name the same motion or a number is not allowed.
     """
 
@@ -62,8 +64,6 @@ class Step:
                 raise CaseError(
                     f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
                 )
-        if self.normal_force is not None and self.normal_force < 0:
-            raise CaseError(f"normal_force = {self.normal_force!r}; allowed: numbers >= 0 [N], pressing on the body")
         if self.duration is not None and not 0.0 < self.duration < math.inf:
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
         if not isinstance(self.increments, int) or self.increments < 1:
@@ -85,6 +85,15 @@ def check_first(step: Step) -> None:
     """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
     if step.approach is None and step.normal_force is None:
         raise CaseError("the first load step gives neither approach nor normal_force; allowed: one of them")
+
+
+def check_pull(step: Step, law: ContactLaw) -> None:
+    """Raises CaseError if a load step pulls on surfaces that do not attract each other."""
+    if step.normal_force is not None and step.normal_force < 0 and not attracts(law):
+        raise CaseError(
+            f"normal_force = {step.normal_force!r}; allowed: numbers >= 0 [N], pressing on the body, unless the "
+            "contact law attracts"
+        )
 
 
 def check_duration(step: Step, number: int, law: ContactLaw) -> None:
@@ -116,5 +125,17 @@ def resisted(
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
     mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
-    conducting = [bool((contact_conductivity(law, _PRESSURES) > 0.0).any()) for law in (electric, magnetic)]
-    return np.concatenate([mechanical, conducting])
+    return np.concatenate([mechanical, [_conducts(electric), _conducts(magnetic)]])
+
+
+def _conducts(law: ConductivityLaw) -> bool:
+    """Whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
+    if (contact_conductivity(law, _PRESSURES) > 0.0).any():
+        return True
+    if not law.across_gap:
+        return False
+    gap, drop = (grid.ravel() for grid in np.meshgrid(_GAPS, _DROPS))
+    nothing = np.zeros_like(gap)
+    across = law.conductivity(nothing, gap, drop)
+    under = law.conductivity(np.full_like(drop, _PRESSURES[-1]), nothing, drop)
+    return bool((across > 0.0).any() or (under > 0.0).any())

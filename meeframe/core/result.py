@@ -101,9 +101,9 @@ class StepResult:
 
     step, increment: their numbers, from 1; initial_gap: (n,) gap between the undeformed body and the indenter in its
     position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
-    in compression; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2) electric [V] and magnetic [A]; fluxes:
-    (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in ContactState; slip: (n, 2) tangential
-    motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
+    in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2)
+    electric [V] and magnetic [A]; fluxes: (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in
+    ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
     beginning, both also where the contact is open [m]; slip_path: (n,) length of the way slipped in contact, the sum of
     the moduli of the slips of those increments at whose end the node touches [m]; region: (n,) numbers of Region;
     iterations, residual, history, message as in ContactSolution; boundary: fields on the whole boundary. All of them
@@ -171,6 +171,7 @@ class Resultants:
     stick_area: float
     slip_area: float
     max_pressure: float
+    max_tension: float
     max_abs_electric_potential: float
     max_abs_magnetic_potential: float
 
@@ -182,12 +183,12 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
     through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
     dissipated_energy: work of the tangential tractions at its end on the slip of this increment, >= 0 [J];
-    contact_area, stick_area, slip_area: sum over the elements of their area times the share of their nodes in
-    compression, and in either region [m^2] (the weights of nodes will not do: those of quad8's corners are negative,
-    those of tri6's zero); max_pressure [Pa]; largest absolute potentials of the body's surface in the contact zone [V],
-    [A].
+    contact_area, stick_area, slip_area: sum over the elements of their area times the share of their nodes in contact,
+    and in either region [m^2] (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's
+    zero); max_pressure, max_tension: of the normal traction, >= 0, tension where surfaces attract each other, in
+    contact or across the gap [Pa]; largest absolute potentials of the body's surface in the contact zone [V], [A].
     """
-    pressure = 0.0 - step.traction[:, 2]  # and not a mere sign change, which would make -0.0 of 0.0
+    normal = step.traction[:, 2]
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
     totals = _on_motions(zone, step)
     friction = (step.traction[:, :2] * step.slip).sum(axis=1)
@@ -200,10 +201,11 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
         charge=float(totals["charge"][0]),
         magnetic_flux=float(totals["magnetic_flux"][0]),
         dissipated_energy=float(zone.weights @ np.where(step.region == Region.SLIP, friction, 0.0)),
-        contact_area=_area(zone, pressure > 0.0),
+        contact_area=_area(zone, step.touching),
         stick_area=_area(zone, step.region == Region.STICK),
         slip_area=_area(zone, step.region == Region.SLIP),
-        max_pressure=float(pressure.max()),
+        max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),  # no -0.0
+        max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
         max_abs_electric_potential=float(electric.max()),
         max_abs_magnetic_potential=float(magnetic.max()),
     )

@@ -59,6 +59,7 @@ RESULTANT_UNITS: Final = {
     "stick_area": "m^2",
     "slip_area": "m^2",
     "max_pressure": "Pa",
+    "max_tension": "Pa",
     "max_abs_electric_potential": "V",
     "max_abs_magnetic_potential": "A",
 }

@@ -76,7 +76,7 @@ def _map(quantity: _Quantity, step: StepResult, picture: Picture, title: str) ->
     shown = picture.values(values / factor)
     drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
-    touching = step.traction[:, 2] < 0.0
+    touching = step.touching
     if touching.any() and not touching.all():  # the edge of the contact, half way between nodes
         axes.tricontour(picture.triangulation, picture.values(touching.astype(float)), [0.5], colors="white")
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")

@@ -86,6 +86,7 @@ def summary_table(result: Result) -> RenderableType:
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals = [resultants(result.zone, step) for step in shown]
+    tensions = [total.max_tension for total in totals]
     rows: list[tuple[str, str, list[Any]]] = [
         ("approach", "m", [step.loading.approach for step in shown]),
         *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
@@ -95,6 +96,7 @@ def summary_table(result: Result) -> RenderableType:
         ("contact area", "m^2", [total.contact_area for total in totals]),
         ("sticking area", "m^2", [total.stick_area for total in totals]),
         ("largest pressure", "Pa", [total.max_pressure for total in totals]),
+        *([("largest tension", "Pa", tensions)] if any(tensions) else []),
         ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
         ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
         *_durations(result, shown),

@@ -19,7 +19,7 @@ STEP_KEYS = {
     "force", "charge", "magnetic_flux", "contact_area", "max_pressure", "max_abs_electric_potential",
     "max_abs_magnetic_potential", "iterations", "residual", "status", "step", "increment", "prescribed", "approach",
     "translation", "tilt", "twist", "electric_potential", "magnetic_potential", "normal_force", "tangential_force",
-    "moment", "torque", "dissipated_energy", "stick_area", "slip_area",
+    "moment", "torque", "dissipated_energy", "stick_area", "slip_area", "max_tension", "duration",
 }  # fmt: skip
 
 

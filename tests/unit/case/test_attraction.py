@@ -1,0 +1,154 @@
+"""Surfaces that attract each other: what touches and what does not, tension in results, pulling."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.core.contact import Status
+from meeframe.core.errors import CaseError
+from meeframe.core.law import ContactLaw
+from meeframe.core.result import Region
+from meeframe.laws import IsotropicCoulomb
+from meeframe.report.summary import summary, summary_table
+
+Step = meeframe.Step
+STIFFNESS, RADIUS, MU = 1e14, 0.1, 0.3
+STRENGTH, RANGE = 1e8, 1e-5
+FARTHEST = STRENGTH / STIFFNESS
+"""Springs are stiffer than the attraction is steep, 3 STRENGTH / RANGE: a node up to here above the surface touches."""
+
+
+@dataclass(frozen=True)
+class Sticky(ContactLaw):
+    """Coulomb friction under an attraction that falls with the cube of the gap."""
+
+    mu: float = MU
+
+    def project(self, trial):
+        return IsotropicCoulomb(self.mu).project(trial)
+
+    def tangential_scaling(self):
+        return IsotropicCoulomb(self.mu).tangential_scaling()
+
+    def adhesion(self, gap):
+        return STRENGTH / (1.0 + gap / RANGE) ** 3
+
+
+@pytest.fixture
+def case(write_case, registry):
+    """The sphere on springs under the sticky law; three nodes in a row are 0, 1.25 and 2.5 mm from its axis."""
+    return replace(load_case(write_case(), registry), contact_law=Sticky())
+
+
+def height(case):
+    """Gap of the undeformed body at its nodes when the indenter touches, (n,) [m]."""
+    x, y, _ = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU))).zone.points.T
+    return (x**2 + y**2) / (2 * RADIUS)
+
+
+def tractions_on_springs(gap):
+    """Normal tractions (n,) of independent springs under an indenter at gaps (n,), by bisection in the open."""
+    low, high = np.zeros_like(gap), np.maximum(gap, 0.0)
+    for _ in range(200):
+        middle = (low + high) / 2  # the gap that is left
+        pulled = Sticky().adhesion(middle) > STIFFNESS * (gap - middle)
+        low, high = np.where(pulled, low, middle), np.where(pulled, middle, high)
+    return np.where(gap <= FARTHEST, STIFFNESS * gap, Sticky().adhesion((low + high) / 2))
+
+
+@pytest.mark.parametrize("solver", ["auto", "newton"])
+def test_touching_is_told_from_attracted(case, solver, registry):
+    """Four nodes are pulled to the indenter and touch it, under tension; those farther away are attracted and open."""
+    from meeframe.plugin.registry import Kind
+
+    case = replace(case, steps=(Step(approach=7.3e-6),), solver=registry.create(Kind.SOLVER, solver))
+    result = meeframe.solve_case(case)
+    (step,) = result.steps
+    assert step.status is Status.CONVERGED
+    gap = height(case) - 7.3e-6
+    assert [(gap < 0).sum(), ((gap > 0) & (gap < FARTHEST)).sum(), (gap > FARTHEST).sum()] == [1, 4, 20]
+    np.testing.assert_array_equal(step.touching, gap < FARTHEST)
+    np.testing.assert_array_equal(step.region == Region.OPEN, gap > FARTHEST)
+    np.testing.assert_allclose(step.traction[:, 2], tractions_on_springs(gap), rtol=1e-8)
+    totals = meeframe.resultants(result.zone, step)
+    assert totals.max_tension == pytest.approx(tractions_on_springs(gap).max(), rel=1e-8)
+    assert totals.max_pressure == pytest.approx(STIFFNESS * 7.3e-6, rel=1e-8)
+    assert totals.contact_area == pytest.approx(1.25e-3**2 * (1 + 4), rel=1e-12), "five nodes of four cells each"
+    assert "edge of its zone" not in step.message, "attracted nodes at the edge do not touch"
+
+
+def told(result):
+    console = Console(width=200)
+    with console.capture() as caught:
+        console.print(summary_table(result))
+    return caught.get()
+
+
+def test_tension_is_in_the_summary_where_there_is_some(case):
+    result = meeframe.solve_case(case)
+    (step,) = summary(result)["steps"]
+    assert 0.0 < step["max_tension"] < STRENGTH
+    assert f"{step['max_tension']:.6g}" in told(result)
+    pressed = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU)))
+    assert str(summary(pressed)["steps"][0]["max_tension"]) == "0.0"
+    assert "tension" not in told(pressed)
+
+
+def test_an_indenter_may_come_near_without_touching(case):
+    result = meeframe.solve_case(
+        replace(case, steps=(Step(approach=-2e-6), Step(approach=-2e-6, translation=(1e-6, 0.0))))
+    )
+    for step in result.steps:
+        assert step.status is Status.CONVERGED
+        assert not step.touching.any()
+        assert "the indenter does not touch the body" in step.message
+        totals = meeframe.resultants(result.zone, step)
+        expected = result.zone.weights @ tractions_on_springs(height(case) + 2e-6)
+        assert totals.normal_force == pytest.approx(-expected, rel=1e-8)
+        assert (totals.contact_area, totals.max_pressure, totals.slip_area) == (0.0, 0.0, 0.0)
+        assert (step.slip_path == 0.0).all()
+
+
+def test_a_pulling_force_gives_the_approach_back(case):
+    first = meeframe.solve_case(replace(case, steps=(Step(approach=3e-7),)))
+    force = meeframe.resultants(first.zone, first.steps[0]).normal_force
+    assert force < 0.0
+    assert first.steps[0].touching.sum() == 1
+    pulled = meeframe.solve_case(replace(case, steps=(Step(approach=3e-7), Step(normal_force=force, twist=1e-6))))
+    assert pulled.steps[1].status is Status.CONVERGED
+    assert pulled.steps[1].loading.approach == pytest.approx(3e-7, rel=1e-6)
+    np.testing.assert_array_equal(pulled.steps[1].touching, first.steps[0].touching)
+
+
+def test_friction_is_that_of_the_contact_under_tension(case):
+    """The limit is that of the traction less the attraction: nodes under tension that touch hold too."""
+    result = meeframe.solve_case(replace(case, steps=(Step(approach=7.3e-6, translation=(1e-4, 0.0)),)))
+    (step,) = result.steps
+    gap = height(case) - 7.3e-6
+    limit = MU * np.where(gap < FARTHEST, STRENGTH - STIFFNESS * gap, 0.0)
+    np.testing.assert_allclose(np.linalg.norm(step.traction[:, :2], axis=1), limit, rtol=1e-7, atol=1e-3)
+    assert ((step.traction[:, 2] > 0.0) & (step.region == Region.SLIP)).sum() == 4
+    np.testing.assert_array_equal(step.slip_path > 0.0, step.touching)
+
+
+def test_everything_slips_under_a_force_that_the_pulled_contact_can_just_bear(case):
+    first = meeframe.solve_case(replace(case, steps=(Step(approach=7.3e-6, translation=(1e-4, 0.0)),)))
+    force = meeframe.resultants(first.zone, first.steps[0]).tangential_force[0]
+    for share, slides in ((0.95, False), (1.0, True)):
+        steps = (Step(approach=7.3e-6), Step(tangential_force=(share * force, 0.0)))
+        *_, step = meeframe.solve_case(replace(case, steps=steps)).steps
+        assert step.status is Status.CONVERGED
+        assert ("everything slips" in step.message) == slides
+
+
+def test_only_laws_that_attract_can_be_pulled(case, write_case, registry):
+    with pytest.raises(
+        CaseError, match=r"normal_force = -1.0; allowed: numbers >= 0 \[N\], pressing on the body, unless"
+    ):
+        replace(case, steps=(Step(normal_force=-1.0),), contact_law=IsotropicCoulomb(MU))
+    with pytest.raises(CaseError, match=r"case.toml: steps\[1\]: normal_force = -1.0; allowed: numbers >= 0"):
+        load_case(write_case(('approach = "10 um"', "normal_force = -1")), registry)
