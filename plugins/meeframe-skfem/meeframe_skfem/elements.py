@@ -30,8 +30,8 @@ class VolumeElement:
 
     name: short name; meshio_type: meshio's name, whose order the nodes have; surface: the element of its faces;
     nodes: (n, 3) in the reference domain; faces: corners of each, counter-clockwise seen from outside;
-    quadrature: degree of the rule, which integrates its stiffness if its edges are straight and parallel, and its
-    gradients in any case; basis: scikit-fem's element.
+    quadrature: degree of the rule, of positive weights, which integrates its stiffness if its edges are straight and
+    parallel, and its gradients in any case; basis: scikit-fem's element.
     """
 
     name: str
@@ -98,7 +98,7 @@ HEX27: Final = VolumeElement(
     "hex27", "hexahedron27", Quad9(), _nodes(_CUBE, _CUBE_EDGES, _CUBE_FACES, _WHOLE), _CUBE_FACES, 5, ElementHex2()
 )
 TET10: Final = VolumeElement(
-    "tet10", "tetra10", Tri6(), _nodes(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_FACES, 4, ElementTetP2()
+    "tet10", "tetra10", Tri6(), _nodes(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_FACES, 5, ElementTetP2()
 )
 
 ELEMENTS: Final = (HEX8, HEX20, HEX27, TET10)

@@ -1,9 +1,10 @@
 """Direct solution of the sparse symmetric indefinite system: pardiso where it is installed, else SuperLU."""
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, triu
@@ -11,6 +12,7 @@ from scipy.sparse.linalg import splu
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
 
 LinearSolver = Literal["auto", "pardiso", "splu"]
 Solve = Callable[[Array], Array]
@@ -18,7 +20,14 @@ Solve = Callable[[Array], Array]
 
 SINGULAR: Final = 1e-7
 """Relative residual of a probe above which the system counts as singular; sound ones leave 1e-13 to 1e-10."""
+_BLOCK: Final = 64_000_000  # bytes of right-hand sides solved for at once
+
+# numbers of oneMKL's interface to pardiso: matrix type, phase, order of elimination, size of perturbed pivots, error
 _SYMMETRIC_INDEFINITE: Final = -2
+_ANALYSE_AND_FACTORISE: Final = 12
+_NESTED_DISSECTION: Final = 2
+_PERTURBED_PIVOTS: Final = 8
+_OUT_OF_MEMORY: Final = -2
 
 
 def factorise(matrix: csr_array, solver: LinearSolver = "auto") -> Solve:
@@ -29,12 +38,8 @@ def factorise(matrix: csr_array, solver: LinearSolver = "auto") -> Solve:
     elimination, so that neither needs to pivot for existence.
     Raises CaseError if pardiso is asked for and not there, or if the matrix is singular to working precision.
     """
-    if solver == "pardiso" and not has_pardiso():
-        raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")
-    try:
-        solve = _splu(matrix) if solver == "splu" or not has_pardiso() else _pardiso(matrix)
-    except RuntimeError as error:
-        raise CaseError(f"the finite element system is singular: {error}") from None
+    with _singular_is_an_error():
+        solve = _pardiso(matrix) if uses_pardiso(solver) else _splu(matrix)
     probe = np.random.default_rng(0).normal(size=matrix.shape[0])
     residual = float(np.linalg.norm(matrix @ solve(probe) - probe) / np.linalg.norm(probe))
     if not residual < SINGULAR:
@@ -42,28 +47,87 @@ def factorise(matrix: csr_array, solver: LinearSolver = "auto") -> Solve:
     return solve
 
 
-def has_pardiso() -> bool:
-    """Whether pypardiso is installed."""
-    return find_spec("pypardiso") is not None
+def flexibility(matrix: csr_array, unknowns: Indices, solver: LinearSolver, solve: Solve) -> Array:
+    """The block (k, k) of the inverse of a symmetric matrix (u, u) that belongs to k of its unknowns.
+
+    pardiso: inverse of the Schur complement of the unknowns, which costs one more factorisation; splu: solutions for
+    unit right-hand sides, in blocks. solve: as of factorise, for the same matrix.
+    """
+    if uses_pardiso(solver):
+        with _singular_is_an_error():
+            inverse = np.linalg.inv(_schur_complement(matrix, unknowns))
+    else:
+        inverse = _columns(matrix.shape[0], unknowns, solve)
+    return np.asarray(inverse + inverse.T) / 2  # symmetric but for round-off
+
+
+def uses_pardiso(solver: LinearSolver) -> bool:
+    """Whether a choice means pardiso here. Raises CaseError if it does and pypardiso is not installed."""
+    installed = find_spec("pypardiso") is not None
+    if solver == "pardiso" and not installed:
+        raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")
+    return installed and solver != "splu"
+
+
+@contextmanager
+def _singular_is_an_error() -> Iterator[None]:
+    try:
+        yield
+    except (RuntimeError, np.linalg.LinAlgError) as error:
+        raise CaseError(f"the finite element system is singular: {error}") from None
 
 
 def _pardiso(matrix: csr_array) -> Solve:
-    from pypardiso import PyPardisoSolver  # type: ignore[import-untyped]  # optional
-    from pypardiso.pardiso_wrapper import PyPardisoError  # type: ignore[import-untyped]
-
-    upper = csr_matrix(triu(matrix, format="csr"))
-    solver = PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
-    try:
-        solver.factorize(upper)
-    except PyPardisoError as error:
-        raise RuntimeError(str(error)) from None
+    upper = _upper(matrix)
+    solver = _pardiso_solver()
+    _call(solver, solver.factorize, upper)
 
     def solve(rhs: Array) -> Array:
-        solution: Array = solver.solve(upper, rhs)
+        solution: Array = _call(solver, solver.solve, upper, rhs)
         return solution
 
-    weakref.finalize(solve, solver.free_memory, everything=True)
+    weakref.finalize(solve, solver.free_memory, everything=True).atexit = False
     return solve
+
+
+def _schur_complement(matrix: csr_array, unknowns: Indices) -> Array:
+    upper = _upper(matrix)
+    solver = _pardiso_solver()
+    # pypardiso has no public call for it: the complement comes back in place of the solution (oneMKL, iparm 36)
+    solver.iparm[:36] = 0
+    solver.iparm[[0, 1, 9, 35]] = 1, _NESTED_DISSECTION, _PERTURBED_PIVOTS, 1
+    solver.perm = np.zeros(matrix.shape[0], np.int32)
+    solver.perm[unknowns] = 1
+    solver.set_phase(_ANALYSE_AND_FACTORISE)
+    complement: Array = _call(solver, solver._call_pardiso, upper, np.zeros((len(unknowns), len(unknowns))))
+    solver.free_memory(everything=True)
+    return complement
+
+
+def _pardiso_solver() -> Any:
+    from pypardiso import PyPardisoSolver  # type: ignore[import-untyped]  # optional
+
+    return PyPardisoSolver(mtype=_SYMMETRIC_INDEFINITE)
+
+
+def _call(solver: Any, method: Callable[..., Any], *arguments: Any) -> Any:
+    """The method's answer; memory is freed and a RuntimeError raised if pardiso fails."""
+    from pypardiso.pardiso_wrapper import PyPardisoError  # type: ignore[import-untyped]
+
+    try:
+        return method(*arguments)
+    except PyPardisoError as error:
+        solver.free_memory(everything=True)
+        if error.value == _OUT_OF_MEMORY:
+            raise MemoryError("pardiso's factors") from None
+        raise RuntimeError(str(error)) from None
+
+
+def _upper(matrix: csr_array) -> csr_matrix:
+    """The upper triangle, its columns in rising order, as pardiso wants it."""
+    upper = csr_matrix(triu(matrix, format="csr"))
+    upper.sort_indices()
+    return upper
 
 
 def _splu(matrix: csr_array) -> Solve:
@@ -71,3 +135,14 @@ def _splu(matrix: csr_array) -> Solve:
         csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
     return lambda rhs: np.asarray(factors.solve(rhs))
+
+
+def _columns(size: int, unknowns: Indices, solve: Solve) -> Array:
+    inverse = np.empty((len(unknowns), len(unknowns)))
+    step = max(1, _BLOCK // (8 * size))
+    for start in range(0, len(unknowns), step):
+        loaded = unknowns[start : start + step]
+        rhs = np.zeros((size, len(loaded)), order="F")
+        rhs[loaded, np.arange(len(loaded))] = 1.0
+        inverse[:, start : start + step] = solve(rhs)[unknowns]
+    return inverse

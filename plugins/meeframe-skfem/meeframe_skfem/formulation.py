@@ -14,7 +14,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.geometry import check_mesh
 from meeframe.plugin import Body, DenseSystem, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
-from meeframe_skfem.factorisation import LinearSolver, has_pardiso
+from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import box_volume
 from meeframe_skfem.matching import Matched, match
 from meeframe_skfem.system import FiniteElementSolution, local_axes, solve_body
@@ -65,7 +65,7 @@ class FiniteElements(Formulation):
         """Assemble, factorise once, condense to the contact zone. Raises as check, and CaseError if it is singular."""
         solution = self.solve(body, progress)
         zone = solution.matched.zone
-        offset, compliance = solution.zone_relation(progress)
+        offset, compliance = solution.zone_relation()
         to_load = local_axes(zone.frames)
         to_displacement = to_load.copy()
         to_displacement[:, ELECTRIC:] *= -1.0
@@ -86,8 +86,7 @@ class FiniteElements(Formulation):
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
     def _prepare(self, body: Body) -> tuple[Matched, Layout, Units]:
-        if self.linear_solver == "pardiso" and not has_pardiso():
-            raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")
+        uses_pardiso(self.linear_solver)  # says so if it is not there
         check_mesh(body.mesh)
         matched = match(body, self._volume(body))
         units = Units(characteristic_length(matched.body), FieldScaling.of(body.stiffness))

@@ -74,7 +74,7 @@ def _groups(mesh: SurfaceMesh, centres: Array, reach: float) -> Indices:
     far = ~(distance.min(axis=0) <= reach)
     if far.any():
         raise MeshError(
-            f"volume mesh: {np.count_nonzero(far)} of its {len(far)} boundary faces are not on the surface of the body, "
+            f"volume mesh: {np.count_nonzero(far)} of its {len(far)} boundary faces are not on the body's surface, "
             f"the first at {centres[far][0]} [m]; volume and surface mesh are to bound the same body"
         )
     groups = np.array([block.groups[places.element] for block, places in zip(mesh.blocks, found, strict=True)])

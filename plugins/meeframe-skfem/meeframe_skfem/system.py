@@ -6,31 +6,28 @@ matrix of its faces; all in units of the system (meeframe.formulations.dense_bem
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import NodalFields, Progress
-from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe.geometry.measures import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
 from meeframe_skfem.elements import face_nodes, tabulate
-from meeframe_skfem.factorisation import LinearSolver, factorise
+from meeframe_skfem.factorisation import LinearSolver, factorise, flexibility
 from meeframe_skfem.matching import Matched
 from meeframe_skfem.volume import VolumeMesh
-
-_BLOCK: Final = 64_000_000  # bytes of right-hand sides solved for at once
 
 
 @dataclass(frozen=True, eq=False)
 class FiniteElementSolution:
-    """values = constant + respond(nodal forces on the zone).
+    """values = constant + respond(nodal forces on the zone), in units of the system.
 
-    mesh: the volume in units of the system; stiffness: scaled, (3, 5, 5, 3); constant: (p, 5) values at zero load;
-    respond: values (p, 5, k) of nodal forces (5 n, k) on the zone; mass: (n, n) of the zone's faces.
+    mesh: the volume; stiffness: scaled, (3, 5, 5, 3); constant: (p, 5) values at zero load; respond: values (p, 5) of
+    nodal forces (n, 5) on the zone; flexibility: (5 n, 5 n) values of the zone's nodes by their forces, symmetric;
+    mass: (n, n) of the zone's faces, forces from fluxes.
     """
 
     matched: Matched
@@ -40,23 +37,18 @@ class FiniteElementSolution:
     stiffness: Array
     constant: Array
     respond: Callable[[Array], Array]
+    flexibility: Array
     mass: csr_array
 
-    def zone_relation(self, progress: Progress) -> tuple[Array, Array]:
+    def zone_relation(self) -> tuple[Array, Array]:
         """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the zone, SI units, global axes."""
-        n, zone = len(self.matched.zone_points), self._zone_nodes
-        flexibility = np.empty((N_FIELDS * n, N_FIELDS * n))
-        step = max(1, _BLOCK // (8 * self.constant.size))
-        for start in range(0, N_FIELDS * n, step):
-            forces = np.eye(N_FIELDS * n, min(step, N_FIELDS * n - start), -start)
-            flexibility[:, start : start + step] = self.respond(forces)[zone].reshape(N_FIELDS * n, -1)
-            progress("condensation", min(1.0, (start + step) / (N_FIELDS * n)))
-        flexibility = (flexibility + flexibility.T) / 2  # symmetric but for the round-off of the factors
-        by_field = flexibility.reshape(N_FIELDS * n, n, N_FIELDS).transpose(0, 2, 1).reshape(-1, n)
+        n = len(self.matched.zone_points)
+        by_field = self.flexibility.reshape(N_FIELDS * n, n, N_FIELDS).transpose(0, 2, 1).reshape(-1, n)
         loads = np.asarray(by_field @ self.mass).reshape(n, N_FIELDS, N_FIELDS, n).transpose(0, 1, 3, 2)
         to_values, to_loads = self.units.values_si(np.ones(N_FIELDS)), self.units.fluxes(np.ones(N_FIELDS))
         compliance: Array = to_values[:, None, None] * loads * to_loads
-        return self.units.values_si(self.constant[zone]), compliance
+        offset = self.constant[self.matched.nodes[self.matched.zone_points]]
+        return self.units.values_si(offset), compliance
 
     def values(self, load: Array) -> Array:
         """Values (p, 5) at the volume's points [SI] for loads (n, 5) on the zone [SI, global axes]."""
@@ -83,13 +75,8 @@ class FiniteElementSolution:
             self.units.fluxes_si(fluxes),
         )
 
-    @property
-    def _zone_nodes(self) -> Indices:
-        return self.matched.nodes[self.matched.zone_points]
-
     def _values(self, load: Array) -> Array:
-        forces = self.mass @ self.units.fluxes(load)
-        return self.constant + self.respond(forces.reshape(-1, 1))[..., 0]
+        return self.constant + self.respond(self.mass @ self.units.fluxes(load))
 
     def _patch_fluxes(self, values: Array) -> Array:
         """Fluxes (m, 5) of the gradients at the patches."""
@@ -130,22 +117,23 @@ def solve_body(
     _add_forces(forces, matched, mesh, layout)
     unknown, known = np.flatnonzero(free), np.flatnonzero(~free)
     rows = matrix[unknown]
+    inner = csr_array(rows[:, unknown])
     progress("factorisation", 0.0)
-    solve = factorise(csr_array(rows[:, unknown]), solver)
-    progress("factorisation", 1.0)
+    solve = factorise(inner, solver)
     values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
+    progress("condensation", 0.0)
     zone = np.searchsorted(unknown, N_FIELDS * nodes[matched.zone_points][:, None] + np.arange(N_FIELDS)).ravel()
+    condensed = flexibility(inner, zone, solver, solve)
+    progress("condensation", 1.0)
 
     def respond(zone_forces: Array) -> Array:
-        rhs = np.zeros((len(unknown), zone_forces.shape[1]), order="F")
-        rhs[zone] = zone_forces
-        response = np.zeros((n_points * N_FIELDS, zone_forces.shape[1]))
-        response[unknown] = solve(rhs)
-        return response.reshape(n_points, N_FIELDS, -1)
+        rhs, response = np.zeros(len(unknown)), np.zeros((n_points, N_FIELDS))
+        rhs[zone] = zone_forces.ravel()
+        response.flat[unknown] = solve(rhs)
+        return response
 
-    return FiniteElementSolution(
-        matched, layout, units, mesh, stiffness, values, respond, _zone_mass(matched, units.length)
-    )
+    mass = _zone_mass(matched, units.length)
+    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, condensed, mass)
 
 
 def local_axes(frames: Array) -> Array:
