@@ -103,11 +103,12 @@ class StepResult:
     position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
     in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2)
     electric [V] and magnetic [A]; fluxes: (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; closed: (n,) as in
-    ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last converged increment, total_slip: (n, 2) since the
-    beginning, both also where the contact is open [m]; slip_path: (n,) length of the way slipped in contact, the sum of
-    the moduli of the slips of those increments at whose end the node touches [m]; region: (n,) numbers of Region;
-    iterations, residual, history, message as in ContactSolution; boundary: fields on the whole boundary. All of them
-    are of the body; counter: surface of the counter body, if there is one instead of a rigid indenter.
+    ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last converged
+    increment, total_slip: (n, 2) since the beginning, both also where the contact is open [m]; slip_path: (n,) length
+    of the way slipped in contact, the sum of the moduli of the slips of those increments at whose end the node touches
+    [m]; region: (n,) numbers of Region; iterations, residual, history, message as in ContactSolution; boundary: fields
+    on the whole boundary. All of them are of the body; counter: surface of the counter body, if there is one instead of
+    a rigid indenter.
     """
 
     loading: Loading

@@ -50,14 +50,14 @@ def height(case):
     return (x**2 + y**2) / (2 * RADIUS)
 
 
-def tractions_on_springs(gap):
+def tractions_on_springs(gap, stiffness=STIFFNESS):
     """Normal tractions (n,) of independent springs under an indenter at gaps (n,), by bisection in the open."""
     low, high = np.zeros_like(gap), np.maximum(gap, 0.0)
     for _ in range(200):
         middle = (low + high) / 2  # the gap that is left
-        pulled = Sticky().adhesion(middle) > STIFFNESS * (gap - middle)
+        pulled = Sticky().adhesion(middle) > stiffness * (gap - middle)
         low, high = np.where(pulled, low, middle), np.where(pulled, middle, high)
-    return np.where(gap <= FARTHEST, STIFFNESS * gap, Sticky().adhesion((low + high) / 2))
+    return np.where(gap <= STRENGTH / stiffness, stiffness * gap, Sticky().adhesion((low + high) / 2))
 
 
 @pytest.mark.parametrize("solver", ["auto", "newton"])
@@ -79,6 +79,22 @@ def test_touching_is_told_from_attracted(case, solver, registry):
     assert totals.max_pressure == pytest.approx(STIFFNESS * 7.3e-6, rel=1e-8)
     assert totals.contact_area == pytest.approx(1.25e-3**2 * (1 + 4), rel=1e-12), "five nodes of four cells each"
     assert "edge of its zone" not in step.message, "attracted nodes at the edge do not touch"
+
+
+def test_two_bodies_attract_each_other(case, write_case, registry, counter_body):
+    """Springs in series: three quarters as stiff, so that nodes farther apart touch; both bodies are pulled."""
+    pair = replace(
+        load_case(write_case(more=counter_body), registry), contact_law=Sticky(), steps=(Step(approach=7e-6),)
+    )
+    (step,) = meeframe.solve_case(pair).steps
+    assert step.status is Status.CONVERGED
+    gap, stiffness = height(case) - 7e-6, 0.75 * STIFFNESS
+    assert [(gap < 0).sum(), ((gap > 0) & (gap < STRENGTH / stiffness)).sum()] == [1, 4]
+    np.testing.assert_array_equal(step.touching, gap < STRENGTH / stiffness)
+    expected = tractions_on_springs(gap, stiffness)
+    np.testing.assert_allclose(step.traction[:, 2], expected, rtol=1e-8)
+    np.testing.assert_allclose(step.displacement[:, 2], expected / STIFFNESS, rtol=1e-8)
+    np.testing.assert_allclose(step.counter.displacement[:, 2], -expected / (3 * STIFFNESS), rtol=1e-8)
 
 
 def told(result):

@@ -22,33 +22,10 @@ STIFFNESS, OTHER, RADIUS = 1e14, 3e14, 0.1
 IN_SERIES = STIFFNESS * OTHER / (STIFFNESS + OTHER)
 ELECTRIC = 1e13  # of the springs of tests/conftest.py
 
-COUNTER = """
-[counter_body]
-zone = "contact"
-formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
-
-[counter_body.material]
-name = "pzt-4"
-
-[counter_body.mesh]
-half_width = "40 mm"
-height = "60 mm"
-contact_width = "5 mm"
-divisions = 4
-rings = 3
-layers = 2
-
-[[counter_body.boundary]]
-group = "base"
-displacement = [0, 0, 0]
-electric_potential = 0
-magnetic_potential = 0
-"""
-
 
 @pytest.fixture
-def case(write_case, registry):
-    return load_case(write_case(more=COUNTER), registry)
+def case(write_case, registry, counter_body):
+    return load_case(write_case(more=counter_body), registry)
 
 
 def springs(points, approach):
@@ -90,13 +67,13 @@ def case_force(case, step):
 
 
 @pytest.fixture
-def live(write_case, registry):
+def live(write_case, registry, counter_body):
     """Perfectly conducting, 2 kV between the grounds, stuck and moved sideways."""
     path = write_case(
         ("[[steps]]", '[conductivity.electric]\nname = "step"\nkappa = inf\n\n[[steps]]\nelectric_potential = "2 kV"'),
         ("[indenter]", '[contact]\nlaw = { name = "isotropic-coulomb", mu = inf }\n\n[indenter]'),
         ('"10 um"', '"10 um"\ntranslation = ["1 um", "2 um"]'),
-        more=COUNTER,
+        more=counter_body,
     )
     return load_case(path, registry)
 
@@ -140,11 +117,11 @@ def test_the_state_is_that_of_the_pair(live):
     np.testing.assert_allclose(step.state.displacement, expected, rtol=1e-12, atol=1e-18)
 
 
-def test_a_run_is_continued(write_case, registry, tmp_path):
+def test_a_run_is_continued(write_case, registry, tmp_path, counter_body):
     further = '\n[[steps]]\napproach = "20 um"\n'
-    both = meeframe.solve_case(load_case(write_case(more=further + COUNTER), registry)).steps
-    meeframe.run(load_case(write_case(more=COUNTER), registry), out=tmp_path / "first")
-    text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{COUNTER}')
+    both = meeframe.solve_case(load_case(write_case(more=further + counter_body), registry)).steps
+    meeframe.run(load_case(write_case(more=counter_body), registry), out=tmp_path / "first")
+    text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{counter_body}')
     (continued,) = meeframe.solve_case(load_case(text, registry)).steps
     for name in ("traction", "displacement", "total_slip"):
         found, expected = getattr(continued, name), getattr(both[1], name)
@@ -187,19 +164,19 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_errors_name_the_key(write_case, registry, wrong):
+def test_errors_name_the_key(write_case, registry, wrong, counter_body):
     (old, new), message = WRONG[wrong]
-    assert COUNTER.count(old) == 1
-    path = write_case(more=COUNTER.replace(old, new))
+    assert counter_body.count(old) == 1
+    path = write_case(more=counter_body.replace(old, new))
     with pytest.raises(CaseError, match=message) as caught:
         load_case(path, registry)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_problems_of_both_bodies_are_shown_together(write_case, registry):
+def test_problems_of_both_bodies_are_shown_together(write_case, registry, counter_body):
     path = write_case(
         ('name = "batio3-cofe2o4"', 'name = "batio"'),
-        more=COUNTER.replace('"pzt-4"', '"pzt"').replace("= 3\n", "= 0\n"),
+        more=counter_body.replace('"pzt-4"', '"pzt"').replace("= 3\n", "= 0\n"),
     )
     with pytest.raises(CaseError) as caught:
         load_case(path, registry)

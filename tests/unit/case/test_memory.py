@@ -149,6 +149,17 @@ def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, la
     assert ratio.max() < 0.2 * MU
 
 
+def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, counter_body):
+    """Springs in series, three quarters as stiff, remember as one bed of such springs."""
+    text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "8 um"]\nincrements = 4\n'
+    pair = meeframe.solve_case(load_case(write_case(more=text + counter_body), laws))
+    one = meeframe.solve_case(load_case(write_case(('"1e14 Pa/m"', '"0.75e14 Pa/m"'), more=text), laws))
+    assert one.steps[-1].slip_path.max() > 1e-5
+    for ours, theirs in zip(pair.steps, one.steps, strict=True):
+        np.testing.assert_allclose(ours.slip_path, theirs.slip_path, rtol=1e-8, atol=1e-18)
+        np.testing.assert_allclose(ours.traction, theirs.traction, rtol=1e-8, atol=1e-3)
+
+
 def test_a_run_and_its_restart_are_one_run_to_the_last_bit(write_case, laws, tmp_path):
     first = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "3 um"]\nincrements = 3\n'
     second = '\n[[steps]]\ntranslation = ["4 um", 0]\nincrements = 3\n'
