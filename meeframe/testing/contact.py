@@ -4,23 +4,27 @@ Each check raises AssertionError that says which property fails and shows an off
 """
 
 from meeframe.testing.conductivity_laws import check_conductivity_law, check_growing_flux
-from meeframe.testing.contact_laws import (
+from meeframe.testing.contact_laws import check_contact_law
+from meeframe.testing.contact_solvers import check_solver, exact_pressure, rescaled
+from meeframe.testing.law_properties import (
     check_associated,
-    check_contact_law,
+    check_fading,
     check_homogeneous,
     check_isotropic,
+    check_monotone,
     check_orthotropic,
 )
-from meeframe.testing.contact_solvers import check_solver, exact_pressure, rescaled
 from meeframe.testing.violations import violations
 
 __all__ = [
     "check_associated",
     "check_conductivity_law",
     "check_contact_law",
+    "check_fading",
     "check_growing_flux",
     "check_homogeneous",
     "check_isotropic",
+    "check_monotone",
     "check_orthotropic",
     "check_solver",
     "exact_pressure",

@@ -10,6 +10,7 @@ from hypothesis.errors import NoSuchExample
 
 from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
+from meeframe.testing.law_maps import Units
 from meeframe.testing.requirements import require
 
 _SETTINGS: Final = settings(
@@ -41,6 +42,43 @@ def search_trials(law: ContactLaw, pressure: float) -> None:
         return "project is not idempotent" if np.abs(again - traction).max() > 1e-9 * size else ""
 
     _search(st.tuples(_NUMBERS, _NUMBERS, _NUMBERS), fault, lambda trial: pressure * np.array(trial))
+
+
+def search_states(law: ContactLaw, units: Units) -> None:
+    """Trials, gaps and slip paths of zero, tiny and huge numbers, in units of what is typical, at which what resolve or
+    adhesion give is nothing, during an increment as well; for laws that are more than a projection. As search_trials.
+    """
+    if all(getattr(type(law), name) is getattr(ContactLaw, name) for name in ("resolve", "adhesion", "for_increment")):
+        return
+    duration = units.duration if law.needs_duration else None
+    r = units.lengths()[0]
+
+    def state(numbers: Any) -> tuple[Array, Array, Array]:
+        trial, gap = np.reshape(numbers[:6], (2, 1, 3)) * [[[units.pressure]], [[units.gap]]]
+        return trial, gap, units.gap * np.abs(numbers[6:])
+
+    def fault(numbers: Any) -> str:
+        trial, gap, path = state(numbers)
+        with np.errstate(all="ignore"):
+            during = law.for_increment(path, duration)
+            traction, pull = during.resolve(trial, gap, r), during.adhesion(np.abs(gap[:, 2]))
+            again = during.project(traction)
+        if not np.isfinite(traction).all():
+            return "resolve gives tractions that are not finite"
+        if not np.isfinite(pull).all() or (pull < 0.0).any():
+            return "adhesion is negative or not finite"
+        if traction[0, 2] > 0.0:
+            return "normal traction pulls"
+        if trial[0, 2] >= 0.0 and traction.any():
+            return "traction where the trial is open"
+        admitted = np.abs(again - traction).max() <= 1e-9 * np.abs(trial).max()
+        return "" if admitted else "resolve gives tractions that project does not admit"
+
+    def shown(numbers: Any) -> str:
+        trial, gap, path = state(numbers)
+        return f"trial {trial[0]}, gap {gap[0]}, slip path {path[0]:g}"
+
+    _search(st.tuples(*[_NUMBERS] * 7), fault, shown)
 
 
 def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, drop: float) -> None:

@@ -1,0 +1,103 @@
+"""Conformance of what a contact law may add: attraction, a gap of its own, memory. See meeframe.testing.contact."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
+from meeframe.testing.law_maps import SAMPLES, Units, check_maps
+from meeframe.testing.requirements import each, pure, require
+
+_HALVINGS: Final = 46
+"""Of an interval in search of a jump: what is left is hardly wider than round-off."""
+_JUMP: Final = 1e-6
+"""Of the largest attraction."""
+
+
+def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
+    """adhesion is pure, local, finite, >= 0, zero at infinity, that of contact where surfaces overlap, continuous."""
+    gap = np.concatenate([[0.0], np.sort(units.gap * 10.0 ** random.uniform(-6.0, 4.0, SAMPLES)), [np.inf]])
+    pull = pure(law.adhesion, gap, "adhesion")
+    _check_numbers("adhesion", gap, pull, lambda some: law.adhesion(gap[some]), random)
+    each(pull >= 0.0, "adhesion is negative", gap, pull)
+    require(pull[-1] == 0.0, "adhesion at an infinite gap", pull[-1])
+    overlap = law.adhesion(-gap[:-1])
+    each(overlap == pull[0], "adhesion of overlapping surfaces is not that of contact", -gap[:-1], overlap)
+    start, end = gap[:-2].copy(), gap[1:-1].copy()
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (start + end)
+        before, between, after = (law.adhesion(places) for places in (start, middle, end))
+        first = np.abs(between - before) >= np.abs(after - between)
+        start, end = np.where(first, start, middle), np.where(first, middle, end)
+    jump = np.abs(law.adhesion(end) - law.adhesion(start))
+    each(jump <= _JUMP * pull[:-1].max(), "adhesion jumps with the gap", start, jump)
+
+
+def check_initial_gap(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
+    """initial_gap is pure, local and finite."""
+    points = units.extent * random.uniform(-1.0, 1.0, (SAMPLES, 3))
+    gap = pure(law.initial_gap, points, "initial_gap")
+    _check_numbers("initial_gap", points, gap, lambda some: law.initial_gap(points[some]), random)
+
+
+def check_increments(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
+    """for_increment gives contact laws, of which all holds that holds of the law; it is pure, local, and does not see a
+    duration that the law does not need."""
+    own = type(law).for_increment is not ContactLaw.for_increment
+    require(own or not law.needs_duration, "needs_duration, but for_increment makes nothing of it", law)
+    if not own:
+        return
+    way = units.gap * 10.0 ** random.uniform(-3.0, 3.0, SAMPLES)
+    way[::3] = 0.0
+    durations = (units.duration, 1e-3 * units.duration) if law.needs_duration else (None, units.duration)
+    for path, duration in ((np.zeros(SAMPLES), durations[0]), (way, durations[1]), (1e6 * way, durations[0])):
+        _check_increment(law, path, duration, units, random)
+    if not law.needs_duration:
+        trial, gap, r = _states(units, random)
+        without, given = (law.for_increment(way, duration).resolve(trial, gap, r) for duration in durations)
+        same = (without == given).all(axis=1)
+        each(same, "for_increment uses a duration, but the law says that it needs none", way, given)
+
+
+def _states(units: Units, random: np.random.Generator) -> tuple[Array, Array, tuple[float, float]]:
+    trial, gap = (size * random.normal(size=(SAMPLES, 3)) for size in (units.pressure, units.gap))
+    return trial, gap, units.lengths()[0]
+
+
+def _check_increment(
+    law: ContactLaw, path: Array, duration: float | None, units: Units, random: np.random.Generator
+) -> None:
+    """One increment, all checks; the law that it came from stays as it was."""
+    trial, gap, r = _states(units, random)
+    before, kept = law.resolve(trial, gap, r).copy(), path.copy()
+    during = law.for_increment(path, duration)
+    require(isinstance(during, ContactLaw), "for_increment gives no contact law", during)
+    frozen = getattr(getattr(type(during), "__dataclass_params__", None), "frozen", False)
+    require(frozen, "for_increment gives what is no frozen dataclass", type(during).__name__)
+    first = during.resolve(trial, gap, r).copy()
+    other = law.for_increment(0.5 * path[::-1] + units.gap, duration)
+    other.resolve(trial, gap, r)
+    require(np.array_equal(path, kept), "for_increment changes its argument", path)
+    unmoved = (law.resolve(trial, gap, r) == before).all(axis=1)
+    each(unmoved, "for_increment changes the law itself", trial, before)
+    again = during.resolve(trial, gap, r), law.for_increment(path, duration).resolve(trial, gap, r)
+    each(((again[0] == first) & (again[1] == first)).all(axis=1), "for_increment depends on earlier calls", path, first)
+    try:
+        check_maps(during, lambda some: law.for_increment(path[some], duration), units, random)
+        check_adhesion(during, units, random)
+    except AssertionError as error:
+        text = f"for_increment with slip paths up to {path.max():g} m, duration {duration}: {error}"
+        raise AssertionError(text) from None
+
+
+def _check_numbers(
+    name: str, given: Array, found: Array, of: Callable[[NDArray[np.int_]], Array], random: np.random.Generator
+) -> None:
+    """One finite number for each node, that of the node alone."""
+    require(np.shape(found) == (len(given),), f"{name} has another shape than (n,)", np.shape(found))
+    each(np.isfinite(found), f"{name} is not finite", given, found)
+    some = random.permutation(len(given))[: len(given) // 3]
+    each(of(some) == found[some], f"{name} depends on other nodes", given[some], found[some])

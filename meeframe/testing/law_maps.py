@@ -1,0 +1,261 @@
+"""Conformance of what a contact law makes of trial tractions: project, resolve, and their derivatives.
+
+See meeframe.testing.contact.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.testing.requirements import ROUND_OFF, close, each, pure, require
+
+SAMPLES: Final = 400
+STEPS: Final = (1e2, 1e4)
+"""Lengths r of the steps to a rest, in units of the largest friction limit if that is above the pressure."""
+_REST_STEPS: Final = 300
+_SETTLED: Final = 1e-8
+"""A traction that changes by a smaller fraction in one step is at rest."""
+_OUT_OF_REACH: Final = 1e9
+"""Trials beyond any friction limit, in units of the pressure."""
+_WIDTH: Final = 1e-5
+"""Of differences, as a fraction of the argument."""
+_KINK: Final = 0.02
+"""One-sided differences that differ by more belong to a trial where the law has a kink."""
+_SOLVED: Final = 1e-9
+"""Of the pressure: how well a law that solves an equation has to solve it."""
+_LENGTHS: Final = ((1.0, 1.0), (0.1, 5.0), (20.0, 0.3))
+"""Steps r, normal and tangential, in units of pressure / gap."""
+
+Part = Callable[[NDArray[np.int_]], ContactLaw]
+"""The law on some of its nodes: itself, unless it is that of an increment, which knows the path of each node."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """What is typical for a law: pressure [Pa], gap [m], duration of an increment [s], half width of a surface [m]."""
+
+    pressure: float
+    gap: float
+    duration: float = 1.0
+    extent: float = 1e-3
+
+    def lengths(self) -> list[StepLengths]:
+        """Steps r [Pa/m] to try."""
+        return [
+            (normal * self.pressure / self.gap, tangential * self.pressure / self.gap)
+            for normal, tangential in _LENGTHS
+        ]
+
+
+def check_maps(law: ContactLaw, part: Part, units: Units, random: np.random.Generator) -> None:
+    """All checks of this module, for SAMPLES nodes."""
+    _check_scaling(law)
+    trial = units.pressure * random.normal(size=(SAMPLES, 3))
+    _check_project(law, part, trial, units.pressure, random)
+    _check_non_expansive(law, trial, units.pressure, random)
+    gap = _gaps(units, random)
+    for r in units.lengths():
+        _check_resolve(law, part, trial, gap, r, units, random)
+    _check_rests(law, units, random)
+    _check_steps(law, trial, gap, units)
+    _check_tangent(law, trial)
+    _check_tangents(law, trial, gap, units.lengths()[0])
+
+
+def _gaps(units: Units, random: np.random.Generator) -> Array:
+    """(n, 3) [m], some without slip, some overlapping, some closed."""
+    gap: Array = units.gap * random.normal(size=(SAMPLES, 3)) * 10.0 ** random.uniform(-3.0, 1.0, (SAMPLES, 1))
+    gap[::5, :2] = 0.0
+    gap[::7, 2] = 0.0
+    return gap
+
+
+def without_indenter(states: Array) -> Array:
+    """The same trials or gaps (n, 3) where there is no indenter above."""
+    return np.column_stack([states[:, :2], np.full(len(states), np.inf)])
+
+
+def _check_project(law: ContactLaw, part: Part, trial: Array, pressure: float, random: np.random.Generator) -> None:
+    traction = pure(law.project, trial, "project")
+    _check_tractions("project", trial, traction)
+    beyond = without_indenter(trial)
+    beside = law.project(beyond)
+    each(~beside.any(axis=1), "traction where there is no indenter above", beyond, beside)
+    again = law.project(traction)
+    each(np.abs(again - traction).max(axis=1) <= ROUND_OFF * pressure, "project is not idempotent", traction, again)
+    some = random.permutation(SAMPLES)[: SAMPLES // 3]
+    close(part(some).project(trial[some]), traction[some], pressure, "project depends on other nodes")
+
+
+def _check_tractions(name: str, trial: Array, traction: Array) -> None:
+    require(traction.shape == trial.shape, f"{name} changes the shape", traction.shape)
+    each(np.isfinite(traction).all(axis=1), f"{name} gives tractions that are not finite", trial, traction)
+    each(traction[:, 2] <= 0.0, "normal traction pulls", trial, traction)
+    each((trial[:, 2] < 0.0) | ~traction.any(axis=1), "traction where the trial is open", trial, traction)
+
+
+def _check_resolve(
+    law: ContactLaw, part: Part, trial: Array, gap: Array, r: StepLengths, units: Units, random: np.random.Generator
+) -> None:
+    """resolve is pure, local, finite, admissible, zero where open and without an indenter, its normal part monotone."""
+    states = np.hstack([trial, gap])
+    traction = pure(lambda given: law.resolve(given[:, :3], given[:, 3:], r), states, "resolve")
+    _check_tractions("resolve", trial, traction)
+    beyond = without_indenter(trial)
+    beside = law.resolve(beyond, without_indenter(gap), r)
+    each(~beside.any(axis=1), "resolve gives traction where there is no indenter above", beyond, beside)
+    admissible = law.project(traction)
+    within = np.abs(admissible - traction).max(axis=1) <= _SOLVED * units.pressure
+    each(within, "resolve gives tractions that project does not admit", states, traction)
+    some = random.permutation(SAMPLES)[: SAMPLES // 3]
+    alone = part(some).resolve(trial[some], gap[some], r)
+    close(alone, traction[some], units.pressure, "resolve depends on other nodes")
+    lift = units.pressure * 10.0 ** random.uniform(-3.0, 0.0, SAMPLES)
+    rise = law.resolve(trial + np.outer(lift, [0.0, 0.0, 1.0]), gap, r)[:, 2] - traction[:, 2]
+    monotone = (rise >= -_SOLVED * units.pressure) & (rise <= lift + _SOLVED * units.pressure)
+    each(monotone, "normal traction is not monotone in its trial", states, traction)
+
+
+def _check_scaling(law: ContactLaw) -> None:
+    scaling = law.tangential_scaling()
+    require(scaling.shape == (2, 2), "tangential_scaling is not (2, 2)", scaling)
+    close(scaling, scaling.T, 1.0, "tangential_scaling is not symmetric")
+    values = np.linalg.eigvalsh(scaling)
+    within = bool(values.min() >= -ROUND_OFF and values.max() <= 1.0 + ROUND_OFF)
+    require(within, "tangential_scaling has eigenvalues outside [0, 1]", values)
+
+
+def metric(law: ContactLaw) -> Array:
+    """Root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
+    values, axes = np.linalg.eigh(law.tangential_scaling())
+    inverse = np.where(values > ROUND_OFF, np.maximum(values, ROUND_OFF) ** -0.5, 0.0)
+    root: Array = (axes * inverse) @ axes.T
+    return root
+
+
+def other_slips(trial: Array, pressure: float, random: np.random.Generator) -> Array:
+    """Trials (n, 3) with other tangential parts, near and far."""
+    other = trial.copy()
+    other[:, :2] += pressure * random.normal(size=(len(trial), 2)) * 10.0 ** random.uniform(-3, 1, (len(trial), 1))
+    return other
+
+
+def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random: np.random.Generator) -> None:
+    """Tangential projection at one normal trial: no two tractions are farther apart than their trials."""
+    other, root = other_slips(trial, pressure, random), metric(law)
+    after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ root, axis=1)
+    before = np.linalg.norm((trial - other)[:, :2] @ root, axis=1)
+    within = after - before <= 1e-9 * pressure * np.abs(root).max()
+    each(within, "project is expansive in the law's metric", np.hstack([trial, other]), after - before)
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Tractions (n, 3) at rest under given slips (n, 2) [m] and normal trials (n,); settled: (n,), the others stick."""
+
+    slip: Array
+    normal: Array
+    traction: Array
+    settled: NDArray[np.bool_]
+
+
+def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float) -> Rest:
+    """Where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r gap/pressure."""
+    angle = random.uniform(0.0, 2.0 * np.pi, SAMPLES)
+    slip = units.gap * np.column_stack([np.cos(angle), np.sin(angle)])
+    normal = -units.pressure * random.uniform(0.1, 1.0, SAMPLES)
+    gap = np.column_stack([slip, np.zeros(SAMPLES)])
+    stiffness = units.pressure / units.gap
+    # with steps much shorter than the limit a traction would creep along it for longer than anyone wants to wait
+    outermost = law.project(np.column_stack([_OUT_OF_REACH * stiffness * slip, normal]))[:, :2]
+    step = step * max(1.0, float(np.linalg.norm(outermost, axis=1).max()) / units.pressure)
+    way = step * stiffness * slip @ law.tangential_scaling()
+    history = [np.column_stack([np.zeros((SAMPLES, 2)), normal])]
+    for _ in range(_REST_STEPS):
+        trial = np.column_stack([history[-1][:, :2] + way, normal])
+        history.append(law.resolve(trial, gap, (stiffness, step * stiffness)))
+    traction = history[-1]
+    last, halfway = (np.linalg.norm(history[k] - history[k - 1], axis=1) for k in (-1, _REST_STEPS // 2))
+    size, size_halfway = (np.linalg.norm(history[k][:, :2], axis=1) for k in (-1, _REST_STEPS // 2))
+    settled = last <= _SETTLED * (size + ROUND_OFF * units.pressure)
+    sticks = (last >= 0.99 * halfway) & (size > size_halfway)
+    each(settled | sticks, "traction under slip comes to no rest", gap, traction)
+    return Rest(slip, normal, traction, settled)
+
+
+def _check_rests(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
+    """Tractions at rest under slip work along it, whatever the step that leads there."""
+    seed = int(random.integers(2**32))
+    short, long = (rest(law, units, np.random.default_rng(seed), step) for step in STEPS)
+    for found in (short, long):
+        work = np.einsum("na,na->n", found.traction[:, :2], found.slip) / (units.pressure * units.gap)
+        each(work >= -ROUND_OFF, "slip gains energy", found.slip, found.traction)
+    both = short.settled & long.settled
+    difference = np.linalg.norm(short.traction - long.traction, axis=1)
+    within = ~both | (difference <= 1e-5 * np.linalg.norm(short.traction, axis=1))
+    each(within, "traction under slip depends on the step", short.slip, np.hstack([short.traction, long.traction]))
+
+
+def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> None:
+    """A law that ignores the gap says by t + r G = trial which gap G belongs to t: the same for every r."""
+    lengths = units.lengths()
+    tractions = [law.resolve(trial, gap, r) for r in lengths]
+    if any((law.resolve(trial, 0.3 * gap[::-1], r) != t).any() for r, t in zip(lengths, tractions, strict=True)):
+        return
+    for r, traction in zip(lengths, tractions, strict=True):
+        for other in lengths:
+            scale = np.array([other[1] / r[1], other[1] / r[1], other[0] / r[0]])
+            moved = traction + scale * (trial - traction)
+            again = law.resolve(moved, gap, other)
+            within = np.abs(again - traction).max(axis=1) <= _SOLVED * np.maximum(
+                np.abs(moved).max(axis=1), units.pressure
+            )
+            each(within, "solutions depend on the step r", trial, np.hstack([traction, again]))
+
+
+def _check_tangent(law: ContactLaw, trial: Array) -> None:
+    """tangent against one-sided differences, where those agree."""
+    tangent = law.tangent(trial)
+    require(tangent.shape == (len(trial), 3, 3), "tangent is not (n, 3, 3)", tangent.shape)
+    beside = law.tangent(without_indenter(trial))
+    each(~beside.any(axis=(1, 2)), "tangent where there is no indenter above", trial, beside)
+    smooth = _check_derivative(law.project, trial, tangent, 1.0, "tangent is not the derivative of project")
+    require(2 * int(smooth.sum()) > len(trial), "project has kinks at most of the random trials", int(smooth.sum()))
+
+
+def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> None:
+    """tangents against one-sided differences of resolve by the trial and by the gap."""
+    derivatives = law.tangents(trial, gap, r)
+    beside = law.tangents(without_indenter(trial), without_indenter(gap), r)
+    for derivative, nothing in zip(derivatives, beside, strict=True):
+        require(derivative.shape == (len(trial), 3, 3), "tangents are not (n, 3, 3) each", derivative.shape)
+        each(~nothing.any(axis=(1, 2)), "tangents where there is no indenter above", trial, nothing)
+    what = "tangents are not the derivatives of resolve by the"
+    _check_derivative(lambda moved: law.resolve(moved, gap, r), trial, derivatives[0], 1.0, f"{what} trial")
+    _check_derivative(lambda moved: law.resolve(trial, moved, r), gap, derivatives[1], max(r), f"{what} gap")
+
+
+def _check_derivative(
+    function: Callable[[Array], Array], at: Array, derivative: Array, unit: float, what: str
+) -> NDArray[np.bool_]:
+    """Requires a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
+
+    unit: of the derivative, below which its size does not count.
+    """
+    each(np.isfinite(derivative).all(axis=(1, 2)), f"{what}: not finite", at, derivative)
+    size = np.abs(at).max(axis=1, keepdims=True)
+    width, here = _WIDTH * np.where(size > 0.0, size, size.max()), function(at)
+    ahead, behind = np.empty_like(derivative), np.empty_like(derivative)
+    for column, axis in enumerate(np.eye(3)):
+        ahead[:, :, column] = (function(at + width * axis) - here) / width
+        behind[:, :, column] = (here - function(at - width * axis)) / width
+    largest = np.maximum(np.abs(ahead).max(axis=(1, 2)), unit)
+    smooth: NDArray[np.bool_] = np.abs(ahead - behind).max(axis=(1, 2)) <= _KINK * largest
+    error = np.abs(derivative - 0.5 * (ahead + behind)).max(axis=(1, 2)) / largest
+    each(~smooth | (error <= 1e-3), what, at, derivative)
+    return smooth

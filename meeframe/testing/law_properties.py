@@ -1,0 +1,93 @@
+"""Properties that a contact law may have or not; see meeframe.testing.contact."""
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw
+from meeframe.testing.law_maps import SAMPLES, STEPS, Units, metric, other_slips, rest
+from meeframe.testing.requirements import ROUND_OFF, close, each, require
+
+
+def check_homogeneous(law: ContactLaw, seed: int = 0) -> None:
+    """project(a trial) = a project(trial) for a > 0, as for a law without a stress of its own."""
+    trial = np.random.default_rng(seed).normal(size=(SAMPLES, 3))
+    for factor in (1e-9, 1e-3, 7.0, 1e9):
+        close(law.project(factor * trial), factor * law.project(trial), factor, "project is not homogeneous")
+
+
+def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
+    """At a given slip and pressure no admissible traction does more work than the one at rest (eq. 12).
+
+    Maximum dissipation: the slip is normal to the boundary of the admissible tangential tractions.
+    """
+    found = rest(law, Units(pressure, gap), np.random.default_rng(seed), STEPS[0])
+    angles = np.linspace(0.0, 2.0 * np.pi, 2 * SAMPLES, endpoint=False)
+    far = 1e3 * pressure * np.column_stack([np.cos(angles), np.sin(angles)])
+    for node in np.flatnonzero(found.settled)[:60]:
+        trial = np.column_stack([far, np.full(len(far), found.normal[node])])
+        works = law.project(trial)[:, :2] @ found.slip[node]
+        work = found.traction[node, :2] @ found.slip[node]
+        scale = max(float(np.abs(works).max()), ROUND_OFF * pressure * float(np.linalg.norm(found.slip[node])))
+        excess = (works.max() - work) / scale
+        require(bool(excess <= 1e-6), "slip does not dissipate the most that the friction limit allows", excess)
+
+
+def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
+    """At equal normal trial and gap tangential tractions of `resolve` differ in the sense in which their trials do,
+    in the law's metric: as of every law whose slip grows with its traction, so that given slips have one traction."""
+    random, units = np.random.default_rng(seed), Units(pressure, gap)
+    trial = pressure * random.normal(size=(SAMPLES, 3))
+    apart = other_slips(trial, pressure, random)
+    root = metric(law)
+    for r in units.lengths():
+        states = gap * random.normal(size=(SAMPLES, 3))
+        change = (law.resolve(apart, states, r) - law.resolve(trial, states, r))[:, :2] @ root
+        work = np.einsum("na,na->n", change, (apart - trial)[:, :2] @ root)
+        within = work >= -1e-9 * (pressure * np.abs(root).max()) ** 2
+        each(within, "resolve is not monotone", np.hstack([trial, apart]), change)
+
+
+def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
+    """The attraction never grows with the gap, from contact to far away."""
+    gaps = np.concatenate([[0.0], gap * np.geomspace(1e-6, 1e6, SAMPLES), [np.inf]])
+    rise = np.diff(law.adhesion(gaps))
+    each(rise <= 0.0, "attraction grows with the gap", gaps[1:], rise)
+
+
+def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
+    """project commutes with every rotation and reflection of the tangent plane."""
+    random = np.random.default_rng(seed)
+    trial = pressure * random.normal(size=(SAMPLES, 3))
+    for angle in random.uniform(0.0, 2.0 * np.pi, 10):
+        for mirror in (1.0, -1.0):
+            turn = np.diag([1.0, mirror, 1.0])
+            turn[:2, :2] = turn[:2, :2] @ _axes(angle)
+            close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "friction depends on the direction")
+
+
+def check_orthotropic(
+    law: ContactLaw, mu: tuple[float, float], angle: float = 0.0, pressure: float = 1e6, seed: int = 0
+) -> None:
+    """project commutes with reflections in the principal axes, and along them the friction limit is mu p.
+
+    mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad].
+    """
+    random = np.random.default_rng(seed)
+    trial = pressure * random.normal(size=(SAMPLES, 3))
+    axes = np.eye(3)
+    axes[:2, :2] = _axes(angle)
+    for mirror in ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
+        turn = axes.T @ np.diag(mirror) @ axes
+        close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "not symmetric about its principal axes")
+    drag = 1e3 * pressure
+    for name, axis, coefficient in zip(("first", "second"), axes[:2], mu, strict=True):
+        limit = law.project(np.array([drag * axis - [0.0, 0.0, pressure]]))[0] @ axis
+        close(
+            np.array(limit), np.array(min(coefficient * pressure, drag)), drag, f"friction limit along the {name} axis"
+        )
+
+
+def _axes(angle: float) -> Array:
+    """Directions at an angle and a right angle further as rows, (2, 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
