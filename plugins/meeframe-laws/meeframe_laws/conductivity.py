@@ -34,10 +34,8 @@ class PowerLaw(ConductivityLaw):
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
-        kappa: Array = (
-            self.reference_conductivity * (_pressure(normal_traction, self.reference_pressure)) ** self.exponent
-        )
-        return kappa
+        pressure = _pressure(normal_traction, self.reference_pressure)
+        return np.asarray(self.reference_conductivity * pressure**self.exponent)
 
 
 @final
@@ -93,16 +91,17 @@ class Thresholded(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class AcrossGap(ConductivityLaw):
-    """kappa = gap_constant / (gap + residual_gap) where the contact is open, contact_conductivity where it is closed.
+    """kappa = gap_constant / (gap + residual_gap), and contact_conductivity besides where there is pressure.
 
-    The field in a narrow gap is uniform across it: a parallel-plate capacitor at each point (semi-permeable condition
-    of cracks: Hao & Shen, Eng. Fract. Mech. 47 (1994) 793). Without a residual gap and with perfect conduction in
-    contact, as by default, the conductivity passes from open to closed without a jump. The pull of the field on the
+    The field in a narrow gap is uniform across it: at each point a capacitor of parallel plates (semi-permeable
+    condition of cracks: Hao & Shen, Eng. Fract. Mech. 47 (1994) 793). Where surfaces touch, the spots of contact and
+    the gap that roughness leaves beside them conduct in parallel, so that contact never conducts less than a gap.
+    Without a residual gap the conductivity grows beyond all bounds while the gap closes. The pull of the field on the
     surfaces is not in it.
 
     gap_constant: permittivity [F/m] (electric) or permeability [H/m] (magnetic) of what fills the gap;
-    contact_conductivity: F/m^2 or H/m^2, may be inf; residual_gap: what roughness keeps apart [m], as much in closed
-    contact's neighbourhood as far away. Raises CaseError if one is out of bounds.
+    contact_conductivity: F/m^2 or H/m^2, of the spots of contact, may be inf; residual_gap: what roughness leaves
+    between surfaces that touch [m]. Raises CaseError if one is out of bounds.
     """
 
     across_gap: ClassVar[bool] = True
@@ -115,20 +114,21 @@ class AcrossGap(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) at normal gaps (n,) >= 0 [m], or under normal tractions (n,) < 0 [Pa]."""
-        across = _plates(self.gap_constant, gap + self.residual_gap)
-        return np.where(normal_traction < 0.0, self.contact_conductivity, across)
+        """kappa (n,) of normal tractions (n,) [Pa], < 0 in contact, and normal gaps (n,) >= 0 [m]."""
+        spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
+        return np.asarray(spots + _plates(self.gap_constant, gap + self.residual_gap))
 
 
 @final
 @dataclass(frozen=True)
 class Breakdown(ConductivityLaw):
-    """As AcrossGap, but the field |drop| / g, g = gap + residual_gap, is limited by sparks.
+    """As AcrossGap, but the field |drop| / g, g = gap + residual_gap, is limited by discharge.
 
     flux = gap_constant / g min(|drop|, breakdown_field g) + breakdown_conductivity max(|drop| - breakdown_field g, 0),
-    with the sign of the drop; kappa = flux / drop is continuous. The larger the conductivity of the spark, the less the
-    field exceeds the breakdown field. Source: discharge in cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291;
-    about 3 MV/m in air between plates far apart, more in gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
+    with the sign of the drop; kappa = flux / drop is continuous. The larger the conductivity of the discharge, the less
+    the field exceeds the breakdown field. Where there is pressure contact_conductivity is added. Source: discharge in
+    cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291; about 3 MV/m in air between plates far apart, more in gaps of
+    micrometres (Paschen, Ann. Phys. 273 (1889) 69).
 
     gap_constant, contact_conductivity, residual_gap: see AcrossGap; breakdown_field: V/m (electric) or A/m (magnetic);
     breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError if one is out of bounds.
@@ -146,13 +146,14 @@ class Breakdown(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) at normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A], or under tractions (n,) < 0 [Pa]."""
+        """kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
+        spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
         plates, size = gap + self.residual_gap, np.abs(drop)
         excess = size - self.breakdown_field * plates
+        discharge = excess > 0.0
         flux = self.gap_constant * self.breakdown_field + self.breakdown_conductivity * excess
-        sparks = excess > 0.0
-        across = np.where(sparks, flux / np.where(sparks, size, 1.0), _plates(self.gap_constant, plates))
-        return np.where(normal_traction < 0.0, self.contact_conductivity, across)
+        across = np.where(discharge, flux / np.where(discharge, size, 1.0), _plates(self.gap_constant, plates))
+        return np.asarray(spots + across)
 
 
 @final
@@ -212,7 +213,7 @@ RECORDS: list[Record[ConductivityLaw]] = [
     Record(
         "across-gap",
         AcrossGap,
-        "permittivity or permeability over the gap where open, kappa in contact",
+        "permittivity or permeability over the gap, and kappa in contact besides",
         "Hao & Shen, Eng. Fract. Mech. 47 (1994) 793-802 (semi-permeable condition)",
     ),
     Record(
