@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.law import attraction, attracts
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
@@ -124,11 +125,11 @@ def _between(closed: Array) -> Mask:
 def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
     """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze."""
     equation = point.equation
+    motion = point.motion + fraction * step.motion
     load = point.load + fraction * step.local[:, :N_FIELDS]
-    load[:, MECHANICAL] = equation.problem.contact_law.project(load[:, MECHANICAL])
+    load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
     # what is left of a traction that the step took away
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
-    motion = point.motion + fraction * step.motion
     moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
     flips = flips + (changed & moved.jump.any(axis=1))
@@ -136,6 +137,19 @@ def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Arr
     if (grazing == moved.grazing).all():
         return flips, moved
     return flips, equation.at(load, moved.closed, grazing, motion)
+
+
+def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
+    """Tractions (n, 3) of a load (n, 5) at a motion (m,), the contact's part of them projected by the law."""
+    law, traction = problem.contact_law, load[:, MECHANICAL].copy()
+    pull = np.zeros(len(load))
+    if attracts(law):
+        displacement = problem.system.offset + problem.system.apply(load)
+        pull = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
+    traction[:, 2] -= pull
+    traction = law.project(traction)
+    traction[:, 2] += pull
+    return traction
 
 
 def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:
