@@ -3,12 +3,28 @@
 from collections.abc import Iterable
 
 from meeframe.core.formulation import Formulation
+from meeframe.core.indenter import Indenter
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe_halfspace.formulation import HalfSpace
+from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
+from meeframe_halfspace.height_map import MeasuredHeights
 from meeframe_halfspace.manufactured import GaussianLoad
-from meeframe_halfspace.response import PointResponse
+from meeframe_halfspace.response import PointResponse, indentation_modulus
+from meeframe_halfspace.self_affine import SelfAffine
 
-__all__ = ["GaussianLoad", "HalfSpace", "PointResponse", "meeframe_formulations"]
+__all__ = [
+    "GaussianLoad",
+    "HalfSpace",
+    "HeightMap",
+    "MeasuredHeights",
+    "PointResponse",
+    "Scales",
+    "SelfAffine",
+    "indentation_modulus",
+    "meeframe_formulations",
+    "meeframe_indenters",
+    "read_height_map",
+]
 
 
 @hookimpl
@@ -21,4 +37,23 @@ def meeframe_formulations() -> Iterable[Record[Formulation]]:
             summary="anisotropic half space, free or periodic, by fast Fourier transforms on a regular grid",
             source="Barnett & Lothe, Phys. Norvegica 7 (1973) 13; Stanley & Kato, J. Tribol. 119 (1997) 481",
         )
+    ]
+
+
+@hookimpl
+def meeframe_indenters() -> Iterable[Record[Indenter]]:
+    """Register the rough surfaces of this package."""
+    return [
+        Record(
+            name="height-map",
+            factory=MeasuredHeights,
+            summary="measured surface: npy, HDF5, Surfer and ESRI ASCII grids, matrices and columns of profilometers",
+            source="a file",
+        ),
+        Record(
+            name="self-affine",
+            factory=SelfAffine,
+            summary="periodic random surface with a self-affine spectrum between roll-off and cut-off",
+            source="Jacobs, Junge & Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001",
+        ),
     ]

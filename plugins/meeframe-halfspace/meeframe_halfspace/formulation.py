@@ -37,8 +37,6 @@ class HalfSpace(Formulation):
 
     def __post_init__(self) -> None:
         check_quantities(self)
-        if self.density not in ("bilinear", "constant", "trigonometric"):
-            raise CaseError(f"half-space: density = {self.density!r}; allowed: 'bilinear', 'constant', 'trigonometric'")
         if self.density == "trigonometric" and not self.periodic:
             raise CaseError("half-space: density = 'trigonometric' needs periodic = true: waves have no border")
         if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array, FieldScaling
 from meeframe.core.mesh import Indices
+from meeframe.geometry.zone import frames_of
 from meeframe.materials.half_space import surface_compliance
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
 
@@ -24,6 +25,8 @@ UPPER: Final = np.triu_indices(N_FIELDS)
 """Rows and columns of the symmetric entries, in the order in which they are kept."""
 STRICT: Final = np.triu_indices(N_FIELDS, 1)
 """The same of the antisymmetric entries."""
+NORMAL: Final = 9
+"""Place of the response of the normal displacement to the normal traction."""
 _FIRST_ANGLES, _MOST_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
 _CONVERGED = 1e-13
@@ -88,6 +91,18 @@ def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[
     y = surface_compliance(stiffness, frame[2], directions) / np.outer(factors, factors)
     local: NDArray[np.complex128] = axes @ y @ axes.T
     return local
+
+
+def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> float:
+    """Modulus M [Pa] of a frictionless insulating indenter on the surface with this outward normal (3,).
+
+    The normal point response, averaged over all directions, is that of an isotropic half space with M = E/(1 - nu^2).
+    A round punch, sphere or cone meets M exactly where the response does not depend on direction, and to first order
+    of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
+    """
+    nu = np.asarray(normal, float) / np.linalg.norm(normal)
+    mean = PointResponse.of(stiffness, frames_of(nu[None])[0]).even[0, 0, NORMAL]
+    return float(1.0 / (np.pi * mean * FieldScaling.of(stiffness).factors[2] ** 2))
 
 
 def entries_to_matrix(values: Array) -> Array:

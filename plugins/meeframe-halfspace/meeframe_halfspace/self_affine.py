@@ -1,0 +1,112 @@
+"""Self-affine random surfaces."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Final, final
+
+import numpy as np
+from pydantic import Field
+from scipy.ndimage import map_coordinates, spline_filter
+
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array
+from meeframe.core.indenter import Indenter
+from meeframe.core.quantities import Quantity, check_quantities
+
+SAMPLES_PER_WAVE: Final = 8
+"""Of the shortest wave, where the number of samples is not given."""
+
+
+@final
+@dataclass(frozen=True)
+class SelfAffine(Indenter):
+    """A rigid periodic surface, sum of waves of random phases with a self-affine spectrum.
+
+    The power spectral density is constant for wavelengths from the period down to the roll-off, falls like
+    q^-2(1 + hurst) from there to the shortest wavelength, and is zero beyond. Given is either the root mean square
+    height or the root mean square slope (of the gradient's length), which the surface has exactly.
+
+    roll_off: by default the period. seed: of the phases; waves are numbered from the longest on, so that a shorter
+    cut-off adds waves and leaves the long ones as they are. samples: along the period, at the middles of so many equal
+    parts of it; a contact zone of samples - 1 divisions, one part shorter than the period, has its nodes there. Between
+    samples a periodic cubic spline. Heights count from the lowest sample.
+    """
+
+    period: Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
+    shortest: Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
+    hurst: Annotated[float, Quantity("", gt=0, le=1)]
+    rms_height: Annotated[float, Quantity("m", gt=0, lt=float("inf"))] | None = None
+    rms_slope: Annotated[float, Quantity("", gt=0, lt=float("inf"))] | None = None
+    roll_off: Annotated[float, Quantity("m", gt=0, lt=float("inf"))] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    samples: Annotated[int, Field(ge=4)] | None = None
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+        if (self.rms_height is None) == (self.rms_slope is None):
+            raise CaseError("self-affine: give either rms_height or rms_slope")
+        for name in ("rms_height", "rms_slope", "roll_off"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < float("inf"):
+                raise CaseError(f"self-affine: {name} = {value!r}; allowed: finite numbers > 0")
+        longest = self.period if self.roll_off is None else self.roll_off
+        if not self.shortest <= longest <= self.period:
+            raise CaseError(
+                f"self-affine: shortest = {self.shortest!r} m, roll-off {longest!r} m, period = {self.period!r} m; "
+                "allowed: shortest <= roll_off <= period"
+            )
+        least = 2 * int(self.period / self.shortest) + 1
+        if self.samples is not None and self.samples < least:
+            raise CaseError(f"self-affine: samples = {self.samples!r}; the shortest wave needs at least {least}")
+
+    def surface(self) -> Array:
+        """Heights about their mean, (samples, samples) [m], at x and y = (i + 1/2) period / samples - period / 2."""
+        return _surface(self)
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height above the lowest sample, (n,) [m]."""
+        spline, lowest, count = _spline(self)
+        places = (np.array([x, y]) / self.period + 0.5) * count - 0.5
+        heights: Array = map_coordinates(spline, places, order=3, mode="grid-wrap", prefilter=False) - lowest
+        # a spline may swing below the lowest sample
+        return np.maximum(heights, 0.0)
+
+
+def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
+    """Numbers (m, 2) of waves along the period, of each pair of opposite ones one, amplitudes (m,) [m], phases (m,)."""
+    most = int(surface.period / surface.shortest * (1 + 1e-12))
+    numbers = np.indices((2 * most + 1, 2 * most + 1)).reshape(2, -1).T - most
+    square = (numbers**2).sum(axis=1)
+    first = (numbers[:, 0] > 0) | ((numbers[:, 0] == 0) & (numbers[:, 1] > 0))
+    kept = first & (square <= (surface.period / surface.shortest) ** 2 * (1 + 1e-12))
+    numbers, square = numbers[kept], square[kept]
+    order = np.lexsort((numbers[:, 1], numbers[:, 0], square))
+    numbers, q = numbers[order], 2.0 * np.pi / surface.period * np.sqrt(square[order])
+    knee = 2.0 * np.pi / (surface.roll_off or surface.period)
+    amplitudes = np.maximum(q / knee, 1.0) ** -(1.0 + surface.hurst)
+    if surface.rms_height is not None:
+        amplitudes *= surface.rms_height / np.sqrt((amplitudes**2).sum() / 2.0)
+    elif surface.rms_slope is not None:
+        amplitudes *= surface.rms_slope / np.sqrt(((q * amplitudes) ** 2).sum() / 2.0)
+    return numbers, amplitudes, np.random.default_rng(surface.seed).uniform(0.0, 2.0 * np.pi, len(q))
+
+
+@lru_cache(maxsize=2)
+def _surface(surface: SelfAffine) -> Array:
+    numbers, amplitudes, phases = _waves(surface)
+    count = surface.samples or SAMPLES_PER_WAVE * (int(surface.period / surface.shortest) + 1)
+    spectrum = np.zeros((count, count), complex)
+    # phases are those at the corner of the period, half a sample before the first one
+    waves = amplitudes / 2.0 * np.exp(1j * (phases + np.pi / count * numbers.sum(axis=1)))
+    spectrum[tuple(numbers.T)] += waves
+    spectrum[tuple(-numbers.T)] += np.conj(waves)
+    heights: Array = np.fft.ifft2(spectrum, norm="forward").real
+    heights.setflags(write=False)
+    return heights
+
+
+@lru_cache(maxsize=2)
+def _spline(surface: SelfAffine) -> tuple[Array, float, int]:
+    """Coefficients of the periodic cubic spline, its lowest sample, samples along a side."""
+    heights = _surface(surface)
+    return spline_filter(heights, order=3, mode="grid-wrap"), float(heights.min()), len(heights)

@@ -1,0 +1,210 @@
+"""Rough surfaces: statistics, spectra, files."""
+
+import h5py
+import numpy as np
+import pytest
+from meeframe_halfspace import MeasuredHeights, Scales, SelfAffine, read_height_map
+
+from meeframe.core.errors import CaseError
+from meeframe.testing import check_indenter
+
+PERIOD = 2e-3
+ROUGH = SelfAffine(PERIOD, shortest=PERIOD / 24, hurst=0.8, rms_height=1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
+
+
+def spectral(surface, power):
+    """Mean square of the gradient to a power, from the discrete transform."""
+    heights = surface.surface()
+    n = len(heights)
+    q = 2.0 * np.pi * np.fft.fftfreq(n, surface.period / n)
+    size = np.abs(np.fft.fft2(heights) / n**2) ** 2
+    return float((size * np.hypot(q[:, None], q) ** power).sum()), size, np.hypot(q[:, None], q)
+
+
+def test_root_mean_squares_are_exact():
+    assert np.std(ROUGH.surface()) == pytest.approx(1e-6, rel=1e-12)
+    steep = SelfAffine(PERIOD, PERIOD / 24, 0.8, rms_slope=0.02, seed=3, samples=128)
+    assert np.sqrt(spectral(steep, 2)[0]) == pytest.approx(0.02, rel=1e-12)
+
+
+def test_spectrum_is_flat_then_falls_then_ends():
+    _, size, q = spectral(ROUGH, 0)
+    knee, end = 2.0 * np.pi * 3 / PERIOD, 2.0 * np.pi * 24 / PERIOD
+    flat, falling = size[(q > 0) & (q <= knee)], (q > knee * 1.0001) & (q < end * 0.9999)
+    np.testing.assert_allclose(flat, flat[0], rtol=1e-9)
+    slope = np.polyfit(np.log(q[falling]), np.log(size[falling]), 1)[0]
+    assert slope == pytest.approx(-2.0 * (1.0 + 0.8), abs=1e-9)
+    assert size[q > end * 1.0001].max() < 1e-25 * flat[0]
+
+
+def test_other_samples_are_the_same_surface():
+    fine = SelfAffine(PERIOD, PERIOD / 24, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=384)
+    # three times as many: each sample of the coarse one is the middle of three
+    np.testing.assert_allclose(fine.surface()[1::3, 1::3], ROUGH.surface(), atol=1e-18)
+
+
+def test_a_shorter_cut_off_leaves_the_long_waves():
+    other = SelfAffine(PERIOD, PERIOD / 40, 0.8, 1e-6, roll_off=PERIOD / 3, seed=3, samples=128)
+    first, second = (np.fft.fft2(s.surface()) for s in (ROUGH, other))
+    np.testing.assert_allclose(np.angle(second * np.conj(first))[1:6, 1:6], 0.0, atol=1e-9)
+
+
+def test_height_is_exact_at_samples_and_periodic_between():
+    i = (np.arange(128) + 0.5) * PERIOD / 128 - PERIOD / 2
+    x, y = (grid.ravel() for grid in np.meshgrid(i, i, indexing="ij"))
+    heights = ROUGH.surface() - ROUGH.surface().min()
+    np.testing.assert_allclose(ROUGH.height(x, y), heights.ravel(), atol=1e-17)
+    random = np.random.default_rng(0).uniform(-PERIOD, PERIOD, (2, 50))
+    np.testing.assert_allclose(ROUGH.height(*random), ROUGH.height(random[0] + PERIOD, random[1] - PERIOD), atol=1e-16)
+
+
+def test_seeds_differ_and_repeat():
+    again, other = (SelfAffine(PERIOD, PERIOD / 24, 0.8, 1e-6, seed=seed, samples=128) for seed in (0, 1))
+    assert np.corrcoef(again.surface().ravel(), other.surface().ravel())[0, 1] < 0.9
+    np.testing.assert_array_equal(again.surface(), SelfAffine(PERIOD, PERIOD / 24, 0.8, 1e-6, samples=128).surface())
+
+
+def test_conformance():
+    check_indenter(ROUGH)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({}, "either"),
+        ({"rms_height": 1e-6, "rms_slope": 0.1}, "either"),
+        ({"rms_height": -1e-6}, "rms_height"),
+        ({"rms_height": 1e-6, "roll_off": 5e-3}, "roll_off"),
+        ({"rms_height": 1e-6, "samples": 40}, "at least"),
+    ],
+)
+def test_keys_of_random_surfaces(keys, message):
+    with pytest.raises(CaseError, match=message):
+        SelfAffine(**{"period": PERIOD, "shortest": PERIOD / 24, "hurst": 0.8, **keys})
+
+
+NX, NY, DX, DY = 7, 5, 2e-6, 3e-6
+HEIGHTS = np.random.default_rng(5).normal(size=(NX, NY)) * 1e-7
+
+
+def surfer(path):
+    rows = "\n".join(" ".join(f"{1e9 * h:.12g}" for h in row) for row in HEIGHTS.T)
+    path.write_text(f"DSAA\n{NX} {NY}\n0 {1e6 * DX * (NX - 1)}\n0 {1e6 * DY * (NY - 1)}\n-1 1\n{rows}\n")
+
+
+def columns(path):
+    rows = [f"{1e6 * DX * i}, {1e6 * DY * j}, {1e9 * HEIGHTS[i, j]:.12g}" for j in range(NY) for i in range(NX)]
+    path.write_text("X, Y, Z\n# by a profilometer\n" + "\n".join(rows[::-1]))
+
+
+def gwyddion(path):
+    rows = "\n".join("\t".join(f"{1e9 * h:.12g}" for h in row) for row in HEIGHTS.T)
+    sizes = f"# Width: {1e6 * DX * NX:g} µm\n# Height: {1e6 * DY * NY:g} µm\n# Value units: nm\n"
+    path.write_text("# Channel: Height\n" + sizes + rows, encoding="utf-8")
+
+
+def numpy_rows(path):
+    x, y = np.meshgrid(1e6 * DX * np.arange(NX), 1e6 * DY * np.arange(NY), indexing="ij")
+    np.save(path, np.column_stack([x.ravel(), y.ravel(), 1e9 * HEIGHTS.ravel()]))
+
+
+def hdf5(path):
+    with h5py.File(path, "w") as file:
+        file["a/heights"] = 1e9 * HEIGHTS.T
+        file["noise"] = np.zeros((2, 2))
+
+
+IN_NM = Scales(unit=1e-9, lateral_unit=1e-6)
+MATRIX = Scales(unit=1e-9, spacing=(DX, DY))
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "scales"),
+    [
+        ("map.grd", surfer, IN_NM),
+        ("map.csv", columns, IN_NM),
+        ("map.txt", gwyddion, Scales()),
+        ("rows.npy", numpy_rows, IN_NM),
+        ("matrix.npy", lambda path: np.save(path, 1e9 * HEIGHTS.T), MATRIX),
+        ("plain.txt", lambda path: np.savetxt(path, 1e9 * HEIGHTS.T), MATRIX),
+        ("map.h5", hdf5, Scales(unit=1e-9, spacing=(DX, DY), dataset="a/heights")),
+    ],
+)
+def test_formats(tmp_path, name, write, scales):
+    write(tmp_path / name)
+    found = read_height_map(tmp_path / name, scales)
+    np.testing.assert_allclose(found.heights, HEIGHTS, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(found.x), DX, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(found.y), DY, rtol=1e-9)
+
+
+def test_esri_grid_begins_in_the_north_and_knows_missing_heights(tmp_path):
+    path = tmp_path / "map.asc"
+    path.write_text("ncols 3\nnrows 2\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -1\n4 5 6\n1 2 -1\n")
+    found = read_height_map(path)
+    np.testing.assert_array_equal(found.x, [11.0, 13.0, 15.0])
+    np.testing.assert_array_equal(found.y, [21.0, 23.0])
+    np.testing.assert_array_equal(found.heights, [[1.0, 4.0], [2.0, 5.0], [np.nan, 6.0]])
+    with pytest.raises(CaseError, match="1 of 6 heights are missing"):
+        MeasuredHeights(path).height(np.zeros(1), np.zeros(1))
+    filled = MeasuredHeights(path, missing="nearest", facing="down", centred=False)
+    np.testing.assert_allclose(filled.height(np.array([11.0, 15.0]), np.array([21.0, 23.0])), [0.0, 5.0])
+
+
+def test_peaks_touch_first(tmp_path):
+    path = tmp_path / "map.npy"
+    np.save(path, HEIGHTS.T)
+    x, y = (g.ravel() for g in np.meshgrid(DX * np.arange(NX), DY * np.arange(NY), indexing="ij"))
+    x, y = x - x.max() / 2, y - y.max() / 2
+    up = MeasuredHeights(path, spacing=(DX, DY))
+    np.testing.assert_allclose(up.height(x, y), HEIGHTS.max() - HEIGHTS.ravel(), atol=1e-16)
+    down = MeasuredHeights(path, spacing=(DX, DY), facing="down")
+    np.testing.assert_allclose(down.height(x, y), HEIGHTS.ravel() - HEIGHTS.min(), atol=1e-16)
+    assert np.isinf(up.height(np.array([DX * NX]), np.zeros(1)))
+    lowest = np.unravel_index(HEIGHTS.argmin(), HEIGHTS.shape)
+    moved = HEIGHTS - HEIGHTS[lowest]
+    moved[NX // 2, NY // 2] = -1e-8  # under the axis, where the kit looks for it
+    np.save(path, moved.T)
+    check_indenter(MeasuredHeights(path, spacing=(DX, DY), facing="down", interpolation="cubic"), size=DX / 2)
+
+
+def test_levelled_takes_the_plane_away(tmp_path):
+    x, y = np.meshgrid(DX * np.arange(NX), DY * np.arange(NY), indexing="ij")
+    wave = np.where((np.indices((NX, NY)).sum(axis=0) % 2) == 0, 1e-7, -1e-7)
+    paths = [tmp_path / "tilted.npy", tmp_path / "level.npy"]
+    for path, tilt in zip(paths, (1e-2, 0.0), strict=True):
+        np.save(path, (wave + tilt * x - tilt / 2 * y).T)
+    tilted, level = (MeasuredHeights(path, spacing=(DX, DY), levelled=True) for path in paths)
+    at = np.random.default_rng(0).uniform(-DX, DX, (2, 20))
+    np.testing.assert_allclose(tilted.height(*at), level.height(*at), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("1 2 3 4\n5 6 7 8\n", "spacing"),
+        ("1 2 3\n4 5\n", "equally many"),
+        ("nothing\n", "equally many"),
+        ("DSAA\n3 3\n0 1\n0 1\n0 1\n1 2 3\n", "do not make"),
+        ("ncols 3\nnrows 1\n1 2 3\n", "cellsize"),
+        ("0 0 1\n1 0 1\n0 1 1\n", "no full grid"),
+    ],
+)
+def test_files_that_do_not_serve(tmp_path, content, message):
+    path = tmp_path / "map.txt"
+    path.write_text(content)
+    with pytest.raises(CaseError, match=rf"map\.txt.*{message}"):
+        read_height_map(path)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(CaseError, match="cannot be read"):
+        MeasuredHeights(tmp_path / "none.npy").height(np.zeros(1), np.zeros(1))
+
+
+def test_statistics_of_a_map(tmp_path):
+    x = np.linspace(0.0, 1.0, 401)
+    np.save(tmp_path / "wave.npy", np.tile(1e-2 * np.sin(2.0 * np.pi * x), (3, 1)))
+    found = read_height_map(tmp_path / "wave.npy", Scales(spacing=(x[1], 1.0)))
+    assert found.rms_height == pytest.approx(1e-2 / np.sqrt(2.0), rel=5e-3)
+    assert found.rms_slope == pytest.approx(2e-2 * np.pi / np.sqrt(2.0), rel=5e-3)
