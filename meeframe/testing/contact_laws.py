@@ -28,7 +28,7 @@ def check_contact_law(
     dissipates. `tangent`, `tangents`: the derivatives of the two where those have some.
     `adhesion`: pure, local, finite, >= 0, zero at infinity, continuous, that of contact where surfaces overlap. It may
     grow with the gap; check_fading asks that it does not. `initial_gap`: pure, local, finite.
-    `for_increment`: a frozen contact law of which all this holds, for no slip and long ways; pure and local; does not
+    `for_increment`: a contact law of which all this holds, for no slip and long ways; pure and local; does not
     see a duration unless the law needs one.
 
     pressure [Pa], gap [m], duration [s]: magnitudes of the random states; pass some that are typical for the law.
