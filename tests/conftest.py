@@ -52,6 +52,30 @@ approach = "10 um"
 """
 
 
+COUNTER = """
+[counter_body]
+zone = "contact"
+formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
+
+[counter_body.material]
+name = "pzt-4"
+
+[counter_body.mesh]
+half_width = "40 mm"
+height = "60 mm"
+contact_width = "5 mm"
+divisions = 4
+rings = 3
+layers = 2
+
+[[counter_body.boundary]]
+group = "base"
+displacement = [0, 0, 0]
+electric_potential = 0
+magnetic_potential = 0
+"""
+
+
 @dataclass(frozen=True)
 class Winkler(Formulation):
     """Independent springs: each node answers its own load alone, so that contact has a closed form."""
@@ -109,6 +133,12 @@ def case_file(write_case) -> Path:
         ('"10 um"', '"20 um"'),
         more='\n[[steps]]\napproach = "40 um"\n',
     )
+
+
+@pytest.fixture(scope="session")
+def counter_body():
+    """Tables of a second body for the tiny case, a bed of springs three times as stiff."""
+    return COUNTER
 
 
 SIDE = 5

@@ -31,9 +31,12 @@ _TOTALS: Final[Mapping[str, tuple[str, Callable[[Resultants], Any]]]] = {
     "magnetic_flux": ("Wb", lambda totals: totals.magnetic_flux),
     "contact_area": ("m^2", lambda totals: totals.contact_area),
     "max_pressure": ("Pa", lambda totals: totals.max_pressure),
+    "max_tension": ("Pa", lambda totals: totals.max_tension),
     "max_abs_electric_potential": ("V", lambda totals: totals.max_abs_electric_potential),
     "max_abs_magnetic_potential": ("A", lambda totals: totals.max_abs_magnetic_potential),
 }
+_OCCASIONAL: Final = ("max_tension",)
+"""Totals that the table shows only where a run has some."""
 _FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = {
     "pressure": ("Pa", lambda _, step: 0.0 - step.traction[:, 2]),
     "traction_x": ("Pa", lambda zone, step: _along(zone, step, 0)),
@@ -48,7 +51,7 @@ _FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = 
 class ComparedRun:
     """One combination. choices: what was chosen, by option; zone, steps: as in Result; planned: increments of the case;
     seconds: of the increments so far; system_seconds: of the reduced system, which others may share; refusal: why a
-    solver or law cannot take the case, if so."""
+    formulation, solver or law cannot take the case, if so."""
 
     choices: Mapping[str, str]
     zone: Zone
@@ -171,9 +174,11 @@ def comparison_table(comparison: Comparison) -> RenderableType:
         parts = ("x", "y", "z") if name == "force" else ("",)
         for i, part in enumerate(parts):
             values = [None if end is None else float(np.atleast_1d(of(end))[i]) for end in ends]
+            if name in _OCCASIONAL and not any(values):
+                continue
             table.add_row(f"{_words(name)} {part}".strip(), unit, *map(_shown, values))
     apart = [differences(run, runs[0]) for run in runs]
-    for name in ("force", "pressure", "traction_x", "electric_potential", "magnetic_potential"):
+    for name in ("force", *_FIELDS):
         table.add_row(f"difference in {_words(name)}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))

@@ -1,17 +1,28 @@
 """`meeframe compare`: all combinations on shared reduced systems, with the numbers that single runs have."""
 
 import json
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import meeframe
 from meeframe.case.load import load_case
 from meeframe.cli import app
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import CaseError, MaterialError
+from meeframe.core.law import ConductivityLaw
+from meeframe.core.quantities import Quantity
+from meeframe.core.result import resultants
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.study.compare import Choice, compare
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.plugin.hookspecs import Record
+from meeframe.plugin.registry import Entry, Kind, Provider
+from meeframe.report.compare import Comparison, comparison_table
+from meeframe.study.choices import Choice
+from meeframe.study.compare import compare
 
 COULOMB = '{name = "isotropic-coulomb", mu = 0.2}'
 
@@ -185,3 +196,135 @@ def test_labels_of_choices():
     assert Choice.read("contact-law", COULOMB).label == "isotropic-coulomb mu=0.2"
     with pytest.raises(CaseError, match="is no inline table"):
         Choice.read("contact-law", "{mu}")
+
+
+@dataclass(frozen=True)
+class Sticky(Signorini):
+    """Surfaces without friction that attract each other."""
+
+    strength: Annotated[float, Quantity("Pa", ge=0)] = 1e7
+
+    def adhesion(self, gap):
+        return self.strength / (1.0 + gap / 1e-5) ** 3
+
+
+@dataclass(frozen=True)
+class Soft(Signorini):
+    """A layer on the surface that gives way in proportion to the pressure."""
+
+    stiffness: Annotated[float, Quantity("Pa/m", gt=0)] = 1e14
+
+    def resolve(self, trial, gap, r):
+        normal = np.minimum(trial[:, 2], 0.0) / (1.0 + r[0] / self.stiffness)
+        return np.column_stack([np.zeros((len(trial), 2)), normal])
+
+
+@dataclass(frozen=True)
+class Slowing(IsotropicCoulomb):
+    """Coulomb friction whose coefficient falls with the mean way slipped before the increment."""
+
+    def for_increment(self, slip_path, duration):
+        return replace(self, mu=self.mu / (1.0 + slip_path.mean() / 1e-6))
+
+
+@dataclass(frozen=True)
+class Air(ConductivityLaw):
+    """A layer of air as thick as the gap, and a micrometre in contact."""
+
+    across_gap: ClassVar[bool] = True
+    permittivity: Annotated[float, Quantity("F/m", "H/m", gt=0)] = 8.9e-12
+
+    def conductivity(self, normal_traction, gap, drop):
+        return self.permittivity / (1e-6 + gap)
+
+
+@pytest.fixture
+def laws(registry):
+    """All that is installed, springs, and a law of each class."""
+    contact = {"sticky": Sticky, "soft": Soft, "slowing": Slowing}
+    new = [(Kind.CONTACT_LAW, name, law) for name, law in contact.items()] + [(Kind.CONDUCTIVITY_LAW, "air", Air)]
+    entries = [Entry(kind, Record(name, law, "for tests", "none"), Provider("tests", "0")) for kind, name, law in new]
+    return replace(registry, entries=(*registry.entries, *entries))
+
+
+def compared(path, laws, out, **options):
+    """The runs of a comparison from Python, by their labels."""
+    made = compare(path, {key.replace("_", "-"): value for key, value in options.items()}, out, registry=laws)
+    return {run.label: run for run in made.runs}
+
+
+def test_laws_of_different_classes_share_a_system(write_case, laws, tmp_path):
+    """Springs, on which each law has its own closed form; the table tells attraction by its tension."""
+    path = write_case(more='\n[[steps]]\ntranslation = ["9 um", 0]\nincrements = 2\n')
+    table = '{name = "slowing", mu = 0.3}'
+    runs = compared(
+        path, laws, tmp_path / "o", contact_law=["signorini", "sticky", "soft", table], solver=["auto", "uzawa"]
+    )
+    assert {run.status for run in runs.values()} == {"converged"}
+    assert len({run.system_seconds for run in runs.values()}) == 1
+    ends = {label: resultants(run.zone, run.steps[-1]) for label, run in runs.items()}
+    hard = ends["signorini, auto"].normal_force
+    assert ends["soft, auto"].normal_force == pytest.approx(hard / 2, rel=1e-8), "a layer as stiff as the springs"
+    assert ends["sticky, auto"].normal_force < hard
+    assert ends["sticky, auto"].max_tension > 0.0
+    slowing = [resultants(run.zone, step) for run in [runs["slowing mu=0.3, auto"]] for step in run.steps]
+    first, second = (total.tangential_force[0] / total.normal_force for total in slowing[1:])
+    path_before = runs["slowing mu=0.3, auto"].steps[1].slip_path.mean()
+    assert first == pytest.approx(0.3, rel=1e-8)
+    assert second == pytest.approx(0.3 / (1.0 + path_before / 1e-6), rel=1e-8)
+    for label in ("signorini", "sticky", "soft", "slowing mu=0.3"):
+        one, other = ends[f"{label}, auto"], ends[f"{label}, uzawa"]
+        assert one.normal_force == pytest.approx(other.normal_force, rel=1e-7)
+    console = Console(width=300)
+    with console.capture() as caught:
+        console.print(comparison_table(Comparison("", "", {}, tuple(runs.values()))))
+    (row,) = [line for line in caught.get().splitlines() if "largest tension" in line]
+    assert row.split().count("0") == 6
+
+
+def test_conductivities_across_the_gap_are_compared(write_case, laws, tmp_path):
+    path = write_case(('"10 um"', '"10 um"\nelectric_potential = "1 kV"'))
+    runs = compared(path, laws, tmp_path / "o", conductivity_law=["insulating", "air"])
+    charges = [resultants(run.zone, run.steps[-1]).charge for run in runs.values()]
+    assert [run.status for run in runs.values()] == ["converged", "converged"]
+    assert charges[0] == 0.0
+    assert charges[1] < 0.0
+
+
+def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_path, counter_body):
+    """Beds of springs in series; the file has them 1e14 and 3e14 Pa/m stiff."""
+    both = '{name = "winkler", stiffness = "2e14 Pa/m"}'
+    each = '{body = {name = "winkler", stiffness = "4e14 Pa/m"}, counter_body = {name = "winkler", stiffness = 4e14}}'
+    one = '{counter_body = {name = "winkler", stiffness = "1e14 Pa/m"}}'
+    made = compare(
+        write_case(more=counter_body), {"formulation": ["winkler", both, each, one]}, tmp_path / "o", registry=laws
+    )
+    forces = [resultants(run.zone, run.steps[-1]).normal_force for run in made.runs]
+    np.testing.assert_allclose(np.array(forces) / forces[0], np.array([0.75, 1.0, 2.0, 0.5]) / 0.75, rtol=1e-9)
+
+
+def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
+    with pytest.raises(CaseError, match="no body 'counter_body'; allowed: a name, or body"):
+        compare(write_case(), {"formulation": ['{counter_body = "winkler"}']}, tmp_path / "o", registry=laws)
+
+
+def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write_case, laws, tmp_path):
+    """Springs have none: they appear once."""
+    coarse = '{name = "dense-bem", quadrature_tolerance = 1e-2}'
+    options = {"formulation": ["winkler", coarse], "fundamental-solution": ["tabulated", "residue"]}
+    made = compare(write_case(), options, tmp_path / "both", registry=laws)
+    label = Choice.read("formulation", coarse).label
+    assert [run.label for run in made.runs] == ["winkler, -", f"{label}, tabulated", f"{label}, residue"]
+    assert [run.status for run in made.runs] == ["converged"] * 3
+    with pytest.raises(CaseError, match="--fundamental-solution: the formulation takes none"):
+        compare(write_case(), {"fundamental-solution": ["residue"]}, tmp_path / "none", registry=laws)
+
+
+def test_what_a_formulation_refuses_is_told_and_the_others_go_on(write_case, laws, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise MaterialError("not this material")
+
+    monkeypatch.setattr(DenseBEM, "reduce", refuse)
+    made = compare(write_case(), {"formulation": ["dense-bem", "winkler"]}, tmp_path / "o", registry=laws)
+    assert [(run.status, run.refusal) for run in made.runs] == [("refused", "not this material"), ("converged", "")]
+    assert [run["status"] for run in numbers(tmp_path / "o")] == ["refused", "converged"]

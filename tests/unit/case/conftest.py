@@ -15,29 +15,6 @@ from meeframe.geometry import Sphere
 from meeframe.laws import IsotropicCoulomb
 from meeframe.testing.elastic_half_space import elastic_half_space
 
-COUNTER = """
-[counter_body]
-zone = "contact"
-formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
-
-[counter_body.material]
-name = "pzt-4"
-
-[counter_body.mesh]
-half_width = "40 mm"
-height = "60 mm"
-contact_width = "5 mm"
-divisions = 4
-rings = 3
-layers = 2
-
-[[counter_body.boundary]]
-group = "base"
-displacement = [0, 0, 0]
-electric_potential = 0
-magnetic_potential = 0
-"""
-
 YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3
 
 
@@ -46,12 +23,6 @@ def half_space(cells=10, poisson=POISSON):
     corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
     quads = np.stack([corner, corner + 1, corner + cells + 1, corner + cells], axis=1)
     return replace(elastic_half_space(YOUNG, poisson, SIDE, cells), cells=(("quad", quads),))
-
-
-@pytest.fixture(scope="session")
-def counter_body():
-    """Tables of a second body for the tiny case, a bed of springs three times as stiff."""
-    return COUNTER
 
 
 @pytest.fixture(scope="session")
