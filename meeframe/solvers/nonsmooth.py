@@ -41,6 +41,8 @@ WIDTH: Final = 6e-6
 """Of differences on a logarithmic scale of pressure."""
 LOWEST: Final = 1e-9
 """Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
+NEAREST: Final = 1e-4
+"""Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
@@ -134,7 +136,7 @@ class Equation:
             return np.asarray(closed[:, None] * shut + (1.0 - closed[:, None]) * apart)
 
         size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
-        widths = WIDTH * np.maximum(size, LOWEST * self.scales.displacement)
+        widths = WIDTH * np.maximum(size, NEAREST * self.scales.displacement)
         for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
             more, less = ahead.copy(), ahead.copy()
             more[:, fields] += widths[:, fields]

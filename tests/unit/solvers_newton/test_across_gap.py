@@ -1,0 +1,137 @@
+"""Conductivities that follow the gap and the drop: linearisation against differences, solvers against each other."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, final
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import AT_REST, ContactProblem, Status
+from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, solve
+from meeframe.solvers.conduction import own_response
+from meeframe.solvers.nonsmooth import Equation
+from meeframe.testing.force_control import balanced_solution, check_same, released
+
+RANDOM = np.random.default_rng(11)
+CELLS = 8
+
+
+@final
+@dataclass(frozen=True)
+class Plates(ConductivityLaw):
+    """kappa / (1 + gap / distance) (1 + (drop / strength)^2), and more under pressure; smooth, of both kinds of slope.
+
+    pressed: (kappa (|p| / pressure)^0.5 besides) or 0.
+    """
+
+    across_gap: ClassVar[bool] = True
+
+    kappa: float
+    distance: float
+    strength: float
+    pressed: float = 0.0
+    pressure: float = 1.0
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        pressure = np.maximum(-normal_traction, 0.0) / self.pressure
+        across = self.kappa / (1.0 + gap / self.distance) * (1.0 + (drop / self.strength) ** 2)
+        return across + self.pressed * np.sqrt(pressure)
+
+
+@pytest.fixture
+def across(sphere):
+    """Maker of sphere problems; kappa: of the closed gap, strength: of the field, in characteristic units."""
+
+    def make(law, kappa: float, strength: float, pressed: float = 1.0, **options) -> ContactProblem:
+        problem = sphere("orthotropic", law, (1.0, 1.0), cells=CELLS, potentials=(2e4, -15.0), **options)
+        own, scales = own_response(problem)[0], Equation.of(problem).scales
+        laws = [
+            Plates(kappa / o, 0.1 * scales.displacement[2], strength * s, pressed * kappa / o, scales.pressure)
+            for o, s in zip(own, scales.displacement[3:], strict=True)
+        ]
+        return replace(problem, electric_law=laws[0], magnetic_law=laws[1])
+
+    return make
+
+
+@pytest.mark.parametrize("grazing", [False, True])
+@pytest.mark.parametrize("kappa", [0.3, 100.0])
+def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing) -> None:
+    """Nodes apart, in contact and with half-closed conduction; along random loads, row by row."""
+    problem = across(IsotropicCoulomb(0.3), kappa, 0.5)
+    equation = Equation.of(problem)
+    n = len(problem.gap)
+    # loads small enough for some nodes to stay apart
+    load = 0.2 * equation.scales.load * RANDOM.normal(size=(n, 5))
+    load[:, 2] = -np.abs(load[:, 2]) * np.where(problem.gap < 0.0, 1.0, 0.01)
+    mask = np.zeros(n, bool)
+    mask[::3] = grazing
+    closed = np.full(n, 0.5)
+    here = equation.at(load, closed, mask, AT_REST)
+    opened, width = here.ahead[:, 2], 1e-6
+    assert (opened > 0.1 * problem.electric_law.distance).sum() > 5
+    step = np.column_stack(
+        [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
+    )
+    ahead, behind = (
+        equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask, AT_REST) for h in (width, -width)
+    )
+    expected = (ahead.residual - behind.residual)[:, 3:5] / (2.0 * width)
+    blocks = here.linearise()
+    moved = problem.system.apply(step[:, :5])
+    got = (np.einsum("nij,nj->ni", blocks.a, step) + np.einsum("nij,nj->ni", blocks.b, moved))[:, 3:5]
+    # at a zero gap the conductivity has a kink, and where the trial changes sign the closed fraction jumps
+    smooth = (opened * ahead.ahead[:, 2] > 0.0) & (opened * behind.ahead[:, 2] > 0.0)
+    smooth &= np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2])
+    assert smooth.sum() > n // 2
+    np.testing.assert_allclose(got[smooth], expected[smooth], atol=1e-5 * np.abs(expected).max())
+
+
+def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> None:
+    """A law whose field is felt at a millionth of the characteristic potential: differences have to be that fine."""
+    problem = across(Signorini(), 1.0, 1e-6)
+    equation = Equation.of(problem)
+    law, n = problem.electric_law, len(problem.gap)
+    ahead = np.zeros((n, 5))
+    ahead[:, 2] = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
+    ahead[:, 3] = law.strength * RANDOM.uniform(-2.0, 2.0, n)
+    by_gap, by_drop = equation.transmissivity_across(np.zeros(n), ahead, np.zeros(n))
+    own = equation.own[:, 0]
+    kappa = law.conductivity(np.zeros(n), ahead[:, 2], ahead[:, 3])
+    change = own / (1.0 + own * kappa) ** 2
+    np.testing.assert_allclose(by_gap[:, 0], -change * kappa / (law.distance + ahead[:, 2]), rtol=1e-6)
+    rate = law.kappa / (1.0 + ahead[:, 2] / law.distance) * 2.0 * ahead[:, 3] / law.strength**2
+    np.testing.assert_allclose(by_drop[:, 0], change * rate, rtol=1e-6, atol=1e-9 * np.abs(change * rate).max())
+
+
+@pytest.mark.parametrize(("kappa", "strength"), [(0.1, 1.0), (1.0, 0.1), (30.0, 0.3)])
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
+def test_solvers_find_the_same(across, law, kappa, strength) -> None:
+    problem = across(law, kappa, strength, drag=0.3)
+    newton = solve(problem, SemismoothNewton())
+    assert newton.status is Status.CONVERGED, newton.message
+    for solver in (BarzilaiBorwein(), Nesterov()):
+        other = solve(problem, solver)
+        assert other.status is Status.CONVERGED, other.message
+        check_same(other.state, newton.state)
+
+
+@pytest.mark.parametrize("given", [("approach",), ("potentials",), ("approach", "translation", "potentials")])
+@pytest.mark.parametrize("solver", [SemismoothNewton(), BarzilaiBorwein()], ids=lambda solver: type(solver).__name__)
+def test_prescribed_forces_and_charges(across, solver, given) -> None:
+    problem = across(IsotropicCoulomb(0.4), 1.0, 0.3, drag=0.3)
+    held = solve(problem, SemismoothNewton())
+    free, motion = released(problem, held.state, *given)
+    solution = balanced_solution(free, solver)
+    check_same(solution.state, held.state)
+    np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-7)
+
+
+def test_newtons_method_converges_quadratically(across) -> None:
+    solution = solve(across(Signorini(), 3.0, 0.2), SemismoothNewton())
+    last = solution.history[-4:, 1]
+    assert solution.iterations <= 12
+    assert last[-1] <= 100.0 * last[-2] ** 2 or last[-1] < 1e-13
