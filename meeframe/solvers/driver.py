@@ -22,7 +22,9 @@ RUNAWAY: Final = 1e8
 LEAST_FALL: Final = 0.9
 """Over a stall window, the judged quantity must fall below this fraction of its smallest value before."""
 REPEAT: Final = 1e-9
-"""Loads that return so closely, as a fraction of how far they went meanwhile, repeat."""
+"""Loads that return so closely, as a fraction of how far they went meanwhile, repeat ..."""
+RETURNS: Final = 2
+"""... if they do so as often: a solver may come back once and, remembering that, go another way."""
 ACCEPTABLE: Final = 1e-3
 """A state that hardly changes any more, but violates the laws by more, is no solution: the step was too short."""
 HOPELESS: Final = 3
@@ -80,19 +82,24 @@ class _Orbit:
     """Whether loads come back (Brent's cycle detection): each load is compared with one kept from a power of two.
 
     kept: (6 n + m,) scaled load, closed fraction and motion; until: iteration at which another is kept; farthest:
-    largest distance from it since; repeated: whether the last one came back to it.
+    largest distance from it since; returns: how often loads have come back to it.
     """
 
     kept: Array
     until: int
     farthest: float = 0.0
-    repeated: bool = False
+    returns: int = 0
+
+    @property
+    def repeated(self) -> bool:
+        """Whether they do so for ever."""
+        return self.returns >= RETURNS
 
     def next(self, iteration: int, point: Array, tolerance: float) -> "_Orbit":
         """After one more iteration; excursions below the tolerance do not count."""
         distance = float(np.abs(point - self.kept).max(initial=0.0))
         if self.farthest > tolerance and distance <= REPEAT * self.farthest:
-            return replace(self, repeated=True)
+            return replace(self, returns=self.returns + 1)
         if iteration >= self.until:
             return _Orbit(point, 2 * iteration)
         return replace(self, farthest=max(self.farthest, distance))
