@@ -1,11 +1,13 @@
 """Conformance of a surface element with its contract (meeframe.core.element)."""
 
 import numpy as np
+from hypothesis import strategies as st
 
 from meeframe.core.element import SurfaceElement, shape_coefficients, shape_derivatives, shape_functions
 from meeframe.core.fields import Array
 from meeframe.elements.quadrature import tensor_rule
-from meeframe.testing.requirements import explained
+from meeframe.testing.requirements import each, explained, require
+from meeframe.testing.search import search_for
 
 _ROUND_OFF = 1e-12
 _CORNERS = {
@@ -13,15 +15,16 @@ _CORNERS = {
     "triangle": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
 }
 _AREAS = {"quadrilateral": 4.0, "triangle": 0.5}
+_SHARES = st.sampled_from([0.0, 1.0, 0.5, 0.25]) | st.floats(0.0, 1.0, allow_subnormal=False)
 
 
 def check_element(element: SurfaceElement, seed: int = 0) -> None:
-    """All checks of this module. Raises AssertionError."""
+    """All checks of this module, at random points and at simple ones that hypothesis looks for. Raises AssertionError
+    that names the property, the point and why it matters."""
     with explained(element):
         check_nodes(element)
-        points = reference_points(element, 20, seed)
-        check_interpolation(element, points)
-        check_derivatives(element, points)
+        check_points(element, reference_points(element, 20, seed))
+        search_for(st.tuples(_SHARES, _SHARES), lambda shares: check_points(element, _placed(element, *shares)))
         check_traces(element)
         check_orientation(element)
 
@@ -34,38 +37,56 @@ def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
     return points
 
 
+def _placed(element: SurfaceElement, first: float, second: float) -> Array:
+    """The point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
+    if element.reference == "triangle":
+        return np.array([[first, second * (1.0 - first)]])
+    return np.array([[2.0 * first - 1.0, 2.0 * second - 1.0]])
+
+
 def check_nodes(element: SurfaceElement) -> None:
     """Names, corners first and counter-clockwise, nodes in the domain, whole exponents, equal and hashable objects."""
-    assert element.name, "the element has no name"
-    assert element.meshio_type, f"{element.name}: no meshio cell type"
+    require(bool(element.name), "the element has no name", element)
+    require(bool(element.meshio_type), "no meshio cell type", element)
     nodes, exponents, corners = element.nodes, element.exponents, _CORNERS[element.reference]
-    assert nodes.shape == exponents.shape == (len(nodes), 2), f"{element.name}: as many monomials as nodes, (n, 2) each"
-    assert np.array_equal(nodes[: len(corners)], corners), f"{element.name}: the first nodes must be the corners"
-    assert np.array_equal(exponents, np.round(np.abs(exponents))), f"{element.name}: exponents must be whole, >= 0"
+    alike = nodes.shape == exponents.shape == (len(nodes), 2)
+    require(alike, "as many monomials as nodes are needed, (n, 2) each", (nodes.shape, exponents.shape))
+    first = nodes[: len(corners)]
+    require(np.array_equal(first, corners), "the first nodes must be the corners", first)
+    whole = (exponents == np.round(np.abs(exponents))).all(axis=1)
+    each(whole, "exponents must be whole, >= 0", np.arange(len(nodes)), exponents)
     low = -1.0 if element.reference == "quadrilateral" else 0.0
-    assert ((nodes >= low) & (nodes <= 1.0)).all(), f"{element.name}: a node lies outside the reference domain"
+    inside = ((nodes >= low) & (nodes <= 1.0)).all(axis=1)
     if element.reference == "triangle":
-        assert (nodes.sum(axis=1) <= 1.0).all(), f"{element.name}: a node lies outside the reference domain"
+        inside &= nodes.sum(axis=1) <= 1.0
+    each(inside, "a node lies outside the reference domain", np.arange(len(nodes)), nodes)
     twin = type(element)()
-    assert twin == element, f"{element.name}: two elements of the type must be equal"
-    assert hash(twin) == hash(element), f"{element.name}: equal elements must have equal hashes"
+    require(twin == element, "two elements of the type must be equal", twin)
+    require(hash(twin) == hash(element), "equal elements must have equal hashes", twin)
+    require(bool(np.isfinite(shape_coefficients(element)).all()), "the shape functions are not determined", nodes)
+    values = shape_functions(element, nodes)
+    own = (np.abs(values - np.eye(len(nodes))) <= _ROUND_OFF).all(axis=1)
+    each(own, "shape functions at a node are not one for it and zero for others", nodes, values)
+
+
+def check_points(element: SurfaceElement, points: Array) -> None:
+    """Values and derivatives at points (m, 2) of the reference domain."""
+    check_interpolation(element, points)
+    check_derivatives(element, points)
 
 
 def check_interpolation(element: SurfaceElement, points: Array) -> None:
-    """One at the own node and zero at others; sum one; polynomials up to the element's order reproduced."""
+    """Shape functions add up to one; polynomials up to the element's order are reproduced."""
     nodes, values = element.nodes, shape_functions(element, points)
-    identity = np.eye(len(nodes))
-    assert np.isfinite(shape_coefficients(element)).all(), f"{element.name}: the shape functions are not determined"
-    assert np.allclose(shape_functions(element, nodes), identity, rtol=0, atol=_ROUND_OFF), (
-        f"{element.name}: N_n(node m)"
-    )
-    assert np.allclose(values.sum(axis=1), 1.0, rtol=0, atol=_ROUND_OFF), f"{element.name}: sum of shape functions"
-    assert element.order >= 1, f"{element.name}: order must be at least 1"
+    total = values.sum(axis=1)
+    each(np.abs(total - 1.0) <= _ROUND_OFF, "sum of shape functions", points, total)
+    require(element.order >= 1, "order must be at least 1", element.order)
     for i in range(element.order + 1):
         for j in range(element.order + 1 - i):
             exact = points[:, 0] ** i * points[:, 1] ** j
-            error = np.abs(values @ (nodes[:, 0] ** i * nodes[:, 1] ** j) - exact).max()
-            assert error < _ROUND_OFF, f"{element.name}: xi^{i} eta^{j} is off by {error:.1e}; the order is overstated"
+            found = values @ (nodes[:, 0] ** i * nodes[:, 1] ** j)
+            what = f"xi^{i} eta^{j} is off by {np.abs(found - exact).max():.1e}; the order is overstated"
+            each(np.abs(found - exact) < _ROUND_OFF, what, points, found)
 
 
 def check_derivatives(element: SurfaceElement, points: Array) -> None:
@@ -74,8 +95,9 @@ def check_derivatives(element: SurfaceElement, points: Array) -> None:
     derivatives = shape_derivatives(element, points)
     for axis in range(2):
         shift = step * np.eye(2)[axis]
-        change = shape_functions(element, points + shift) - shape_functions(element, points - shift)
-        assert np.allclose(change / (2 * step), derivatives[..., axis], rtol=0, atol=1e-8), f"{element.name}: dN/dxi"
+        change = (shape_functions(element, points + shift) - shape_functions(element, points - shift)) / (2.0 * step)
+        agree = (np.abs(change - derivatives[..., axis]) <= 1e-8).all(axis=1)
+        each(agree, f"dN/dxi_{axis + 1} is not the derivative", points, derivatives[..., axis])
 
 
 def check_traces(element: SurfaceElement) -> None:
@@ -83,16 +105,19 @@ def check_traces(element: SurfaceElement) -> None:
     corners = _CORNERS[element.reference]
     share = np.linspace(0.0, 1.0, 7)[:, None]
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        values = shape_functions(element, (1 - share) * start + share * end)
+        points = (1 - share) * start + share * end
+        values = shape_functions(element, points)
         along, across = end - start, element.nodes - start
         elsewhere = np.abs(along[0] * across[:, 1] - along[1] * across[:, 0]) > _ROUND_OFF
-        leak = np.abs(values[:, elsewhere]).max(initial=0.0)
-        assert leak < _ROUND_OFF, f"{element.name}: nodes off a side contribute {leak:.1e} there"
+        leak = np.abs(values[:, elsewhere]).max(axis=1, initial=0.0)
+        each(leak < _ROUND_OFF, "nodes off a side contribute on it", points, leak)
 
 
 def check_orientation(element: SurfaceElement) -> None:
     """Laid flat, counter-clockwise seen from above, the element has its normal upwards and its full area."""
     flat = np.column_stack([element.nodes, np.zeros(len(element.nodes))])
     rule = tensor_rule(element, flat, 4)
-    assert np.allclose(rule.normals, [0.0, 0.0, 1.0], rtol=0, atol=_ROUND_OFF), f"{element.name}: normal not upwards"
-    assert abs(rule.measures.sum() - _AREAS[element.reference]) < _ROUND_OFF, f"{element.name}: wrong area"
+    upwards = (np.abs(rule.normals - [0.0, 0.0, 1.0]) <= _ROUND_OFF).all(axis=1)
+    each(upwards, "normal not upwards", rule.positions, rule.normals)
+    area = rule.measures.sum()
+    require(bool(abs(area - _AREAS[element.reference]) < _ROUND_OFF), "wrong area", area)

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 
@@ -68,6 +69,11 @@ REASONS: Final = {
     "converged, but": "a wrong answer must never be called converged.",
     "least squares": "the frictionless problem has one solution, found there without iteration on gaps.",
     "reference domain": "quadrature covers the reference domain, and nothing outside it.",
+    "element has no name": "case files and results name it.",
+    "no meshio cell type": "meshes are read and fields written with it.",
+    "monomials": "N_n(node m) = delta_nm determines as many shape functions as there are monomials.",
+    "exponents": "shape functions are polynomials; their derivatives are taken term by term.",
+    "order must be": "a linear field has to be exact, or no refinement converges.",
     "first nodes must be the corners": "mesh generators, areas and pictures take the corners from there.",
     "hash": "tables of shape functions are found again by the element.",
     "shape functions": "a constant field has to be one: N_n is one at node n, zero at others, and they add up to one.",
@@ -104,14 +110,15 @@ def explained(subject: object) -> Iterator[None]:
     try:
         yield
     except AssertionError as error:
-        raise AssertionError(f"{subject}: {error}{_reason(str(error))}") from None
+        told = "why it matters" in str(error)
+        raise AssertionError(f"{subject}: {error}{'' if told else _reason(str(error))}") from None
 
 
 def _reason(what: str) -> str:
     return next((f"\nwhy it matters: {why}" for part, why in REASONS.items() if part in what), "")
 
 
-def each(holds: Any, what: str, given: Array, found: Array) -> None:
+def each(holds: Any, what: str, given: NDArray[Any], found: Array) -> None:
     """Requires a property at every node, booleans (n,); shows what was given and found at the first where it fails."""
     if not np.all(holds):
         node = int(np.argmin(holds))

@@ -1,10 +1,10 @@
-"""Hypothesis looks for single tractions that break a law, and hands over the simplest it finds."""
+"""Hypothesis looks for single inputs that break a contract, and hands over the simplest it finds."""
 
 from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
-from hypothesis import HealthCheck, currently_in_test_context, find, settings
+from hypothesis import HealthCheck, Phase, currently_in_test_context, find, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
@@ -102,6 +102,31 @@ def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, dro
         return "" if kappa >= 0.0 else "conductivity is negative or NaN"
 
     _search(st.tuples(_NUMBERS, _NUMBERS, _NUMBERS), fault, lambda numbers: f"traction, gap, drop = {state(numbers)}")
+
+
+def search_for(
+    strategy: st.SearchStrategy[Any], check: Callable[[Any], None], examples: int = 200, simplify: bool = True
+) -> None:
+    """Raises the AssertionError that `check` raises for the simplest input found, if any. As search_trials.
+
+    examples: how many are drawn; simplify: whether one that fails is made simpler, which may take as many again.
+    """
+    if currently_in_test_context():
+        return
+
+    def fails(given: Any) -> bool:
+        try:
+            check(given)
+        except AssertionError:
+            return True
+        return False
+
+    phases = [Phase.generate, Phase.shrink] if simplify else [Phase.generate]
+    try:
+        simplest = find(strategy, fails, settings=settings(_SETTINGS, max_examples=examples, phases=phases))
+    except NoSuchExample:
+        return
+    check(simplest)
 
 
 def _search(strategy: st.SearchStrategy[Any], fault: Callable[[Any], str], shown: Callable[[Any], object]) -> None:
