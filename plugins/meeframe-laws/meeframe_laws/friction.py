@@ -25,7 +25,9 @@ class Tresca(ContactLaw):
     """|t_tau| <= limit wherever there is pressure, however small: friction as a constant shear factor of metal forming.
 
     limit: shear stress at which the contact slips [Pa], >= 0; 0 is frictionless, inf sticks. The traction jumps where
-    the contact opens. Raises CaseError if it is negative or NaN.
+    the contact opens: a node at the edge that shear lifts off and that would touch without it has no state at all, and
+    solvers cycle or stall. CappedCoulomb with a large mu, 10 say, has one and differs at the edge only.
+    Raises CaseError if it is negative or NaN.
     Source: Avitzur, Metal Forming: Processes and Analysis (1968); Duvaut and Lions, Inequalities in Mechanics and
     Physics (1976), chapter III, where a given limit makes friction a convex problem.
     """

@@ -1,6 +1,7 @@
 """All friction laws: the kit, both ways of solving a contact problem, prescribed forces, case tables."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 from meeframe_laws.friction import RECORDS, CappedCoulomb, RegularisedCoulomb, Tresca
 
+from meeframe.case.load import load_case
 from meeframe.core.contact import Status, resultant
 from meeframe.core.errors import CaseError
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
@@ -48,12 +50,8 @@ LARGE = {
 def sphere(law, cells=10):
     """A sphere dragged over an anisotropic medium, all fields coupled, in an increment of 1 s from rest."""
     medium = library_material("batio3-cofe2o4")
-    case = SphereCase(medium, law, Insulating(), StepConductivity(np.inf), cells)
-    return case_of(case.problem(), law)
-
-
-def case_of(problem, law):
-    return replace(problem, contact_law=law.for_increment(np.zeros(len(problem.gap)), 1.0))
+    here = law.for_increment(np.zeros(cells**2), 1.0)
+    return SphereCase(medium, here, Insulating(), StepConductivity(np.inf), cells).problem()
 
 
 def solved(problem, solver):
@@ -186,3 +184,10 @@ def test_case_tables_take_units():
     assert law == SlipWeakening(0.6, 0.3, 2e-6)
     law = load().create(Kind.CONTACT_LAW, {"name": "capped-coulomb", "mu": 0.6, "limit": "0.2 GPa"})
     assert law == CappedCoulomb(0.6, 2e8)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_example_is_a_case_of_the_law(name):
+    case = load_case(Path(__file__).parents[1] / "cases" / f"{name}.toml")
+    assert type(case.contact_law) is type(LAWS[name])
+    assert not case.contact_law.needs_duration or all(step.duration for step in case.steps)
