@@ -48,6 +48,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
     they cause, where a law conducts under pressure. Pressures are at least as large as the attraction at first.
+    An interface that yields by itself is in series with the body.
     """
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
@@ -56,7 +57,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
     moved = np.abs(position[loaded, 2] - problem.gap[loaded])
     depth = max(_depth(overlap), RESOLVED * float(moved.max(initial=0.0)))
     compliance = _uniform_response(problem, loaded)
-    pressure = max(depth / compliance[2, 2], float(attraction(problem.contact_law, position[:, 2]).max(initial=0.0)))
+    pressure = _pressure(problem, overlap, depth, compliance[2, 2])
     charged = _prescribed_flux(problem, loaded)
     potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
     potential = np.maximum(potential, charged * compliance[POTENTIALS, POTENTIALS])
@@ -110,6 +111,20 @@ def _prescribed_flux(problem: ContactProblem, loaded: NDArray[np.bool_]) -> Arra
             measure = np.abs(freedom.measure[loaded, ELECTRIC:]).sum(axis=0)
             flux += np.divide(abs(freedom.total), measure, out=np.zeros(2), where=measure > 0.0)
     return flux
+
+
+def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance: float) -> float:
+    """What body and interface together bear at a depth [m], or the attraction alone where nothing overlaps (n,) [Pa].
+
+    compliance: of the body [m/Pa].
+    """
+    law = problem.contact_law
+    pull = float(attraction(law, -overlap).max(initial=0.0))
+    if pull > 0.0 and not (overlap > 0.0).any():
+        return pull
+    gap = np.tile([0.0, 0.0, -depth], (len(overlap), 1))
+    borne = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
+    return max(float(-borne[:, 2].min(initial=0.0)), pull) or depth / compliance
 
 
 def _depth(overlap: Array) -> float:
