@@ -1,6 +1,7 @@
 """Friction that changes with the way that has been slipped, with the speed of slip and with pressure."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, final
 
@@ -59,29 +60,7 @@ class SlipWeakening(ContactLaw):
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         """The law on surfaces that have slipped already."""
-        return _Slipped(self, slip_path)
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class _Slipped(ContactLaw):
-    """Slip weakening after slip paths (n,) [m]."""
-
-    law: SlipWeakening
-    slip_path: Array
-
-    def project(self, trial: Array) -> Array:
-        return self.law.project(trial)
-
-    def tangential_scaling(self) -> Array:
-        return self.law.tangential_scaling()
-
-    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        mu = self.law.coefficient(self.slip_path + sheared(gap))
-        return returned_to_disc(trial, mu * pressing(trial))
-
-    def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
-        return self.law.for_increment(slip_path, duration)
+        return _Increment(self, lambda trial, slip: self.coefficient(slip_path + slip) * pressing(trial))
 
 
 @final
@@ -142,16 +121,16 @@ class RateAndPressure(ContactLaw):
                 f"RateAndPressure: duration of the increment = {duration}; allowed: a positive number of seconds, as "
                 "friction depends on the speed of slip"
             )
-        return _Timed(self, duration)
+        return _Increment(self, lambda trial, slip: self.limit(trial, self.coefficient(slip / duration)))
 
 
 @final
-@dataclass(frozen=True)
-class _Timed(ContactLaw):
-    """Rate and pressure dependence in an increment of a duration [s]."""
+@dataclass(frozen=True, eq=False)
+class _Increment(ContactLaw):
+    """A law during an increment. limit: (n,) [Pa] of the tangential traction, of trials (n, 3) and slips (n,) [m]."""
 
-    law: RateAndPressure
-    duration: float
+    law: ContactLaw
+    limit: Callable[[Array, Array], Array]
 
     def project(self, trial: Array) -> Array:
         return self.law.project(trial)
@@ -160,8 +139,7 @@ class _Timed(ContactLaw):
         return self.law.tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        mu = self.law.coefficient(sheared(gap) / self.duration)
-        return returned_to_disc(trial, self.law.limit(trial, mu))
+        return returned_to_disc(trial, self.limit(trial, sheared(gap)))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
         return self.law.for_increment(slip_path, duration)

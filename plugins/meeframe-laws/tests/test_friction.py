@@ -22,6 +22,7 @@ from meeframe.testing.contact import (
     check_contact_law,
     check_homogeneous,
     check_isotropic,
+    check_monotone,
     check_orthotropic,
 )
 from meeframe.testing.contact_cases import SphereCase
@@ -68,7 +69,7 @@ def test_all_laws_are_registered_under_their_names():
 
 @pytest.mark.parametrize("law", [*LAWS.values(), *SUPERELLIPTIC], ids=repr)
 def test_kit(law):
-    check_contact_law(law, pressure=1e6)
+    check_contact_law(law, pressure=1e6, gap=1e-5)
 
 
 @pytest.mark.parametrize("name", ["tresca", "capped-coulomb", "regularised-coulomb", "slip-weakening"])
@@ -79,6 +80,16 @@ def test_isotropic(name):
 @pytest.mark.parametrize("law", [Tresca(3e5), CappedCoulomb(0.4, 3e5), *SUPERELLIPTIC], ids=repr)
 def test_associated(law):
     check_associated(law)
+
+
+@pytest.mark.parametrize("law", [LAWS["regularised-coulomb"], *SUPERELLIPTIC], ids=repr)
+def test_monotone(law):
+    check_monotone(law, gap=1e-5)
+
+
+def test_non_associated_is_not_monotone():
+    with pytest.raises(AssertionError, match="not monotone"):
+        check_monotone(LAWS["non-associated-coulomb"], gap=1e-5)
 
 
 @pytest.mark.parametrize("law", SUPERELLIPTIC, ids=repr)
