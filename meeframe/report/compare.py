@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -35,6 +36,11 @@ _TOTALS: Final[Mapping[str, tuple[str, Callable[[Resultants], Any]]]] = {
     "max_abs_electric_potential": ("V", lambda totals: totals.max_abs_electric_potential),
     "max_abs_magnetic_potential": ("A", lambda totals: totals.max_abs_magnetic_potential),
 }
+_SIDE_BY_SIDE: Final = 4
+"""Runs next to each other in the table: more would not fit in a terminal."""
+_LEGEND: Final = 100
+"""Letters in a line of the figure's legend."""
+_STYLES: Final = ("-", "--", ":")
 _OCCASIONAL: Final = ("max_tension",)
 """Totals that the table shows only where a run has some."""
 _FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = {
@@ -162,29 +168,40 @@ def _plain(value: Any) -> Any:
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:
-    """A column for each run: last increment, work, and differences to the first run."""
+    """A column for each run, so many side by side: last increment, work, and differences to the first run."""
     runs = comparison.runs
-    table = Table(title=comparison.title or None, title_justify="left")
+    blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
+    occasional = {name for name in _OCCASIONAL if any(_total(name, run).any() for run in runs if run.steps)}
+    shown = [name for name in _TOTALS if name not in _OCCASIONAL or name in occasional]
+    tables = [_table(block, runs[0], shown) for block in blocks]
+    tables[0].title, tables[0].title_justify = comparison.title or None, "left"
+    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal))
+
+
+def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str]) -> Table:
+    table = Table()
     table.add_column("")
     table.add_column("unit")
     for run in runs:
         table.add_column("\n".join(run.choices.values()), justify="right")
-    ends = [resultants(run.zone, run.steps[-1]) if run.steps else None for run in runs]
-    for name, (unit, of) in _TOTALS.items():
+    for name in totals:
         parts = ("x", "y", "z") if name == "force" else ("",)
         for i, part in enumerate(parts):
-            values = [None if end is None else float(np.atleast_1d(of(end))[i]) for end in ends]
-            if name in _OCCASIONAL and not any(values):
-                continue
-            table.add_row(f"{_words(name)} {part}".strip(), unit, *map(_shown, values))
-    apart = [differences(run, runs[0]) for run in runs]
+            values = [float(_total(name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(f"{_words(name)} {part}".strip(), _TOTALS[name][0], *map(_shown, values))
+    apart = [differences(run, first) for run in runs]
     for name in ("force", *_FIELDS):
         table.add_row(f"difference in {_words(name)}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
     table.add_row("time of the reduced system", "s", *(f"{run.system_seconds:.3g}" for run in runs))
     table.add_row("status", "", *(run.status for run in runs))
-    return Group(table, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal))
+    return table
+
+
+def _total(name: str, run: ComparedRun) -> Array:
+    """One of _TOTALS at the end of a run, (1,) or (3,)."""
+    return np.atleast_1d(_TOTALS[name][1](resultants(run.zone, run.steps[-1])))
 
 
 def _words(name: str) -> str:
@@ -201,7 +218,9 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     shown = [name for name in _FIELDS if _visible(name, done)]
     if not shown:
         return None
-    figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.25 * len(done)))
+    labels = [textwrap.fill(run.label, _LEGEND) for run in done]
+    lines = sum(label.count("\n") + 1 for label in labels)
+    figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
     for axes, name in zip(grid, shown, strict=False):
         fields = [_FIELDS[name][1](run.zone, run.steps[-1]) for run in done]
@@ -212,15 +231,16 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
             style = {
                 "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
                 "color": f"C{number}",
+                "ls": _STYLES[number // 10 % len(_STYLES)],  # there are ten colours
                 "marker": "o",
                 "ms": 2.5,
             }
-            axes.plot(x * 1e3, field[nodes] / factor, label=run.label, **style)
+            axes.plot(x * 1e3, field[nodes] / factor, label=labels[number], **style)
         axes.set(xlabel="x [mm]", ylabel=f"{_words(name)} [{unit}]")
         axes.grid(alpha=0.3)
     for axes in grid[len(shown) :]:
         axes.remove()
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", fontsize=8)
     figure.suptitle(comparison.title)
     return figure
 

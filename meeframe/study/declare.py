@@ -46,9 +46,10 @@ CheckedChanges = Annotated[Changes, AfterValidator(_checked_keys)]
 
 
 def words(value: Any) -> str:
-    """A value of a case file in one line: of a table its name and then its other keys."""
+    """A value of a case file in one line: of a table its name and then its other keys, tables in it in brackets."""
     if isinstance(value, Mapping):
-        rest = (f"{key}={item}" for key, item in value.items() if key != "name")
+        items = ((key, item) for key, item in value.items() if key != "name")
+        rest = (f"{key}=({words(item)})" if isinstance(item, Mapping) else f"{key}={item}" for key, item in items)
         return " ".join(filter(None, [str(value.get("name", "")), *rest]))
     return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
