@@ -1,0 +1,234 @@
+"""All conductivity laws: the kit, values by hand, limits that are other laws, case tables, both ways of solving."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_laws.conductivity import RECORDS, AcrossGap, Breakdown, PowerLaw, Robin, Saturating, Thresholded
+
+from meeframe.core.contact import Status
+from meeframe.core.errors import CaseError
+from meeframe.core.law import contact_conductivity
+from meeframe.core.pair import pair
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.plugin.registry import Kind, load
+from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, Uzawa, solve
+from meeframe.solvers.conduction import own_response
+from meeframe.testing.contact import check_conductivity_law, check_growing_flux
+from meeframe.testing.contact_cases import SphereCase, periodic_half_space
+from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
+
+AIR = 8.8541878128e-12
+LAWS = [
+    PowerLaw(2e-3, 1e6),
+    PowerLaw(2e-3, 1e6, 0.2),
+    Saturating(2e-3, 1e6),
+    Thresholded(2e-3, 1e6, 1e4),
+    Thresholded(2e-3, 0.0, 1e5),
+    AcrossGap(AIR),
+    AcrossGap(AIR, 1e-3, 1e-7),
+    AcrossGap(0.0, 1.0),
+    Breakdown(AIR, 3e6, 1e-3),
+    Breakdown(AIR, 3e8, 1.0, 0.0, 1e-7),
+    Breakdown(AIR, 3e6, 0.0, 1.0),
+    Robin(0.0),
+    Robin(2e-3),
+    Robin(math.inf),
+]
+PRESSURE, GAP = 3e7, 5e-6
+"""Under the sphere and beside it."""
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_conforms(law) -> None:
+    check_conductivity_law(law)
+    check_growing_flux(law)
+
+
+def test_values_under_pressure() -> None:
+    traction = np.array([0.0, -1e6, -2e6, -5e6])
+    assert contact_conductivity(PowerLaw(3.0, 2e6, 2.0), traction) == pytest.approx([0.0, 0.75, 3.0, 18.75])
+    covered = [0.0, 1.0 - math.exp(-0.5), 1.0 - math.exp(-1.0), 1.0 - math.exp(-2.5)]
+    assert contact_conductivity(Saturating(1.0, 2e6), traction) == pytest.approx(covered, rel=1e-14)
+    assert contact_conductivity(Thresholded(4.0, 1e6, 2e6), traction) == pytest.approx([0.0, 0.0, 2.0, 4.0])
+    assert contact_conductivity(Robin(4.0), traction).tolist() == [4.0] * 4
+
+
+def test_values_across_the_gap() -> None:
+    apart, pressed = np.zeros(3), np.full(3, -1.0)
+    gap, drop = np.array([0.0, 1e-6, 3e-6]), np.array([2.0, 20.0, -20.0])
+    law = AcrossGap(AIR, 7.0, 1e-6)
+    assert law.conductivity(apart, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
+    assert law.conductivity(pressed, 0.0 * gap, drop) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
+    assert AcrossGap(AIR).conductivity(apart, gap, drop)[0] == math.inf
+    # at 4 V/um: 4, 8 and 16 V are the most that the gaps bear; beyond, 1 mF/m^2 on what exceeds them
+    sparking = Breakdown(AIR, 4e6, 1e-3, 7.0, 1e-6)
+    flux = np.array([2.0 * AIR / 1e-6, 4e6 * AIR + 12e-3, -(4e6 * AIR + 4e-3)])
+    assert sparking.conductivity(apart, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
+    assert sparking.conductivity(pressed[:1], gap[:1], drop[:1]) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
+
+
+def case(electric, magnetic=None, law=None, cells: int = 8):
+    """A sphere at 20 kV, -15 A pressed on an orthotropic medium and dragged."""
+    medium = library_material("orthotropic-mee")
+    insulating = Insulating()
+    drawn = SphereCase(
+        medium, law or Signorini(), electric, magnetic or insulating, cells, 0.4, potentials=(2e4, -15.0)
+    )
+    return drawn.problem()
+
+
+OWN = own_response(case(Insulating()))[0]
+
+
+def solved(problem, solver=None, start=None):
+    solution = solve(problem, solver or SemismoothNewton(), TIGHT, start)
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.state
+
+
+@pytest.mark.parametrize("kappa", [1.0, 30.0])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda kappa: Saturating(kappa, 1e-3),
+        lambda kappa: Thresholded(kappa, 0.0, 1e-3),
+        lambda kappa: PowerLaw(kappa, PRESSURE, 1e-14),
+        lambda kappa: AcrossGap(0.0, kappa),
+        lambda kappa: Breakdown(0.0, 1e6, 0.0, kappa),
+    ],
+    ids=["saturating", "thresholded", "power-law", "across-gap", "breakdown"],
+)
+def test_limits_are_the_step_law(make, kappa) -> None:
+    """As fast as it gets under pressure, and with nothing across the gap."""
+    step = solved(case(StepConductivity(kappa / OWN[0])))
+    limit = solved(case(make(kappa / OWN[0])), start=replace(step, load=1.001 * step.load))
+    np.testing.assert_allclose(limit.load, step.load, atol=1e-9 * np.abs(step.load).max(axis=0).max())
+    check_same(limit, step)
+
+
+def test_limits_across_the_gap() -> None:
+    """Without breakdown; with a residual gap so wide that the other does not count; without anything."""
+    constant = 0.3 * GAP / OWN[0]
+    across = solved(case(AcrossGap(constant, 1.0, 1e-7)))
+    check_same(solved(case(Breakdown(constant, 1e30, 1.0, 1.0, 1e-7))), across)
+    layer = solved(case(Robin(0.3 / OWN[0])))
+    check_same(solved(case(AcrossGap(0.3e9 / OWN[0], 0.0, 1e9))), layer)
+    check_same(solved(case(Robin(0.0))), solved(case(Insulating())))
+
+
+def laws_of(strength: float):
+    """(electric, magnetic) pairs, as strong as that in units of a node's own response."""
+    e, m = strength / OWN
+    return {
+        "power-law": (PowerLaw(e, PRESSURE), PowerLaw(m, PRESSURE)),
+        "saturating": (Saturating(e, PRESSURE), Saturating(m, 0.1 * PRESSURE)),
+        "thresholded": (Thresholded(e, 0.3 * PRESSURE, 0.1 * PRESSURE), Thresholded(m, 0.1 * PRESSURE, 0.3 * PRESSURE)),
+        "across-gap": (AcrossGap(e * GAP), AcrossGap(m * GAP, 0.0, 1e-7)),
+        "breakdown": (Breakdown(0.01 * e * GAP, 1e8, e), Breakdown(0.01 * m * GAP, 1e5, m, 0.0, 1e-7)),
+        "robin": (Robin(e), Robin(m)),
+    }
+
+
+NAMES = list(laws_of(1.0))
+
+
+@pytest.mark.parametrize("strength", [1.0, 100.0])
+@pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
+@pytest.mark.parametrize("name", NAMES)
+def test_solvers_agree(name, friction, strength) -> None:
+    """Newton's method and gradient steps, EMCI: both potentials are given and both conduct.
+
+    Where a strong film breaks, the flux presses the surfaces together or apart: there are several solutions, of which
+    all have to find the one next to them.
+    """
+    problem = case(*laws_of(strength)[name], friction)
+    newton = solved(problem)
+    several = name == "thresholded" and strength > 1.0
+    start = replace(newton, load=1.0001 * newton.load) if several else None
+    for solver in (BarzilaiBorwein(), *([Uzawa()] if strength == 1.0 else [])):
+        check_same(solved(problem, solver, start), newton)
+    flux = newton.load[:, 3:]
+    drop = problem.potentials[0] + newton.displacement[:, 3:]
+    assert (flux * -drop >= -1e-9 * np.abs(flux * drop).max()).all()  # conduction dissipates
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_prescribed_force_and_floating_conductor(name) -> None:
+    """The force and the charge of a solution give back its approach and its potentials, from a distance."""
+    problem = case(*laws_of(3.0)[name], IsotropicCoulomb(0.4))
+    held = solved(problem)
+    free, motion = released(problem, held, "approach", "potentials")
+    for solver in (SemismoothNewton(), BarzilaiBorwein()):
+        solution = balanced_solution(free, solver)
+        check_same(solution.state, held)
+        np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["across-gap", "breakdown"])
+def test_two_bodies_and_exchanged_roles(name) -> None:
+    """The law does not know which body is the first: charges and fluxes change sign, pressures stay."""
+    media = [library_material(material) for material in ("orthotropic-mee", "batio3-cofe2o4")]
+    single = case(*laws_of(1.0)[name])
+    side = np.sqrt(single.system.weights.sum())
+    first, second = (periodic_half_space(medium, side, 8) for medium in media)
+    states = []
+    for system, sign in ((pair(first, second), 1.0), (pair(second, first), -1.0)):
+        x, y = system.points[:, :2].T
+        problem = replace(
+            single,
+            system=system,
+            gap=(x**2 + y**2) / 0.2 - 5e-5,
+            translation=np.zeros((len(x), 2)),
+            potentials=sign * single.potentials,
+        )
+        newton = solved(problem)
+        check_same(solved(problem, BarzilaiBorwein()), newton)
+        states.append((newton.load[:, 2].sum(), *(sign * newton.load[:, 3:].sum(axis=0))))
+    np.testing.assert_allclose(states[1], states[0], rtol=1e-9)
+
+
+def test_registered_and_made_from_tables() -> None:
+    create = load().create
+    names = {entry.record.name for entry in load().entries if entry.provider.name == "meeframe-laws"}
+    assert {record.name for record in RECORDS} <= names
+    gap = {"name": "across-gap", "gap_constant": "1 vacuum_permittivity", "residual_gap": "0.2 um"}
+    law = create(Kind.CONDUCTIVITY_LAW, gap)
+    assert (law.gap_constant, law.contact_conductivity, law.residual_gap) == pytest.approx((AIR, math.inf, 2e-7))
+    magnetic = {**gap, "gap_constant": "1 vacuum_permeability", "contact_conductivity": "3 H/m^2"}
+    assert create(Kind.CONDUCTIVITY_LAW, magnetic).gap_constant == pytest.approx(4e-7 * math.pi)
+    film = {"name": "thresholded", "contact_conductivity": "2 mF/m^2", "threshold": "1 MPa", "ramp": "10 kPa"}
+    assert create(Kind.CONDUCTIVITY_LAW, film) == Thresholded(2e-3, 1e6, 1e4)
+    sparks = {**gap, "name": "breakdown", "breakdown_field": "3 MV/m", "breakdown_conductivity": "1 mF/m^2"}
+    assert create(Kind.CONDUCTIVITY_LAW, sparks).breakdown_field == 3e6
+    assert create(Kind.CONDUCTIVITY_LAW, {"name": "robin", "kappa": math.inf}) == Robin(math.inf)
+    table = {"name": "saturating", "largest_conductivity": "1 mF/m^2", "saturation_pressure": "2 GPa"}
+    assert create(Kind.CONDUCTIVITY_LAW, table) == Saturating(1e-3, 2e9)
+
+
+@pytest.mark.parametrize(
+    ("factory", "good", "key", "value"),
+    [
+        (Saturating, (1.0, 1.0), "largest_conductivity", math.inf),
+        (Saturating, (1.0, 1.0), "saturation_pressure", 0.0),
+        (Thresholded, (1.0, 1.0, 1.0), "contact_conductivity", -1.0),
+        (Thresholded, (1.0, 1.0, 1.0), "threshold", -1.0),
+        (Thresholded, (1.0, 1.0, 1.0), "ramp", 0.0),
+        (AcrossGap, (1.0,), "gap_constant", math.inf),
+        (AcrossGap, (1.0,), "contact_conductivity", -1.0),
+        (AcrossGap, (1.0,), "residual_gap", math.nan),
+        (Breakdown, (1.0, 1.0, 1.0), "breakdown_field", 0.0),
+        (Breakdown, (1.0, 1.0, 1.0), "breakdown_conductivity", math.inf),
+        (Robin, (1.0,), "kappa", -1.0),
+    ],
+)
+def test_bad_values_are_refused_with_their_key(factory, good, key, value) -> None:
+    with pytest.raises(CaseError, match=key):
+        replace(factory(*good), **{key: value})
+    record = next(record for record in RECORDS if record.factory is factory)
+    names = list(factory.__dataclass_fields__)
+    table = {"name": record.name, **dict(zip(names, good, strict=False)), key: value}
+    with pytest.raises(CaseError, match=key):
+        load().create(Kind.CONDUCTIVITY_LAW, table)

@@ -1,0 +1,193 @@
+"""Conductivity laws against closed forms: one node, capacitors, films, limited fields, held potentials."""
+
+import math
+
+import numpy as np
+import pytest
+from meeframe_laws.conductivity import AcrossGap, Breakdown, Robin, Saturating, Thresholded
+
+from meeframe.core.contact import ContactProblem, Status
+from meeframe.laws import Insulating, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.solvers import Auto, SemismoothNewton, solve
+from meeframe.solvers.conduction import own_response
+from meeframe.testing.contact_cases import SphereCase
+from meeframe.testing.force_control import TIGHT
+from meeframe.testing.half_space import half_space_system
+
+VOLTAGE, DISTANCE = 3e3, 2e-5
+AIR = 8.8541878128e-12
+XI = np.array([[2.0e-12, 1.8e-3, 0.0], [1.8e-3, -2.4e7, 0.0], [0.0, 0.0, -1e3]])
+"""Point response of a half space over (u3, phi, psi), close to that of BaTiO3-CoFe2O4."""
+
+
+def solved(problem, solver=None):
+    solution = solve(problem, solver or Auto(), TIGHT)
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.state
+
+
+def plates(
+    electric, xi=XI, cells: int = 1, side: float = 1e-3, voltage: float = VOLTAGE, gap=DISTANCE
+) -> ContactProblem:
+    """A flat punch at a potential, lifted over an insulated half space."""
+    system = half_space_system(xi, side, cells)
+    n = len(system.points)
+    potentials = np.tile([voltage, 0.0], (n, 1))
+    return ContactProblem(
+        system, Signorini(), electric, Insulating(), np.broadcast_to(gap, n).copy(), np.zeros((n, 2)), potentials
+    )
+
+
+def one_node(problem):
+    """Flux density, gap and drop at the only node."""
+    state = solved(problem)
+    gap = problem.gap[0] - state.displacement[0, 2]
+    drop = -state.displacement[0, 3] - problem.potentials[0, 0]
+    return state.load[0, 3], gap, drop
+
+
+@pytest.mark.parametrize("residual_gap", [0.0, 5e-6])
+@pytest.mark.parametrize("part", [0.2, -0.5])
+def test_one_node_across_the_gap(residual_gap, part) -> None:
+    """A flux that bends the surface up by a part of the gap needs the potential that drives it across the rest."""
+    law = AcrossGap(300.0 * AIR, 1.0, residual_gap)
+    block = plates(law).system.diagonal_blocks()[0]
+    expected = part * DISTANCE / block[2, 3]
+    left = (1.0 - part) * DISTANCE
+    voltage = -expected * ((left + residual_gap) / law.gap_constant + block[3, 3])
+    flux, gap, drop = one_node(plates(law, voltage=voltage))
+    assert (flux, gap) == pytest.approx((expected, left), rel=1e-10)
+    assert flux == pytest.approx(law.gap_constant / (gap + residual_gap) * drop, rel=1e-10)
+
+
+@pytest.mark.parametrize("voltage", [50.0, 200.0, -3e3])
+def test_one_node_breaks_down(voltage) -> None:
+    """Without bending: below E g a capacitor, beyond it v = -V - own q and q = eps E + k (|v| - E g), both linear."""
+    field, discharge = 5e6, 2e-6
+    flat = np.diag(np.diag(XI))
+    problem = plates(Breakdown(AIR, field, discharge), flat, voltage=voltage)
+    flux, _, drop = one_node(problem)
+    own = own_response(problem)[0, 0]
+    most = field * DISTANCE
+    if abs(voltage) / (1.0 + own * AIR / DISTANCE) <= most:
+        expected = -voltage / (DISTANCE / AIR + own)
+    else:
+        excess = (abs(voltage) - most - own * AIR * field) / (1.0 + own * discharge)
+        assert excess > 0.0
+        expected = -math.copysign(AIR * field + discharge * excess, voltage)
+    assert flux == pytest.approx(expected, rel=1e-10)
+    assert np.sign(drop) == np.sign(flux)
+
+
+def test_lifted_punch_is_a_plate_capacitor() -> None:
+    """Over what is nearly a conductor Q = eps A V / g; what it is not enters in proportion to its response."""
+    cells, side = 9, 1e-3
+    charges = []
+    for part in (1e-2, 1e-4):
+        problem = plates(AcrossGap(AIR, 1.0, 0.0), part * np.diag(np.diag(XI)), cells, side)
+        # a round punch: nothing is above the corners
+        beside = np.hypot(*problem.system.points[:, :2].T) > 0.5 * side
+        problem.gap[beside] = np.inf
+        state = solved(problem)
+        assert not state.load[beside].any()
+        charges.append(problem.system.weights @ state.load[:, 3])
+    area = problem.system.weights[~beside].sum()
+    capacitor = -AIR * area * VOLTAGE / DISTANCE
+    assert charges[1] == pytest.approx(capacitor, rel=1e-5)
+    assert abs(charges[0] / capacitor - 1.0) == pytest.approx(1e2 * abs(charges[1] / capacitor - 1.0), rel=1e-2)
+
+
+def test_flat_gap_over_a_half_space() -> None:
+    """(C + (g + r) / eps) q = -V on all cells, solved apart; gaps that differ from cell to cell."""
+    residual_gap, cells = 4e-6, 8
+    gap = DISTANCE * np.random.default_rng(2).uniform(0.2, 2.0, cells**2)
+    problem = plates(AcrossGap(AIR, 1.0, residual_gap), np.diag(np.diag(XI)), cells, gap=gap)
+    compliance = problem.system.matrix[:, 3, :, 3]
+    expected = np.linalg.solve(compliance + np.diag((gap + residual_gap) / AIR), np.full(cells**2, -VOLTAGE))
+    np.testing.assert_allclose(solved(problem).load[:, 3], expected, rtol=1e-9)
+
+
+def test_field_reaches_the_breakdown_field_and_exceeds_it_the_less_the_better_discharges_conduct() -> None:
+    """The excess is flux over conductivity: a tenth for ten times the conductivity."""
+    field, residual_gap = 3e6, 1e-6
+    medium = library_material("batio3-cofe2o4")
+    insulating = Insulating()
+
+    def sphere(law):
+        return SphereCase(medium, Signorini(), law, insulating, 10, 0.0, potentials=(1e4, 0.0)).problem()
+
+    own = own_response(sphere(insulating))[0, 0]
+    highest = []
+    for strength in (0.0, 1.0, 10.0, 100.0):
+        problem = sphere(Breakdown(AIR, field, strength / own, 1.0, residual_gap))
+        state = solved(problem, SemismoothNewton())
+        apart = state.load[:, 2] == 0.0
+        gap = (problem.gap - state.displacement[:, 2] + residual_gap)[apart]
+        drop = (-state.displacement[:, 3] - problem.potentials[:, 0])[apart]
+        fields = np.abs(drop) / gap
+        flux = np.abs(state.load[apart, 3])
+        excess = np.maximum(np.abs(drop) - field * gap, 0.0)
+        expected = AIR * np.minimum(fields, field) + strength / own * excess
+        np.testing.assert_allclose(flux, expected, atol=1e-9 * flux.max())
+        highest.append((excess / (field * gap)).max())
+    assert highest[0] > 10.0
+    assert highest[1] > highest[2] > highest[3] > 0.0
+    assert highest[2] / highest[3] == pytest.approx(10.0, rel=0.25)
+
+
+def sphere(electric, magnetic=None):
+    """A sphere at 20 kV, -15 A on an orthotropic medium."""
+    medium = library_material("orthotropic-mee")
+    laws = (electric, magnetic or Insulating())
+    return SphereCase(medium, Signorini(), *laws, 10, 0.0, potentials=(2e4, -15.0)).problem()
+
+
+def test_robin_holds_the_potentials_of_the_whole_zone() -> None:
+    """kappa -> inf: those of the indenter everywhere, in contact or not; before that the error is 1 / kappa."""
+    perfect = solved(sphere(Robin(math.inf), Robin(math.inf)))
+    np.testing.assert_allclose(-perfect.displacement[:, 3], 2e4, rtol=1e-9)
+    np.testing.assert_allclose(-perfect.displacement[:, 4], -15.0, rtol=1e-9)
+    assert (perfect.load[:, 2] == 0.0).any()
+    own = own_response(sphere(Insulating()))[0, 0]
+    errors = [np.abs(solved(sphere(Robin(k / own))).displacement[:, 3] + 2e4).max() for k in (1e3, 1e4)]
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
+
+
+def test_charge_grows_from_that_of_the_contact_to_that_of_held_potentials() -> None:
+    """With the permittivity of the gap; the sphere holds charge where it touches, at last on the whole zone."""
+    own = own_response(sphere(Insulating()))[0, 0]
+    weights = sphere(Insulating()).system.weights
+    laws = [StepConductivity(math.inf), *(AcrossGap(k * 1e-6 / own) for k in (1e-3, 1e-1, 1e1, 1e3)), Robin(math.inf)]
+    charges = np.array([abs(weights @ solved(sphere(law)).load[:, 3]) for law in laws])
+    assert (np.diff(charges) > 0.0).all()
+    assert charges[1] == pytest.approx(charges[0], rel=0.02)
+    assert charges[-2] == pytest.approx(charges[-1], rel=0.02)
+
+
+def test_film_insulates_up_to_its_threshold_and_conducts_beyond_the_ramp() -> None:
+    own = own_response(sphere(Insulating()))[0, 0]
+    threshold, ramp, kappa = 2e7, 5e6, 2.0 / own
+    problem = sphere(Thresholded(kappa, threshold, ramp))
+    state = solved(problem)
+    pressure, flux = -state.load[:, 2], state.load[:, 3]
+    drop = -state.displacement[:, 3] - problem.potentials[:, 0]
+    whole, broken = pressure <= threshold, pressure >= threshold + ramp
+    assert (whole & (pressure > 0.0)).any()
+    assert broken.any()
+    assert np.abs(flux[whole]).max() <= 1e-10 * np.abs(flux).max()
+    np.testing.assert_allclose(flux[broken], kappa * drop[broken], rtol=1e-9)
+
+
+def test_saturating_film_covers_what_random_spots_cover() -> None:
+    """Spots at random: the part of an area that discs of given total area cover, against 1 - exp(-total)."""
+    random = np.random.default_rng(5)
+    points = random.uniform(size=(20_000, 2))
+    radius, total = 0.02, 0.7
+    count = round(total / (math.pi * radius**2))
+    spots = random.uniform(-0.1, 1.1, (round(count * 1.44), 2))
+    covered = np.zeros(len(points), bool)
+    for spot in spots:
+        covered |= np.hypot(*(points - spot).T) < radius
+    kappa = Saturating(1.0, 1.0).conductivity(np.array([-total]), np.zeros(1), np.zeros(1))[0]
+    assert covered.mean() == pytest.approx(kappa, abs=0.02)
