@@ -101,7 +101,8 @@ def _schur_complement(matrix: csr_array, unknowns: Indices) -> Array:
     solver.set_phase(_ANALYSE_AND_FACTORISE)
     complement: Array = _call(solver, solver._call_pardiso, upper, np.zeros((len(unknowns), len(unknowns))))
     solver.free_memory(everything=True)
-    return complement
+    place = np.argsort(np.argsort(unknowns))  # pardiso marks unknowns and hands them over in rising order
+    return complement[np.ix_(place, place)]
 
 
 def _pardiso_solver() -> Any:
