@@ -1,6 +1,7 @@
 """Surfaces that attract each other: what touches and what does not, tension in results, pulling."""
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import meeframe
 from meeframe.case.load import load_case
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.core.result import Region
 from meeframe.laws import IsotropicCoulomb
 from meeframe.report.summary import summary, summary_table
@@ -168,3 +169,35 @@ def test_only_laws_that_attract_can_be_pulled(case, write_case, registry):
         replace(case, steps=(Step(normal_force=-1.0),), contact_law=IsotropicCoulomb(MU))
     with pytest.raises(CaseError, match=r"case.toml: steps\[1\]: normal_force = -1.0; allowed: numbers >= 0"):
         load_case(write_case(('approach = "10 um"', "normal_force = -1")), registry)
+
+
+@dataclass(frozen=True)
+class Spark(ConductivityLaw):
+    """Conducts across a gap alone, and beyond a drop of a threshold; the size of kappa says how well."""
+
+    across_gap: ClassVar[bool] = True
+    kappa: float = 1e-6
+    threshold: float = 0.0
+
+    def conductivity(self, normal_traction, gap, drop):
+        return np.where((gap > 0.0) & (np.abs(drop) >= self.threshold), self.kappa, 0.0)
+
+
+def test_what_charges_across_the_gap_hold_and_what_nothing_holds(case):
+    """In the air the charge finds its potential; the tangential motion stays where it is for want of contact."""
+    steps = (Step(approach=-2e-6, charge=1e-8), Step(translation=(1e-6, 0.0)), Step(tangential_force=(0.0, 0.0)))
+    result = meeframe.solve_case(replace(case, contact_law=IsotropicCoulomb(MU), electric_law=Spark(), steps=steps))
+    assert [step.status for step in result.steps] == [Status.CONVERGED] * 3
+    last = result.steps[-1]
+    assert meeframe.resultants(result.zone, last).charge == pytest.approx(1e-8, rel=1e-8)
+    kappa, spring = Spark().kappa, 1e13 / STIFFNESS  # potential per flux density of the springs in tests/conftest.py
+    flux = 1e-8 / result.zone.weights.sum()
+    assert last.loading.electric_potential == pytest.approx(-flux * (1.0 / kappa + spring), rel=1e-8)
+    assert last.loading.translation.tolist() == [1e-6, 0.0]
+
+
+def test_charges_are_refused_only_by_laws_that_conduct_nowhere(case):
+    steps = (Step(approach=1e-5, charge=1e-9),)
+    replace(case, electric_law=Spark(threshold=1e4), steps=steps)
+    with pytest.raises(CaseError, match="the laws of the contact insulate"):
+        replace(case, electric_law=Spark(kappa=0.0), steps=steps)
