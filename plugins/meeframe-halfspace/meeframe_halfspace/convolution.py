@@ -90,8 +90,9 @@ def periodic_convolution(
     """Of a surface that repeats itself after `size` nodes `spacing` [m] apart.
 
     A wave q answers with Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric. Waves
-    shorter than the grid resolves are left out. Of the mean load there is no finite response: it is zero here, so that
-    displacements count from the mean plane.
+    shorter than the grid resolves are left out. The mean load has no finite response: here it answers as a wave as long
+    as the period, averaged over all directions. That says from which plane displacements and potentials count, and
+    keeps the compliance positive definite.
     """
     nx, ny = size
     waves = [2.0 * np.pi * scipy.fft.fftfreq(nx, spacing[0]), 2.0 * np.pi * scipy.fft.rfftfreq(ny, spacing[1])]
@@ -104,4 +105,10 @@ def periodic_convolution(
         fill_symbol(first, last, waves[0], waves[1], windows[0], windows[1], nx, ny, even, odd, symbol)
 
     share_out(fill, nx)
+    symbol[0, 0, :N_SYMMETRIC] = even[0, 0] * mean_length(size, spacing)
     return Convolution(symbol, size, size)
+
+
+def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
+    """Length [m] by which a uniform load on a periodic surface is multiplied: 1/k of a wave as long as the period."""
+    return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))

@@ -27,8 +27,9 @@ class HalfSpace(Formulation):
 
     density: of loads around each node: 'bilinear' to zero at its neighbours, like four-node elements; 'constant' on
     the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
-    half a spacing on each side of it are one period of an endless surface; displacements and potentials count from
-    their means. matrix_up_to: nodes up to which the compliance is held as a matrix, for solvers that factorise it.
+    half a spacing on each side of it are one period of an endless surface; a mean load, to which no half space has a
+    finite answer, answers as a wave of that length would. matrix_up_to: nodes up to which the compliance is held as a
+    matrix, for solvers that factorise it.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"

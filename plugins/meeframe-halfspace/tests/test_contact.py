@@ -1,0 +1,237 @@
+"""Contact on half spaces by transforms: closed forms, boundary elements on the same case, two bodies, roughness."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace, SelfAffine, indentation_modulus
+
+from meeframe.case.case import Case
+from meeframe.case.counter import CounterBody
+from meeframe.case.load import load_case
+from meeframe.case.solve import reduce, solve_case, solve_steps
+from meeframe.case.step import Step
+from meeframe.core.body import Body
+from meeframe.core.result import resultants
+from meeframe.elements import Quad4
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.geometry import FrictionAxes, half_space_mesh
+from meeframe.geometry import indenters as rigid
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.materials import Material, library_material
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Sphere, indent
+from meeframe.testing.half_space import indentation_problem
+
+STIFFNESS = library_material("batio3-cofe2o4").stiffness
+XI = axisymmetric_compliance(STIFFNESS)
+APPROACH = 5e-5
+EXAMPLE = Path(__file__).parents[1] / "examples" / "rough.toml"
+
+
+def indentation_errors(shape, potentials, cells, density="bilinear", divisions=None):
+    """Relative errors of force, charge and flux that are not zero; cells: over the contact width."""
+    exact = indent(XI, shape, APPROACH, *potentials)
+    spacing, divisions = 2.0 * exact.contact_radius / cells, divisions or 2 * round(0.6 * cells)
+    mesh = half_space_mesh(10.0 * divisions * spacing, divisions * spacing, divisions, 1, Quad4())
+    system = HalfSpace(density).reduce(Body(STIFFNESS, mesh, (), "contact"))
+    x, y, _ = system.points.T
+    indenter = {
+        Sphere: lambda: rigid.Sphere(shape.radius),
+        Cone: lambda: rigid.Cone(shape.angle),
+        FlatPunch: lambda: rigid.FlatPunch(shape.radius),
+    }[type(shape)]()
+    conductivity = tuple(0.0 if value is None else np.inf for value in potentials)
+    given = tuple(value or 0.0 for value in potentials)
+    problem = indentation_problem(system, indenter.height(x, y), APPROACH, None, conductivity, given)
+    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))
+    totals = system.weights @ solution.state.load
+    expected = {2: -exact.force, 3: exact.charge, 4: exact.magnetic_flux}
+    return np.array([totals[field] / value - 1.0 for field, value in expected.items() if value])
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_sphere_64_cells_wide(condition):
+    assert np.abs(indentation_errors(Sphere(0.1), CONDITIONS[condition], 64)).max() < 2e-4
+
+
+@pytest.mark.parametrize("condition", ["EMII", "EMCI"])
+def test_cone_64_cells_wide(condition):
+    assert np.abs(indentation_errors(Cone(0.02), CONDITIONS[condition], 64)).max() < 2e-4
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_flat_punch_64_cells_wide(condition):
+    """Its singular edge is resolved to cells: an odd number of divisions has as many under it as its area asks."""
+    errors = indentation_errors(FlatPunch(2e-3), CONDITIONS[condition], 64, divisions=77)
+    assert np.abs(errors).max() < 1e-3
+
+
+def test_flat_punch_at_potentials():
+    errors = indentation_errors(FlatPunch(2e-3), (-1.5e4, 30.0), 64, divisions=77)
+    assert np.abs(errors).max() < 1e-3
+
+
+def test_sphere_at_potentials():
+    """Fluxes are singular at an edge that is resolved to cells; their parts, of the pressure and of the potentials,
+    cancel for the most part here, so that errors count relative to the sizes of the parts."""
+    potentials = (-1.5e4, 30.0)
+    exact, grounded = (indent(XI, Sphere(0.1), APPROACH, *given) for given in (potentials, (0.0, 0.0)))
+    pairs = ((exact.force, 0.0), (exact.charge, grounded.charge), (exact.magnetic_flux, grounded.magnetic_flux))
+    shares = np.array([abs(total) / (abs(part) + abs(total - part)) for total, part in pairs])
+    errors = [shares * indentation_errors(Sphere(0.1), potentials, 64 + part) for part in (0.0, 0.25, 0.5, 0.75)]
+    assert np.abs(np.mean(errors, axis=0)).max() < 1e-3
+    assert np.abs(errors).max() < 2e-3
+
+
+@pytest.mark.parametrize("density", ["bilinear", "constant"])
+def test_second_order_of_the_force(density):
+    """Means over grids that differ in where the edge falls."""
+    means = [
+        np.mean([indentation_errors(Sphere(0.1), (None, None), cells + part, density)[0] for part in (0.0, 0.4, 0.8)])
+        for cells in (12, 48)
+    ]
+    assert np.log(means[0] / means[1]) / np.log(4.0) == pytest.approx(2.0, abs=0.3)
+
+
+def test_first_order_of_an_edge():
+    """Root mean square over grids that differ in where the edge of a punch falls."""
+    errors = [
+        [indentation_errors(FlatPunch(2e-3), (None, None), cells + part)[0] for part in np.arange(8) / 8]
+        for cells in (12, 48)
+    ]
+    first, second = np.sqrt(np.mean(np.square(errors), axis=1))
+    assert np.log(first / second) / np.log(4.0) > 0.9
+
+
+def small_case(**changes):
+    mesh = half_space_mesh(0.1, 5e-3, 12, 5, Quad4())
+    return Case(
+        material=library_material("orthotropic-mee"),
+        mesh=mesh,
+        conditions=(),
+        indenter=rigid.Sphere(0.1),
+        steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),),
+        contact_law=IsotropicCoulomb(0.4),
+        electric_law=StepConductivity(np.inf),
+        limits=Limits(tolerance=1e-8),
+        formulation=HalfSpace(),
+        **changes,
+    )
+
+
+def outcome(case):
+    result = solve_case(case)
+    step = result.steps[-1]
+    assert step.status == "converged"
+    total = resultants(result.zone, step)
+    return np.array([*total.force, total.charge]), step
+
+
+def test_boundary_elements_agree_on_the_same_case():
+    """Only the formulation changes: anisotropic, with friction, conducting."""
+    case = small_case()
+    (ours, step), (theirs, other) = outcome(case), outcome(replace(case, formulation=DenseBEM()))
+    np.testing.assert_allclose(ours[:3], theirs[:3], atol=0.01 * abs(theirs[2]))
+    assert ours[3] == pytest.approx(theirs[3], rel=0.02)
+    difference = np.abs(step.traction - other.traction) / np.abs(other.traction).max()
+    inside = -other.traction[:, 2] > 0.4 * np.abs(other.traction).max()
+    assert inside.sum() > 20
+    assert np.sqrt(np.mean(difference[inside] ** 2)) < 0.02
+    assert difference[inside].max() < 0.06
+
+
+def test_turned_friction_axes_change_nothing_of_isotropic_friction():
+    """The system behind turned frames, held as a matrix and not."""
+    plain, _ = outcome(small_case())
+    for limit in (0, 1200):
+        axes = FrictionAxes(around=(0.0, 0.0, 1.0))
+        case = replace(small_case(axes=axes), formulation=HalfSpace(matrix_up_to=limit))
+        case = replace(case, steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),))
+        turned, _ = outcome(case)
+        np.testing.assert_allclose(turned, plain, atol=1e-6 * np.abs(plain).max())
+
+
+@pytest.mark.parametrize("limit", [0, 1200])
+def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
+    """Opposite bodies of like material: tangential displacements match by symmetry, P = 4/3 (E*/2) sqrt(R) g^1.5."""
+    material = Material.isotropic(2e11, 0.3)
+    mesh = half_space_mesh(0.1, 5e-3, 24, 1, Quad4())
+    formulation = HalfSpace(matrix_up_to=limit)
+    case = Case(
+        material=material,
+        mesh=mesh,
+        conditions=(),
+        indenter=rigid.Sphere(0.1),
+        steps=(Step(approach=4e-5),),
+        formulation=formulation,
+        limits=Limits(tolerance=1e-8),
+        counter=CounterBody(material, mesh, formulation=formulation),
+    )
+    force, _ = outcome(case)
+    exact = 4.0 / 3.0 * (2e11 / 0.91 / 2.0) * np.sqrt(0.1) * 4e-5**1.5
+    assert -force[2] == pytest.approx(exact, rel=2e-3)
+
+
+def rough_case(force, rms_height=1e-6, **changes):
+    n, period = 32, 2e-3
+    mesh = half_space_mesh(0.01, period * (n - 1) / n, n - 1, 1, Quad4())
+    rough = SelfAffine(period, period / 6, 0.8, rms_height, seed=2, samples=n)
+    given = {
+        "material": library_material("batio3-cofe2o4"),
+        "mesh": mesh,
+        "conditions": (),
+        "indenter": rough,
+        "steps": (Step(normal_force=force),),
+        "formulation": HalfSpace("trigonometric", periodic=True, matrix_up_to=0),
+        "limits": Limits(tolerance=1e-9),
+    }
+    return Case(**(given | changes))
+
+
+def test_full_contact_of_a_rough_surface_is_exact():
+    """The surface takes the shape of the indenter: each wave q of it needs the pressure M q/2 per height."""
+    case = rough_case(4e3, 5e-7)
+    force, step = outcome(case)
+    assert -force[2] == pytest.approx(4e3, rel=1e-8)
+    system = reduce(case)
+    heights, nodes = case.indenter.surface(), system.grid.nodes
+    q = 2.0 * np.pi * np.fft.fftfreq(32, 2e-3 / 32)
+    modulus = indentation_modulus(case.material.stiffness)
+    waves = np.fft.ifft2(np.fft.fft2(-heights) * np.hypot(q[:, None], q) * modulus / 2.0).real
+    pressure = -step.traction[nodes, 2]
+    np.testing.assert_allclose(pressure, 4e3 / 4e-6 + waves, rtol=1e-6)
+
+
+def test_frictional_rough_contact():
+    """Partial contact obeys the laws, and a drag below the friction limit is borne by sticking and slipping spots."""
+    steps = (Step(normal_force=60.0), Step(normal_force=60.0, tangential_force=(9.0, 0.0)))
+    case = rough_case(
+        60.0,
+        4e-6,
+        material=library_material("orthotropic-mee"),
+        steps=steps,
+        contact_law=IsotropicCoulomb(0.3),
+        electric_law=StepConductivity(np.inf),
+        limits=Limits(tolerance=1e-8),
+    )
+    system = reduce(case)
+    states = list(solve_steps(case, system, boundary=False))
+    assert [step.status for step in states] == ["converged", "converged"]
+    last = states[-1]
+    pressure, drag = -last.traction[:, 2], np.hypot(last.traction[:, 0], last.traction[:, 1])
+    touching = pressure > 0.0
+    assert 0.02 < touching.mean() < 0.6
+    assert (drag <= 0.3 * pressure * (1.0 + 1e-6)).all()
+    slipping = drag > 0.3 * pressure * (1.0 - 1e-6)
+    assert 0.0 < (touching & slipping).mean() < touching.mean()
+    assert system.weights @ last.traction[:, 0] == pytest.approx(9.0, rel=1e-6)
+    assert np.abs(last.potentials[touching, 0]).max() < 1e-6 * np.abs(last.potentials[:, 0]).max()
+
+
+def test_the_example_is_a_case():
+    case = load_case(EXAMPLE)
+    assert isinstance(case.indenter, SelfAffine)
+    assert case.formulation == HalfSpace(periodic=True)
