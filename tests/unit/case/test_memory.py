@@ -136,8 +136,9 @@ def test_the_slip_path_counts_every_way_in_contact(bed, rubbing, system):
 
 
 def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, laws):
-    """Springs: all slip, each by the same way, so that the friction of an increment is known."""
+    """Springs that all slip, there and back, so that the friction of an increment is known."""
     text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["40 um", 0]\nincrements = 4\n'
+    text += '[[steps]]\ntranslation = ["-20 um", 0]\nincrements = 3\n'
     first, *slid = meeframe.solve_case(load_case(write_case(more=text), laws)).steps
     assert first.slip_path.max() == 0.0
     before = first
