@@ -9,13 +9,15 @@ import numba
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_rows
+from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_rows, tabulate
 from meeframe_halfspace.response import PointResponse
 
 Shape = Literal["bilinear", "constant"]
 
 _EDGE_POINTS: Final = 48
 _MOST_POINTS: Final = 9
+_ANGLES: Final = 8192
+_ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
 
 
@@ -32,8 +34,11 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
     tables, thresholds = _product_rules(shape)
     rule = np.array(np.polynomial.legendre.leggauss(_EDGE_POINTS))
 
+    even, odd = response.even, response.odd
+    around = tabulate(even, odd, max(_ANGLES, _ANGLES_PER_HARMONIC * 2 * len(even)))
+
     def fill(first: int, last: int) -> None:
-        fill_rows(first, last, steps, along, across, response.even, response.odd, rule, tables, thresholds, table)
+        fill_rows(first, last, steps, along, across, even, odd, around, rule, tables, thresholds, table)
 
     share_out(fill, nx)
     return table

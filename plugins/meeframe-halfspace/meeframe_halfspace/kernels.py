@@ -72,22 +72,47 @@ def _near(x, y, pieces_x, pieces_y, even, odd, rule, values):
 
 
 @njit(cache=True, nogil=True)
-def _far(x, y, hx, hy, nodes, weights, even, odd, values):
-    """Product rule on a cell: nodes (n,) in spacings, weights (n,) with sum 1."""
+def tabulate(even, odd, count):
+    """K(theta), (count + 3, 25), at count angles from -1 step on, and once around with the two next ones."""
+    table = np.zeros((count + 3, N_VALUES))
+    for k in range(count + 3):
+        theta = 2.0 * np.pi / count * (k - 1)
+        add_response(np.cos(theta), np.sin(theta), 1.0, even, odd, table[k])
+    return table
+
+
+@njit(cache=True, nogil=True)
+def _far(x, y, hx, hy, nodes, weights, around, values):
+    """Product rule on a cell: nodes (n,) in spacings, weights (n,) with sum 1; around: K as `tabulate` gives it."""
+    count = around.shape[0] - 3
     for i in range(len(nodes)):
         dx = x - hx * nodes[i]
         for j in range(len(nodes)):
             dy = y - hy * nodes[j]
-            r = np.sqrt(dx * dx + dy * dy)
-            add_response(dx / r, dy / r, hx * hy * weights[i] * weights[j] / r, even, odd, values)
+            turn = np.arctan2(dy, dx) / (2.0 * np.pi) * count
+            turn += count if turn < 0.0 else 0.0
+            k = min(int(turn), count - 1)
+            t = turn - k
+            # cubic interpolation through the angles k - 1 .. k + 2
+            u, v, w = t - 1.0, t - 2.0, t + 1.0
+            factor = hx * hy * weights[i] * weights[j] / np.sqrt(dx * dx + dy * dy)
+            c0, c1 = -factor * t * u * v / 6.0, factor * w * u * v / 2.0
+            c2, c3 = -factor * w * t * v / 2.0, factor * w * t * u / 6.0
+            for entry in range(N_VALUES):
+                values[entry] += (
+                    c0 * around[k, entry]
+                    + c1 * around[k + 1, entry]
+                    + c2 * around[k + 2, entry]
+                    + c3 * around[k + 3, entry]
+                )
 
 
 @njit(cache=True, nogil=True)
-def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, values):
+def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, values):
     """values (25,) = response at (x, y) from the centre of a cell to a density whose value at the centre is 1.
 
-    rule: (2, n) Gauss on [-1, 1]; tables: (k, 2, k) nodes and weights of product rules with 1 to k points a direction;
-    thresholds: (k,) distances in spacings from which each of them will do.
+    around: K as `tabulate` gives it; rule: (2, n) Gauss on [-1, 1]; tables: (k, 2, k) nodes and weights of product
+    rules with 1 to k points a direction; thresholds: (k,) distances in spacings from which each of them will do.
     """
     values[:] = 0.0
     distance = np.sqrt(x * x + y * y) / max(spacing[0], spacing[1])
@@ -97,11 +122,11 @@ def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, rule, tables, th
     n = len(thresholds)
     while n > 1 and distance >= thresholds[n - 2]:
         n -= 1
-    _far(x, y, spacing[0], spacing[1], tables[n - 1, 0, :n], tables[n - 1, 1, :n], even, odd, values)
+    _far(x, y, spacing[0], spacing[1], tables[n - 1, 0, :n], tables[n - 1, 1, :n], around, values)
 
 
 @njit(cache=True, nogil=True)
-def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, out):
+def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, out):
     """out[:, i, j] = response i spacings along x and j - (ny - 1) along y from a cell, for i in first..last - 1.
 
     out: (25, nx, 2 ny - 1).
@@ -111,7 +136,7 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, rule, tables,
     for i in range(first, last):
         for j in range(out.shape[2]):
             x, y = i * spacing[0], (j - middle) * spacing[1]
-            cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, rule, tables, thresholds, values)
+            cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, values)
             out[:, i, j] = values
 
 
