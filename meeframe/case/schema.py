@@ -69,8 +69,8 @@ _INSULATING: Final = Field(default="insulating", validate_default=True)
 class ConductivityTable(Table):
     """[conductivity]: laws of the contact zone; a field without one is insulated."""
 
-    electric: Annotated[ConductivityLaw, by_name(ConductivityLaw, "F/m^2")] = _INSULATING
-    magnetic: Annotated[ConductivityLaw, by_name(ConductivityLaw, "H/m^2")] = _INSULATING
+    electric: Annotated[ConductivityLaw, by_name(ConductivityLaw, "F/m^2 F/m V/m")] = _INSULATING
+    magnetic: Annotated[ConductivityLaw, by_name(ConductivityLaw, "H/m^2 H/m A/m")] = _INSULATING
 
 
 def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:

@@ -37,9 +37,10 @@ class Quantity:
 
         return core_schema.no_info_plain_validator_function(self.check)
 
-    def only(self, unit: str) -> "Quantity":
-        """The same quantity where its dimension is settled; itself if `unit` is none of its units."""
-        return Quantity(unit, **self.bounds) if unit in self.units else self
+    def only(self, settled: str) -> "Quantity":
+        """The same quantity where dimensions are settled on some units, with blanks between; itself if it has none."""
+        fitting = [unit for unit in self.units if unit in settled.split()]
+        return Quantity(fitting[0], *fitting[1:], **self.bounds) if fitting else self
 
     def convert(self, value: Any) -> float:
         """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""

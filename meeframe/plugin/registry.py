@@ -68,7 +68,8 @@ class Entry:
 class Registry:
     """What is registered, and the plugins that failed. Made by `load` or `from_plugins`.
 
-    folder: where relative paths in tables start; unit: that of keys whose dimension depends on where they are used.
+    folder: where relative paths in tables start; unit: those of keys whose dimension depends on where they are used,
+    with blanks between.
     """
 
     entries: tuple[Entry, ...]

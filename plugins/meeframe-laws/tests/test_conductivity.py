@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from meeframe_laws.conductivity import RECORDS, AcrossGap, Breakdown, PowerLaw, Robin, Saturating, Thresholded
 
+from meeframe import load_case
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
 from meeframe.core.law import contact_conductivity
@@ -232,3 +234,21 @@ def test_bad_values_are_refused_with_their_key(factory, good, key, value) -> Non
     table = {"name": record.name, **dict(zip(names, good, strict=False)), key: value}
     with pytest.raises(CaseError, match=key):
         load().create(Kind.CONDUCTIVITY_LAW, table)
+
+
+CASES = Path(__file__).parents[1] / "cases"
+
+
+@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
+def test_example_case_is_valid(record) -> None:
+    case = load_case(CASES / f"{record.name}.toml")
+    assert isinstance(case.electric_law, record.factory)
+
+
+def test_a_unit_of_the_other_field_is_refused(tmp_path) -> None:
+    text = (CASES / "across-gap.toml").read_text()
+    for given, other in (("1 vacuum_permittivity", "1 vacuum_permeability"), ("20 H/m^2", "20 F/m^2")):
+        path = tmp_path / "case.toml"
+        path.write_text(text.replace(given, other))
+        with pytest.raises(CaseError, match="has the wrong unit"):
+            load_case(path)
