@@ -1,4 +1,4 @@
-"""The command line: meeframe run, check, show, plugins, new-plugin, compare, reproduce."""
+"""The command line: meeframe run, check, show, plugins, new-plugin, compare, reproduce, validate."""
 
 import sys
 from collections.abc import Iterator
@@ -29,6 +29,8 @@ app = typer.Typer(
 
 plugins_app = typer.Typer()
 app.add_typer(plugins_app, name="plugins")
+fclib_app = typer.Typer(no_args_is_help=True, help="Exchange contact problems with other solvers in files of FCLIB.")
+app.add_typer(fclib_app, name="fclib")
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
 Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Name or inline table; repeatable.")]
@@ -188,6 +190,71 @@ def reproduce(
         for line in missed:
             print(line)
         raise typer.Exit(NOT_CONVERGED if missed else CONVERGED)
+
+
+@app.command()
+def validate(
+    quick: Annotated[bool, typer.Option("--quick", help="Coarser grids, in a minute or two.")] = False,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Run this case; repeatable.")] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for numbers and report.")] = Path("validated"),
+    validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the cases.")] = Path("validation"),
+) -> None:
+    """Run published cases and compare; write validation.json and report.html, which works offline.
+
+    Exit status 0 if every check passed, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED):
+        from meeframe.report.validation import validation_table
+        from meeframe.study.validate import validate as validate_cases
+
+        _registry(None)
+        with _progress() as progress:
+            found = validate_cases(validation, out, only or (), quick, progress)
+        _console().print(validation_table(found))
+        print(f"report: {out / 'report.html'}")
+        raise typer.Exit(CONVERGED if found.passed else NOT_CONVERGED)
+
+
+@fclib_app.command("export")
+def fclib_export(
+    case: CaseFile,
+    out: Annotated[Path, typer.Argument(metavar="OUT.hdf5", help="The file to write.")],
+    increment: Annotated[int | None, typer.Option(metavar="K", help="From 1; the last one if not given.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Run a case up to an increment and write its contact problem, with our solution if it converged.
+
+    Exit status 0 if the increment converged, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED, f"{out} was not written"):
+        from meeframe.case.load import load_case
+        from meeframe.study.fclib import export_increment
+
+        with _progress() as progress:
+            step = export_increment(load_case(case, _registry(plugin)), out, increment, overwrite, progress)
+        print(f"{out}: increment {step.increment} of load step {step.step}: {step.status}: {step.message}")
+        raise typer.Exit(CONVERGED if step.status == "converged" else NOT_CONVERGED)
+
+
+@fclib_app.command("solve")
+def fclib_solve(
+    file: Annotated[Path, typer.Argument(metavar="FILE.hdf5", help="A local problem of FCLIB.")],
+    solver: Annotated[str, typer.Option(metavar="NAME", help="Name or inline table.")] = "auto",
+    tolerance: Annotated[float, typer.Option(help="Of the residual.")] = 1e-10,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the solution that the file has.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Solve a problem and put the solution into its file; one that is there is compared, and stays.
+
+    Exit status 0 if the solver converged, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED, f"{file} stays as it was"):
+        from meeframe.study.fclib import solve_file
+
+        solved = solve_file(file, solver, tolerance, overwrite, _registry(plugin))
+        print(f"{file}: {solved.summary}")
+        raise typer.Exit(CONVERGED if solved.status == "converged" else NOT_CONVERGED)
 
 
 def _print_version(wanted: bool) -> None:

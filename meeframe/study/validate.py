@@ -1,0 +1,172 @@
+"""Validation: the cases of a folder, run one after the other, with table, numbers and report written as they come.
+
+A case is a folder with a module checks.py: TITLE, SOURCE (where the references are published) and a generator
+`run(quick)` of what the records below can hold. It imports modules beside it, and those beside its folder, by name.
+"""
+
+import importlib.util
+import platform
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.formulation import Progress, silent
+from meeframe.io.output import check_output, replacing
+from meeframe.plugin import registry as plugins
+from meeframe.plugin.validation import choices
+from meeframe.report.validation import (
+    CaseReport,
+    Check,
+    Claim,
+    Curve,
+    Item,
+    Map,
+    Plot,
+    Row,
+    Skip,
+    Validation,
+    Verdict,
+    validation_json,
+)
+from meeframe.report.validation_page import page, plot_library
+
+__all__ = ["Check", "Claim", "Curve", "Item", "Map", "Plot", "Skip", "Verdict", "known_cases", "load_case", "validate"]
+
+MODULE: Final = "checks.py"
+NUMBERS_FILE: Final = "validation.json"
+REPORT_FILE: Final = "report.html"
+_LIBRARIES: Final = ("numpy", "scipy", "numba", "tamaas")
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationCase:
+    """A case to run. items: what its run yields, for a quick or a full validation."""
+
+    name: str
+    title: str
+    source: str
+    items: Callable[[bool], Iterator[Item]]
+
+
+def known_cases(folder: Path) -> dict[str, Path]:
+    """Case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
+    if not folder.is_dir():
+        raise CaseError(f"folder of cases {folder} does not exist; name the one that holds them with --validation")
+    found = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
+    if not found:
+        raise CaseError(f"folder of cases {folder} holds no */{MODULE}; name another one with --validation")
+    return found
+
+
+def load_case(folder: Path) -> ValidationCase:
+    """Import the module of a case. Raises CaseError if it is no case; whatever the import raises passes."""
+    module = _import(folder / MODULE)
+    for name, kind in (("TITLE", str), ("SOURCE", str), ("run", Callable)):
+        if not isinstance(getattr(module, name, None), kind):  # type: ignore[arg-type]
+            raise CaseError(f"{folder / MODULE}: {name} is missing; a case has the texts TITLE, SOURCE and run(quick)")
+    return ValidationCase(folder.name, module.TITLE, module.SOURCE, module.run)
+
+
+def validate(
+    folder: Path, out: Path, names: Sequence[str] = (), quick: bool = False, progress: Progress = silent
+) -> Validation:
+    """Run the named cases of a folder, all if none is named; write validation.json and report.html into `out`.
+
+    The numbers are written anew after every check, the report after every case, each whole or as it was before. A case
+    that breaks off is an error in the table, and the others run all the same.
+    Raises CaseError for an unknown name or a folder without cases, ResultError if `out` cannot be written,
+    MeeframeError if the library of the report's plots is not installed.
+    """
+    known = known_cases(folder)
+    for name in names:
+        if name not in known:
+            raise CaseError(f"unknown case {name!r}; {choices(name, tuple(known))}")
+    chosen = [path for name, path in known.items() if not names or name in names]
+    library = plot_library()
+    check_output(out, overwrite=True)
+    out.mkdir(parents=True, exist_ok=True)
+    found = Validation(quick, _versions(), planned=len(chosen))
+    for path in chosen:
+        progress(path.name, 0.0)
+        for case in _reports(path, quick):
+            with replacing(out / NUMBERS_FILE) as file:
+                file.write_text(validation_json(_with(found, case)), encoding="utf-8")
+        found = _with(found, case)
+        with replacing(out / REPORT_FILE) as file:
+            file.write_text(page(found, library), encoding="utf-8")
+    return found
+
+
+def _with(validation: Validation, case: CaseReport) -> Validation:
+    return replace(validation, cases=(*validation.cases, case))
+
+
+def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
+    """The report of a case after every item, and at its end."""
+    report = CaseReport(folder.name, folder.name, "")
+    begin = time.perf_counter()
+    try:
+        case = load_case(folder)
+        report = replace(report, title=case.title, source=case.source)
+        for item in case.items(quick):
+            now = time.perf_counter() - begin
+            if isinstance(item, Plot | Map):
+                report = replace(report, figures=(*report.figures, item))
+            else:
+                report = replace(report, rows=(*report.rows, Row(item, now - report.seconds)), seconds=now)
+            yield report
+        if not report.rows:
+            raise CaseError(f"{folder / MODULE}: run(quick) checks nothing")
+    except Exception as error:
+        # one broken case is a line of the table: the others tell as much without it
+        words = str(error) if isinstance(error, MeeframeError) else traceback.format_exc()
+        report = replace(report, error=words or type(error).__name__)
+    yield replace(report, seconds=time.perf_counter() - begin)
+
+
+def _import(file: Path) -> ModuleType:
+    """A module by its path. Modules beside it keep their plain names for as long as this takes."""
+    with _importable(file.parent.resolve()):
+        name = f"meeframe_validation_{file.parent.name}"
+        spec = importlib.util.spec_from_file_location(name, file)
+        if spec is None or spec.loader is None:
+            raise CaseError(f"{file}: cannot be imported")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module  # dataclasses look themselves up there
+        spec.loader.exec_module(module)
+    return module
+
+
+@contextmanager
+def _importable(folder: Path) -> Iterator[None]:
+    """Puts a case's folder and the one above on the path; every case may have a study.py, so no trace is left."""
+    added = [str(folder), str(folder.parent)]
+    before = set(sys.modules)
+    sys.path[:0] = added
+    try:
+        yield
+    finally:
+        for path in added:
+            sys.path.remove(path)
+        for name in set(sys.modules) - before:
+            place = getattr(sys.modules[name], "__file__", None)
+            if place and str(Path(place).resolve()).startswith(str(folder.parent)) and "meeframe" not in name:
+                del sys.modules[name]
+
+
+def _versions() -> dict[str, str]:
+    """Of the software that the numbers depend on: libraries, providers of plugins, judges."""
+    found = {"python": platform.python_version()}
+    found |= {provider.name: provider.version for provider in plugins.load().providers}
+    for name in _LIBRARIES:
+        with suppress(metadata.PackageNotFoundError):  # judges need not be there
+            found[name] = metadata.version(name)
+    return found

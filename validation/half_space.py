@@ -1,0 +1,102 @@
+"""Rigid indenters on half spaces by fast Fourier transforms: what most cases of this folder share."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactSolution, Solver, Status
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.solvers import Auto, Limits, ProjectedCG, solve
+from meeframe.testing.half_space import indentation_problem
+
+Height = Callable[[Array, Array], Array]
+"""Of the indenter above its lowest point [m], inf where there is none, at x, y (n,) [m]."""
+
+
+def half_space(stiffness: Array, width: float, divisions: int, matrix_up_to: int = 0) -> ReducedSystem:
+    """A square zone of so many divisions on a half space."""
+    mesh = half_space_mesh(10.0 * width, width, divisions, 1, Quad4())
+    return HalfSpace(matrix_up_to=matrix_up_to).reduce(Body(stiffness, mesh, (), "contact"))
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A solved indentation. load: (n, 5) as in ReducedSystem; spacing [m]."""
+
+    system: ReducedSystem
+    load: Array
+    displacement: Array
+    spacing: float
+
+    @property
+    def r(self) -> Array:
+        """Distance of the nodes from the axis, (n,) [m]."""
+        return np.hypot(self.system.points[:, 0], self.system.points[:, 1])
+
+    @property
+    def totals(self) -> Array:
+        """Force with which the indenter presses [N], charge [C], magnetic flux [Wb]."""
+        found = self.system.weights @ self.load[:, 2:]
+        return np.asarray(found * [-1.0, 1.0, 1.0])
+
+    @property
+    def force(self) -> float:
+        """With which the indenter presses [N]."""
+        return float(self.totals[0])
+
+    @property
+    def pressure(self) -> Array:
+        """(n,) [Pa]."""
+        return 0.0 - self.load[:, 2]
+
+    @property
+    def contact_area(self) -> float:
+        """Of the nodes under pressure [m^2]."""
+        return float(self.system.weights @ (self.pressure > 0.0))
+
+    def section(self) -> tuple[Array, Array]:
+        """Nodes on the line through the middle along x, in order, and their x (m,) [m]."""
+        x, y, _ = self.system.points.T
+        line = np.flatnonzero(np.abs(y - y[np.abs(y).argmin()]) < self.spacing / 2)
+        line = line[np.argsort(x[line])]
+        return line, x[line]
+
+
+def press(
+    stiffness: Array,
+    height: Height,
+    approach: float,
+    contact_width: float,
+    cells: float,
+    conductivity: tuple[float, float] = (0.0, 0.0),
+    potentials: tuple[float, float] = (0.0, 0.0),
+    divisions: int | None = None,
+) -> Pressed:
+    """Press without friction; cells: in the contact width. Raises RuntimeError if the iteration does not converge."""
+    spacing = contact_width / cells
+    divisions = divisions or 2 * round(0.6 * cells)
+    system = half_space(stiffness, divisions * spacing, divisions)
+    x, y, _ = system.points.T
+    problem = indentation_problem(system, height(x, y), approach, None, conductivity, potentials)
+    solver: Solver = Auto() if any(conductivity) else ProjectedCG()
+    solution = converged(solve(problem, solver, Limits(tolerance=1e-8)))
+    return Pressed(system, solution.state.load, solution.state.displacement, spacing)
+
+
+def converged(solution: ContactSolution) -> ContactSolution:
+    """The solution, if it is one. Raises RuntimeError."""
+    if solution.status is not Status.CONVERGED:
+        raise RuntimeError(f"{solution.status}: {solution.message}")
+    return solution
+
+
+def observed_order(cells: list[float], errors: list[float]) -> float:
+    """Slope of the errors, of either sign, over the spacing, by least squares in logarithms."""
+    slope, _ = np.polyfit(np.log(cells), np.log(np.abs(errors)), 1)
+    return float(-slope)

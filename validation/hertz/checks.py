@@ -1,0 +1,36 @@
+"""Hertz: a rigid sphere on an isotropic half space."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from half_space import Pressed
+from indentation import Run, convergence, pressure_plot
+from isotropic import APPROACH, POISSON, STIFFNESS, YOUNG, elastic_response
+
+from meeframe.study.validate import Check, Item
+from meeframe.testing.closed_forms import Sphere
+from meeframe.testing.closed_forms_friction import HertzContact
+
+TITLE = "Hertz: sphere on an isotropic half space"
+SOURCE = "Hertz, J. reine angew. Math. 92 (1882) 156; Johnson, Contact Mechanics (1985), section 4.2."
+EXACT = HertzContact(YOUNG, POISSON, 0.1, APPROACH)
+
+
+def run(quick: bool) -> Iterator[Item]:
+    """Totals and pressure on 64 cells, then the order of convergence."""
+    case = Run(STIFFNESS, elastic_response(), Sphere(EXACT.radius), APPROACH)
+    yield from _on_64_cells(case.at(64))
+    yield pressure_plot(case, 32, "sphere")
+    yield from convergence(case, (12, 24, 48) if quick else (12, 24, 48, 96), 2.0, 0.3, "sphere")
+
+
+def _on_64_cells(found: Pressed) -> Iterator[Item]:
+    yield Check("force, 64 cells", found.force, EXACT.force, 1e-3, "N")
+    yield Check("largest pressure, 64 cells", float(found.pressure.max()), EXACT.peak_pressure, 1e-3, "Pa")
+    yield Check("contact radius, 64 cells", np.sqrt(found.contact_area / np.pi), EXACT.contact_radius, 0.01, "m")
+    error = np.abs(found.pressure - EXACT.pressure(found.r)) / EXACT.peak_pressure
+    # cells that the edge crosses may lie a diagonal within it
+    inner = found.r < EXACT.contact_radius - np.sqrt(2.0) * found.spacing
+    largest, mean = float(error[inner].max()), float(np.sqrt(np.mean(error[error > 0.0] ** 2)))
+    yield Check("pressure, largest error over the peak, cells on the edge left out", largest, 0.0, 0.01, "", True)
+    yield Check("pressure, r.m.s. error over the peak, everywhere", mean, 0.0, 0.01, "", True)

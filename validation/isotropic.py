@@ -1,0 +1,19 @@
+"""The isotropic half space of the elastic cases."""
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.materials import Material
+from meeframe.testing.closed_forms_friction import contact_modulus
+
+YOUNG, POISSON = 200e9, 0.3
+MODULUS = contact_modulus(YOUNG, POISSON)
+"""E* [Pa]."""
+STIFFNESS = Material.isotropic(YOUNG, POISSON).stiffness
+APPROACH = 5e-5
+"""[m]"""
+
+
+def elastic_response() -> Array:
+    """Point response (3, 3) with E* from Young's modulus alone; potentials, which are decoupled, respond by units."""
+    return np.diag([1.0 / (np.pi * MODULUS), -1.0, -1.0])
