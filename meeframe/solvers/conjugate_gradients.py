@@ -154,8 +154,9 @@ def _check(law: ContactLaw, pressure: float) -> None:
     plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not law.tangential_scaling().any()
     if not plain or not np.allclose(law.project(trial), expected, rtol=1e-12, atol=0.0):
         raise CaseError(
-            f"solver 'projected-cg' takes frictionless contact only, not {law}; allowed contact law: signorini, or "
-            "friction with mu = 0. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto' for friction"
+            f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
+            f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', 'uzawa-bb', "
+            "'uzawa-nesterov', 'uzawa' or 'auto' for others"
         )
 
 
