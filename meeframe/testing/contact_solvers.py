@@ -3,22 +3,47 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields, replace
-from typing import TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from hypothesis import strategies as st
 from scipy.optimize import nnls
 
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Iterate, Solver, Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import ConductivityLaw
 from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import Limits, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 from meeframe.testing.requirements import check_frozen, require
+from meeframe.testing.search import search_for
 from meeframe.testing.violations import violations
 
 Record = TypeVar("Record", ContactState, Iterate)
+
+_COMPLIANCE: Final = np.array(
+    [
+        [2.4e-12, 0.0, 6e-13, 0.0, 0.0],
+        [0.0, 2.2e-12, -4e-13, 0.0, 0.0],
+        [6e-13, -4e-13, 2e-12, 2e-3, 2e-6],
+        [0.0, 0.0, 2e-3, -2e7, 3e3],
+        [0.0, 0.0, 2e-6, 3e3, -1e3],
+    ]
+)
+_COEFFICIENTS: Final = st.sampled_from([0.0, 0.1, 0.5])
+_DRAGS: Final = st.sampled_from([0.0, 8e-6, -1e-6, 1e-4])
+_INDENTATIONS: Final = st.fixed_dictionaries(
+    {
+        "approach": st.sampled_from([5e-5, -1e-5, 0.0, 1e-3]) | st.floats(1e-6, 1e-4),
+        "aspect": st.sampled_from([1.0, 0.0, 3.0]),
+        "mu": st.tuples(_COEFFICIENTS, _COEFFICIENTS),
+        "drag": st.tuples(_DRAGS, _DRAGS),
+        "kappa": st.tuples(st.sampled_from([0.0, 1e-5, np.inf]), st.sampled_from([0.0, 0.4, np.inf])),
+    }
+)
+"""Of paraboloids on a half space; SI units."""
 
 
 def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
@@ -27,6 +52,7 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
+    Beside these hypothesis looks for small indentations that break it: no contact, full contact, cylinders.
     friction: False for a solver that takes frictionless problems only.
     """
     check_frozen(solver)
@@ -38,9 +64,9 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
             _check_start(solver, problem, limits, solution, name)
         _check_units(solver, problem, limits, solution, name)
         if name == "insulated":
-            expected = exact_pressure(problem)
-            error = np.abs(solution.state.load[:, 2] + expected).max() / expected.max()
-            require(error <= 1e4 * limits.tolerance, f"{name}: differs from non-negative least squares", error)
+            _check_pressure(problem, limits, solution, name)
+    system = half_space_system(_COMPLIANCE, 5e-3, 6)
+    search_for(_INDENTATIONS, lambda drawn: _check_drawn(solver, limits, friction, system, drawn), 25, simplify=False)
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
@@ -95,12 +121,27 @@ def _rescaled_freedom(freedom: Freedom, displacement: Array, load: Array) -> Fre
     return Freedom(freedom.mode * displacement, freedom.measure * work[0] / load, freedom.total * work[0])
 
 
+def _check_pressure(problem: ContactProblem, limits: Limits, solution: ContactSolution, name: str) -> None:
+    expected = exact_pressure(problem)
+    error = np.abs(solution.state.load[:, 2] + expected).max() / max(expected.max(), np.finfo(float).tiny)
+    require(error <= 1e4 * limits.tolerance, f"{name}: differs from non-negative least squares", error)
+
+
+def _check_drawn(solver: Solver, limits: Limits, friction: bool, system: ReducedSystem, drawn: dict[str, Any]) -> None:
+    """An indentation that hypothesis has drawn."""
+    x, y, _ = system.points.T
+    law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
+    height = (x**2 + drawn["aspect"] * y**2) / 0.2
+    approach, kappa, drag = (drawn[name] for name in ("approach", "kappa", "drag"))
+    problem = indentation_problem(system, height, approach, law, kappa, (1e4, -20.0), drag)
+    name = f"indentation {drawn}"
+    solution = _solved(problem, solver, limits, name)
+    if law == Signorini() and kappa == (0.0, 0.0):
+        _check_pressure(problem, limits, solution, name)
+
+
 def _problems(friction: bool) -> dict[str, ContactProblem]:
-    xi = np.zeros((5, 5))
-    xi[:3, :3] = 2e-12 * np.array([[1.2, 0.0, 0.3], [0.0, 1.1, -0.2], [0.3, -0.2, 1.0]])
-    xi[2, 3:] = xi[3:, 2] = 2e-3, 2e-6
-    xi[3:, 3:] = [[-2e7, 3e3], [3e3, -1e3]]
-    system = half_space_system(xi, 5e-3, 10)
+    system = half_space_system(_COMPLIANCE, 5e-3, 10)
     x, y, _ = system.points.T
     offset = np.column_stack([4e-4 * x, -3e-4 * y, 2e-3 * x - 1e-3 * y, 1e6 * x, -2e3 * y])
     prestressed = replace(system, offset=offset)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import strategies as st
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import MeeframeError
@@ -17,10 +18,15 @@ from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe
 from meeframe.testing.requirements import check_frozen, explained, require
+from meeframe.testing.search import search_for
 
 _ROUND_OFF = 1e-9
 _LOADS = 6
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+_FIELDS = st.sampled_from([tuple(row) for row in np.eye(5).tolist()]) | st.tuples(
+    *[st.sampled_from([0.0, 1.0, -1.0]) | st.floats(-1.0, 1.0, allow_subnormal=False)] * 5
+)
+_LOADS_DRAWN = st.tuples(_FIELDS, st.integers(0, 4))
 _GROUPS = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
 
 
@@ -49,6 +55,7 @@ def check_formulation(
         check_linear(formulation, body, system)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
+        search_for(_LOADS_DRAWN, lambda drawn: check_energy(system, *drawn), examples=60)
         check_recovery(system, body, tolerance)
         check_refusals(formulation, body)
 
@@ -126,6 +133,14 @@ def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
     work = np.einsum("n,f,knf,lnf->kl", system.weights, _SIGNS, loads, answers)
     error = float((np.abs(work - work.T) / np.sqrt(np.outer(own, own))).max())
     require(error <= asymmetry, "the reciprocal theorem does not hold", error)
+
+
+def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -> None:
+    """A load of five fields, in one of the shapes of _shapes, works on its own displacement."""
+    load = np.outer(_shapes(system)[shape], fields) * _typical_load(system)
+    work = float(np.einsum("n,nf,nf->", system.weights, load, system.apply(load)))
+    what = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
+    require(work > 0.0 or not load.any(), what, f"work {work:.2e}")
 
 
 def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
@@ -232,12 +247,16 @@ def _typical_load(system: ReducedSystem) -> Array:
 
 def _smooth_loads(system: ReducedSystem) -> Array:
     """Loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
-    middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
-    place = (system.points - middle) / np.ptp(system.points, axis=0).max()
-    random = np.random.default_rng(1)
-    shapes = np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
+    shapes, random = _shapes(system), np.random.default_rng(1)
     loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(_LOADS, 5, len(shapes))), shapes)
     return loads * _typical_load(system)
+
+
+def _shapes(system: ReducedSystem) -> Array:
+    """Slowly varying functions (s, n) on the zone."""
+    middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
+    place = (system.points - middle) / np.ptp(system.points, axis=0).max()
+    return np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
 
 
 def _turned(system: ReducedSystem, extended: Array) -> Array:

@@ -1,11 +1,16 @@
 """Conformance of an indenter with its contract (meeframe.core.indenter)."""
 
 import numpy as np
+from hypothesis import strategies as st
 
+from meeframe.core.fields import Array
 from meeframe.core.indenter import Indenter
-from meeframe.testing.requirements import check_frozen, require
+from meeframe.testing.requirements import check_frozen, each, require
+from meeframe.testing.search import search_for
 
 _SAMPLES = 500
+_PLACES = st.sampled_from([0.0, 1.0, -1.0, 1e-9, -0.5]) | st.floats(-1.0, 1.0, allow_subnormal=False)
+"""Coordinates in units of the half width."""
 
 
 def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> None:
@@ -33,6 +38,15 @@ def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> Non
     some = random.permutation(_SAMPLES)[: _SAMPLES // 3]
     alone = indenter.height(x[some], y[some])
     require(np.array_equal(alone, height[some]), "height depends on other points, so on the mesh", indenter)
+    search_for(st.tuples(_PLACES, _PLACES), lambda place: _check_height(indenter, *size * np.array([place]).T))
+
+
+def _check_height(indenter: Indenter, x: Array, y: Array) -> None:
+    """Heights at (n,) points are >= 0 or inf."""
+    with np.errstate(all="ignore"):
+        height = indenter.height(x, y)
+    what = "height is negative or NaN, though approaches count from the lowest point"
+    each(height >= 0.0, what, np.column_stack([x, y]), height)
 
 
 _AROUND = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])

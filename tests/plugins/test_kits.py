@@ -1,7 +1,7 @@
 """The conformance kits name what fails, for which input, and why; wrong formulations and indenters are caught."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from numba import njit
 
 import meeframe.testing as kits
 from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.contact import Solver
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.formulation import Formulation, ReducedSystem, silent
 from meeframe.core.indenter import Indenter
@@ -19,6 +20,7 @@ from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.materials import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.plugin.scaffold import new_plugin
+from meeframe.solvers import SemismoothNewton
 from meeframe.testing.manufactured import LinearField
 
 
@@ -250,3 +252,65 @@ def test_a_layer_is_no_half_space(layer):
 
 def test_frictionless_contact_is_a_law_too():
     kits.check_contact_law(Signorini(), reference=IsotropicCoulomb(0.0))
+
+
+@dataclass(frozen=True)
+class Notched(Indenter):
+    """No height on one line, which no random point meets."""
+
+    def height(self, x, y):
+        return np.where((x == y) & (x != 0.0), np.nan, x**2 + y**2)
+
+
+def test_hypothesis_finds_the_line_without_height():
+    with pytest.raises(AssertionError, match=r"height is negative or NaN.*: for \[(\S+) \1\] it gives nan"):
+        kits.check_indenter(Notched())
+
+
+@dataclass(frozen=True)
+class AfraidOfTheVoid(Solver):
+    """Right, but for contact that does not come about."""
+
+    inner: Solver = field(default_factory=SemismoothNewton)
+
+    def init(self, problem, start):
+        return self.astray(problem, self.inner.init(problem, start))
+
+    def step(self, problem, iterate):
+        return self.astray(problem, self.inner.step(problem, iterate))
+
+    def astray(self, problem, iterate):
+        return iterate if (problem.gap < 0.0).any() else replace(iterate, load=np.nan * iterate.load)
+
+
+def test_hypothesis_finds_the_contact_that_a_solver_fails_on():
+    with pytest.raises(
+        AssertionError, match=r"(?s)indentation .*'approach': (-1e-05|0\.0|1e-06).*the worst condition is"
+    ):
+        kits.check_solver(AfraidOfTheVoid())
+
+
+@dataclass(frozen=True)
+class SpoiltForOneLoad(Formulation):
+    """Gains energy by electric charge that is the same everywhere, and by that alone."""
+
+    inner: Formulation
+
+    def check(self, body):
+        self.inner.check(body)
+
+    def reduce(self, body, progress=silent):
+        system = self.inner.reduce(body, progress)
+        matrix = system.matrix.copy()
+        # along charges of one sign the response turns round; Betti still holds
+        own = np.einsum("n,nm->", system.weights, matrix[:, 3, :, 3]) / system.weights.sum() ** 2
+        matrix[:, 3, :, 3] -= 1.01 * own * system.weights
+        return replace(system, matrix=matrix)
+
+
+def test_hypothesis_finds_a_load_that_gains_energy(layer):
+    formulation, body, field = layer
+    with pytest.raises(
+        AssertionError, match=r"(?s)a load gains energy.*fields \(0\.0, 0\.0, 0\.0, -?1\.0, 0\.0\), shape 0: work -"
+    ):
+        kits.check_formulation(SpoiltForOneLoad(formulation), body, field, tolerance=10.0)
