@@ -1,0 +1,107 @@
+"""Files of FCLIB: increments of a case for solvers of others to judge ours, problems of others for our solvers."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from meeframe.case.case import Case
+from meeframe.case.solve import reduce, solve_steps
+from meeframe.core.contact import ContactProblem, Status
+from meeframe.core.errors import CaseError, ResultError
+from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.result import StepResult
+from meeframe.io.fclib import (
+    LocalProblem,
+    LocalSolution,
+    natural_residual,
+    read_local,
+    read_solution,
+    write_local,
+    write_solution,
+)
+from meeframe.io.fclib_contact import local_problem, local_solution, solve_local
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.solvers import Limits
+from meeframe.study.choices import Choice
+
+
+def export_increment(
+    case: Case, out: Path, number: int | None = None, overwrite: bool = False, progress: Progress = silent
+) -> StepResult:
+    """Run a case up to an increment and write that one's contact problem as a file of FCLIB; its result.
+
+    number: of the increment, counted through all load steps from 1; the last one if None. The file has our solution
+    besides if it converged. Raises CaseError if there is no such increment or FCLIB cannot say the problem (see
+    meeframe.io.fclib_contact.local_problem), ResultError if the file exists and overwrite is false, or cannot be
+    written.
+    """
+    wanted = case.n_increments if number is None else number
+    if not 1 <= wanted <= case.n_increments:
+        raise CaseError(f"--increment {wanted}; allowed: 1 to {case.n_increments}, the increments of the case")
+    if out.exists() and not overwrite:
+        raise ResultError(f"{out} exists; name another file or pass --overwrite")
+    system = reduce(case, progress)
+    step, problem, solution = next(islice(increments(case, system, progress), wanted - 1, None))
+    write_local(out, problem, solution if step.status is Status.CONVERGED else None)
+    return step
+
+
+@dataclass(frozen=True)
+class SolvedFile:
+    """What became of a file's problem: status of the solver, and all in words."""
+
+    status: Status
+    summary: str
+
+
+def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, registry: Registry) -> SolvedFile:
+    """Solve the problem of a file; a solution that converges goes into the file if it has none, or if overwrite.
+
+    solver: name or inline table, as in a case file. Raises CaseError, PluginError or ResultError for bad input.
+    """
+    chosen = registry.create(Kind.SOLVER, Choice.read("solver", solver).value)
+    limits = Limits(tolerance=tolerance)
+    problem, before = read_local(path), read_solution(path)
+    solution, found = solve_local(problem, chosen, limits)
+    words = [
+        f"{len(problem.mu)} contacts",
+        f"{found.status} in {found.iterations} iterations: {found.message}",
+        f"natural residual {natural_residual(problem, solution.r):.1e}",
+    ]
+    if before is not None and before.r.shape == solution.r.shape:
+        largest = float(np.abs(before.r).max()) or 1.0
+        words.append(f"reactions differ from those of the file by {np.abs(solution.r - before.r).max() / largest:.1e}")
+    if found.status is Status.CONVERGED and (before is None or overwrite):
+        write_solution(path, solution)
+        words.append("solution written")
+    elif before is not None:
+        words.append("the solution of the file stays")
+    return SolvedFile(found.status, "; ".join(words))
+
+
+def increments(
+    case: Case, system: ReducedSystem, progress: Progress = silent
+) -> Iterator[tuple[StepResult, LocalProblem, LocalSolution]]:
+    """The increments of a case, one after the other: result, problem of FCLIB, our solution of it.
+
+    What was free to move, and what conducts, is held where the increment ended. Raises as `export_increment`.
+    """
+    for step in solve_steps(case, system, progress, boundary=False):
+        problem, state = held_problem(case, system, step), step.state
+        described = (
+            f"Increment {step.increment} of load step {step.step}, {type(problem.contact_law).__name__}; "
+            "u: gap and slip of the increment [m], r: force on the body reversed [N]"
+        )
+        yield step, local_problem(problem, state, case.title, described), local_solution(problem, state)
+
+
+def held_problem(case: Case, system: ReducedSystem, step: StepResult) -> ContactProblem:
+    """The contact problem of an increment with its indenter where it was found: nothing is free."""
+    here = step.state
+    laws = case.contact_law, case.electric_law, case.magnetic_law
+    translation = step.slip + here.displacement[:, :2]
+    potentials = np.tile(step.loading.motion[6:], (len(translation), 1))
+    return ContactProblem(system, *laws, step.initial_gap, translation, potentials)

@@ -1,0 +1,365 @@
+"""FCLIB: layout of the files by h5py alone; solutions by hand and by a Gauss-Seidel iteration of W, q and mu alone."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from numba import njit
+from scipy import sparse
+
+from meeframe.core.contact import Freedom, Status
+from meeframe.core.errors import CaseError, ResultError
+from meeframe.io.fclib import (
+    LARGEST,
+    LocalProblem,
+    check_size,
+    natural_residual,
+    project_on_cones,
+    read_local,
+    read_solution,
+    write_local,
+    write_solution,
+)
+from meeframe.io.fclib_contact import contact_problem, contacts, local_problem, local_solution, reactions, solve_local
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.solvers import Auto, BarzilaiBorwein, SemismoothNewton, Uzawa, residual, solve
+from meeframe.testing.elastic_half_space import elastic_half_space
+from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.matrix_free import MatrixFree
+
+SIDE, CELLS, RADIUS, APPROACH = 5e-3, 8, 0.1, 3e-5
+SYSTEM = elastic_half_space(210e9, 0.3, SIDE, CELLS)
+HEIGHT = (SYSTEM.points**2).sum(axis=1) / (2 * RADIUS)
+
+
+def pressed(law=None, translation=(2e-6, 1e-6), system=SYSTEM, **more):
+    return indentation_problem(system, HEIGHT, APPROACH, law or IsotropicCoulomb(0.3), translation=translation, **more)
+
+
+def coupled_system():
+    """The elastic half space with potentials that pressures and charges raise."""
+    matrix = SYSTEM.matrix.copy()
+    normal = matrix[:, 2, :, 2]
+    size = np.array([1.0, 2e-3, 3e-6])  # what a field of the unit cell is in units of the displacement
+    strength = np.array([[1.0, 0.3, 0.2], [0.3, 1.0, 0.1], [0.2, 0.1, 1.0]])
+    for i, j in np.ndindex(3, 3):
+        if i or j:
+            matrix[:, 2 + i, :, 2 + j] = strength[i, j] * normal / (size[i] * size[j])
+    offset = np.zeros((len(normal), 5))
+    offset[:, :3] = 1e-7
+    offset[:, 3] = 1e-3
+    return replace(SYSTEM, matrix=matrix, offset=offset)
+
+
+@njit(cache=True)
+def gauss_seidel(w, q, mu, sweeps, tolerance):
+    """Nonsmooth Gauss-Seidel (Jean, Moreau): contact by contact, each solved by projections onto its cone."""
+    r = np.zeros(len(q))
+    for _ in range(sweeps):
+        moved = 0.0
+        for c in range(len(mu)):
+            k = 3 * c
+            own = w[k : k + 3, k : k + 3]
+            free = w[k : k + 3] @ r + q[k : k + 3] - own @ r[k : k + 3]
+            rho = 1.0 / np.trace(own)
+            here, before = r[k : k + 3].copy(), r[k : k + 3].copy()
+            for _ in range(500):
+                u = own @ here + free
+                u[0] += mu[c] * np.hypot(u[1], u[2])
+                new = here - rho * u
+                t = np.hypot(new[1], new[2])
+                if mu[c] * t <= -new[0]:
+                    new[:] = 0.0
+                elif t > mu[c] * new[0]:
+                    new[0] = (mu[c] * t + new[0]) / (1.0 + mu[c] ** 2)
+                    new[1:] *= mu[c] * new[0] / t
+                change = np.abs(new - here).max()
+                here = new
+                if change <= 1e-15 * np.abs(here).max():
+                    break
+            r[k : k + 3] = here
+            moved = max(moved, np.abs(here - before).max())
+        if moved <= tolerance * np.abs(r).max():
+            break
+    return r
+
+
+def by_gauss_seidel(local):
+    return gauss_seidel(np.ascontiguousarray(local.matrix), local.q, local.mu, 20_000, 1e-13)
+
+
+def differ(found, expected):
+    return np.abs(found - expected).max() / np.abs(expected).max()
+
+
+ONE = np.diag([2.0, 1.0, 1.0])
+BY_HAND = {
+    "open": ([1.0, 3.0, -4.0], 0.3, [0, 0, 0], [1.0, 3.0, -4.0]),
+    "stick": ([-1.0, 0.1, -0.05], 0.3, [0.5, -0.1, 0.05], [0, 0, 0]),
+    "slip": ([-1.0, 0.6, 0.8], 0.3, [0.5, -0.09, -0.12], [0, 0.51, 0.68]),
+    "without friction": ([-1.0, 0.6, 0.8], 0.0, [0.5, 0, 0], [0, 0.6, 0.8]),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+@pytest.mark.parametrize("solver", [Auto(), SemismoothNewton(), BarzilaiBorwein()], ids=lambda s: type(s).__name__)
+def test_one_contact_by_hand(name, solver):
+    q, mu, r, u = BY_HAND[name]
+    local = LocalProblem(ONE, np.array(q), np.array([mu]))
+    solution, found = solve_local(local, solver)
+    assert found.status is Status.CONVERGED
+    np.testing.assert_allclose(solution.r, r, atol=1e-9)
+    np.testing.assert_allclose(solution.u, u, atol=1e-9)
+    assert natural_residual(local, np.array(r)) < 1e-14
+    assert natural_residual(local, np.array(r) + np.array([0.01, 0.0, 0.0])) > 1e-3
+    np.testing.assert_allclose(by_gauss_seidel(local), r, atol=1e-12)
+
+
+def test_contacts_with_coefficients_of_their_own():
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(12, 12))
+    matrix = root @ root.T + 12 * np.eye(12) + 0.5 * (root - root.T)  # unsymmetric, definite
+    local = LocalProblem(matrix, rng.normal(size=12) - np.tile([4.0, 0, 0], 4), np.array([0.4, 0.0, 0.1, 0.7]))
+    solution, found = solve_local(local, Auto())
+    assert found.status is Status.CONVERGED
+    assert differ(solution.r, by_gauss_seidel(local)) < 1e-9
+    assert natural_residual(local, solution.r) < 1e-9
+    assert not solution.r[4:6].any()
+    np.testing.assert_allclose(solution.u, matrix @ solution.r + local.q)
+
+
+def test_projection_on_cones_is_the_nearest_point():
+    rng = np.random.default_rng(6)
+    points, mu = rng.normal(size=(200, 3)), rng.uniform(0.0, 2.0, 200) * (np.arange(200) > 5)
+    found = project_on_cones(points, mu)
+    assert (np.linalg.norm(found[:, 1:], axis=1) <= mu * found[:, 0] * (1 + 1e-12) + 1e-15).all()
+    direction = rng.uniform(0.0, 2 * np.pi, (200, 500))
+    height = rng.uniform(0.0, 3.0, (200, 500))
+    reach = mu[:, None] * height * rng.uniform(0.0, 1.0, (200, 500))
+    others = np.stack([height, reach * np.cos(direction), reach * np.sin(direction)], axis=-1)
+    # of a convex set: no other point lies on the far side of the plane through the nearest one
+    assert (np.einsum("nk,npk->np", points - found, others - found[:, None]) < 1e-12).all()
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3), IsotropicCoulomb(0.8)], ids=str)
+def test_gauss_seidel_on_the_file_finds_what_our_solvers_find(law, tmp_path):
+    problem = pressed(law)
+    ours = solve(problem, SemismoothNewton())
+    assert ours.status is Status.CONVERGED
+    local, expected = local_problem(problem), local_solution(problem, ours.state)
+    pressing = expected.r[::3] > 0
+    sticking = pressing & (np.hypot(expected.u[1::3], expected.u[2::3]) < 1e-12)
+    assert 0 < pressing.sum() < len(pressing)
+    assert sticking.any() == (law != Signorini())
+    assert differ(by_gauss_seidel(local), expected.r) < 1e-8
+    assert differ(local.matrix @ expected.r + local.q, expected.u) < 1e-12
+    assert natural_residual(local, expected.r) < 1e-8
+
+
+def test_slip_and_friction_are_opposite():
+    problem = pressed(translation=(5e-5, 0.0))
+    local = local_solution(problem, solve(problem, Auto()).state)
+    pressing = local.r[::3] > 0
+    r, u = (part.reshape(-1, 3)[pressing] for part in (local.r, local.u))
+    assert (u[:, 1] > 0).all()  # the indenter is ahead of the body ...
+    assert (r[:, 1] < 0).all()  # ... and drags it along: -r is the force on the body
+    np.testing.assert_allclose(np.hypot(r[:, 1], r[:, 2]), 0.3 * r[:, 0], rtol=1e-7)
+
+
+def test_nodes_without_an_indenter_are_no_contacts():
+    problem = pressed()
+    gap = np.where(problem.gap > 0, np.inf, problem.gap)
+    problem = replace(problem, gap=gap)
+    local = local_problem(problem)
+    assert len(local.mu) == len(contacts(problem)) == np.isfinite(gap).sum() < len(gap)
+    ours = local_solution(problem, solve(problem, Auto()).state)
+    assert differ(by_gauss_seidel(local), ours.r) < 1e-8
+
+
+@pytest.mark.parametrize("kappa", [(np.inf, 0.0), (0.0, 0.5), (2.0, np.inf)])
+def test_potentials_are_eliminated_at_the_resistances_of_the_state(kappa):
+    system = coupled_system()
+    kappa = tuple(k and k * 0.1 / own for k, own in zip(kappa, system.matrix[0, [3, 4], 0, [3, 4]], strict=True))
+    problem = pressed(IsotropicCoulomb(0.3), system=system, conductivity=kappa, potentials=(5e-3, -0.2))
+    with pytest.raises(CaseError, match="conducts; allowed: insulating laws, or a state"):
+        local_problem(problem)
+    found = solve(problem, Auto())
+    assert found.status is Status.CONVERGED
+    assert np.abs(found.state.load[:, 3:]).max() > 0
+    local, expected = local_problem(problem, found.state), local_solution(problem, found.state)
+    assert differ(local.matrix @ expected.r + local.q, expected.u) < 1e-9
+    assert differ(by_gauss_seidel(local), expected.r) < 1e-8
+    insulated = local_problem(replace(problem, electric_law=StepConductivity(0), magnetic_law=StepConductivity(0)))
+    assert differ(local.matrix, insulated.matrix) > 1e-3
+
+
+def test_free_motions_are_held_where_the_state_has_them():
+    mode = np.zeros((CELLS**2, 5))
+    mode[:, 2] = -1.0
+    freedom = Freedom(mode, mode * SYSTEM.weights[:, None], 2000.0)
+    problem = replace(pressed(translation=(0.0, 0.0)), freedoms=(freedom,))
+    with pytest.raises(CaseError, match="1 motions or potentials of the indenter are free"):
+        local_problem(problem)
+    found = solve(problem, Auto())
+    assert abs(found.state.motion[0]) > 1e-7
+    local, expected = local_problem(problem, found.state), local_solution(problem, found.state)
+    assert expected.r[::3].sum() == pytest.approx(2000.0, rel=1e-8)
+    assert differ(by_gauss_seidel(local), expected.r) < 1e-8
+
+
+@pytest.mark.parametrize("solver", [Auto(), BarzilaiBorwein(), Uzawa()], ids=lambda s: type(s).__name__)
+def test_round_trip(solver, tmp_path):
+    problem = pressed()
+    ours = local_solution(problem, solve(problem, Auto()).state)
+    local = local_problem(problem, title="sphere, µ = 0.3", description="pressed")
+    path = tmp_path / "sphere.hdf5"
+    write_local(path, local, ours)
+    again, kept = read_local(path), read_solution(path)
+    for name in ("matrix", "q", "mu", "title", "description", "math_info"):
+        assert np.array_equal(getattr(again, name), getattr(local, name)), name
+    assert np.array_equal(kept.u, ours.u)
+    assert np.array_equal(kept.r, ours.r)
+    solution, found = solve_local(again, solver)
+    assert found.status is Status.CONVERGED
+    assert differ(solution.r, ours.r) < 1e-8
+    assert differ(solution.u, ours.u) < 1e-8
+    imported = contact_problem(again)
+    assert residual(imported, found.state) < 1e-9
+    np.testing.assert_array_equal(reactions(again, found.state).r, solution.r)
+    write_solution(path, solution)
+    np.testing.assert_array_equal(read_solution(path).r, solution.r)
+    np.testing.assert_array_equal(read_local(path).matrix, local.matrix)
+
+
+def test_layout_of_the_file(tmp_path):
+    """Names, types, shapes as fclib.h reads them."""
+    local = replace(local_problem(pressed()), title="a title")
+    write_local(tmp_path / "a.hdf5", local)
+    assert read_solution(tmp_path / "a.hdf5") is None
+    m = len(local.mu)
+    with h5py.File(tmp_path / "a.hdf5") as file:
+        assert list(file) == ["fclib_local"]
+        group = file["fclib_local"]
+        assert set(group) == {"spacedim", "W", "vectors", "info"}
+        assert set(group["W"]) == {"nzmax", "m", "n", "nz", "p", "i", "x"}
+        whole = {name: group["W"][name] for name in ("nzmax", "m", "n", "nz")} | {"spacedim": group["spacedim"]}
+        assert all(number.dtype == np.int32 and number.shape == (1,) for number in whole.values())
+        found = {name: int(number[0]) for name, number in whole.items()}
+        stored = np.count_nonzero(local.matrix)
+        assert found == {"nzmax": stored, "m": 3 * m, "n": 3 * m, "nz": -1, "spacedim": 3}
+        p, i, x = (group["W"][name] for name in "pix")
+        assert (p.dtype, i.dtype, x.dtype) == (np.int32, np.int32, np.float64)
+        assert (p.shape, i.shape, x.shape) == ((3 * m + 1,), (stored,), (stored,))
+        column = slice(p[4], p[5])
+        assert np.array_equal(x[column], local.matrix[i[column], 4])
+        assert {name: part.shape for name, part in group["vectors"].items()} == {"q": (3 * m,), "mu": (m,)}
+        assert all(part.dtype == np.float64 for part in group["vectors"].values())
+        title = group["info/title"]
+        assert title.shape == ()
+        kind = title.id.get_type()
+        assert (kind.get_size(), kind.get_strpad()) == (len("a title") + 1, h5py.h5t.STR_NULLTERM)
+        assert title[()] == b"a title"
+
+
+MATRIX = np.array([[2.0, 0, 0.5], [0, 1, 0], [0.1, 0, 1]])
+
+
+def write_raw(path, w, nz, p, i, x, extra=()):
+    with h5py.File(path, "w") as file:
+        group = file.create_group("fclib_local")
+        group["spacedim"] = np.array([3], np.int32)
+        for name, number in {"nzmax": len(x), "m": len(w), "n": len(w), "nz": nz}.items():
+            group[f"W/{name}"] = np.array([number], np.int32)
+        group["W/p"], group["W/i"], group["W/x"] = np.asarray(p, np.int32), np.asarray(i, np.int32), x
+        group["vectors/q"], group["vectors/mu"] = np.array([-1.0, 0.5, 0]), np.array([0.3])
+        for name, value in dict(extra).items():
+            del group[name]
+            group[name] = value
+
+
+def test_the_three_ways_to_store_a_matrix(tmp_path):
+    columns, rows = sparse.csc_array(MATRIX), sparse.csr_array(MATRIX)
+    triplets = sparse.coo_array(MATRIX)
+    stores = {
+        "columns": (-1, columns.indptr, columns.indices, columns.data),
+        "rows": (-2, rows.indptr, rows.indices, rows.data),
+        "room to spare": (-2, rows.indptr, np.append(rows.indices, 0), np.append(rows.data, 7.0)),
+        "triplets": (5, triplets.col, triplets.row, triplets.data),
+        "repeated": (6, [*triplets.col, 0], [*triplets.row, 0], np.array([*(triplets.data - [1, 0, 0, 0, 0]), 1.0])),
+    }
+    for name, store in stores.items():
+        write_raw(tmp_path / f"{name}.hdf5", MATRIX, *store)
+        np.testing.assert_array_equal(read_local(tmp_path / f"{name}.hdf5").matrix, MATRIX, err_msg=name)
+        assert read_local(tmp_path / f"{name}.hdf5").title == ""
+
+
+BROKEN = {
+    "plane": ({"spacedim": np.array([2])}, "spacedim = 2; allowed: 3"),
+    "nz": ({"W/nz": np.array([-3])}, "nz = -3 of its matrix; allowed: -2, -1 and numbers >= 0"),
+    "row out of range": ({"W/i": np.array([0, 1, 3])}, r"an entry of its matrix is at row 3, column 2 of \(3, 3\)"),
+    "negative row": ({"W/i": np.array([0, 1, -1])}, "an entry of its matrix is at row -1, column 2"),
+    "pointers too short": ({"W/p": np.array([0, 1, 2])}, "3 pointers for 3 columns or rows"),
+    "pointers too long": ({"W/p": np.array([0, 1, 2, 9])}, "is no whole problem"),
+    "pointers that go back": ({"W/p": np.array([0, 2, 1, 3])}, "is no whole problem"),
+    "q too short": ({"vectors/q": np.zeros(2)}, r"q \(2,\)"),
+    "negative mu": ({"vectors/mu": np.array([-0.1])}, "mu of the FCLIB problem is -0.1 at contact 0; allowed"),
+    "not a number": ({"vectors/q": np.array([0, np.nan, 0])}, "q of the FCLIB problem is not finite"),
+    "large": ({"W/m": np.array([3 * LARGEST + 3])}, f"{LARGEST + 1} contacts; allowed: up to {LARGEST}"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files(name, tmp_path):
+    change, message = BROKEN[name]
+    write_raw(tmp_path / "a.hdf5", np.eye(3), -1, [0, 1, 2, 3], [0, 1, 2], np.ones(3), change)
+    with pytest.raises(CaseError, match=message):
+        read_local(tmp_path / "a.hdf5")
+
+
+def test_files_of_something_else(tmp_path):
+    path = tmp_path / "a.hdf5"
+    with pytest.raises(ResultError, match="cannot be read as HDF5"):
+        read_local(path)
+    with h5py.File(path, "w") as file:
+        file.create_group("fclib_global")
+    with pytest.raises(CaseError, match="holds a global problem; allowed: a local problem"):
+        read_local(path)
+    write_raw(path, np.eye(3), -1, [0, 1, 2, 3], [0, 1, 2], np.ones(3))
+    with h5py.File(path, "r+") as file:
+        file.create_group("fclib_local/V")
+    with pytest.raises(CaseError, match="equality constraints"):
+        read_local(path)
+    with h5py.File(path, "r+") as file:
+        del file["fclib_local/V"], file["fclib_local/vectors/mu"]
+    with pytest.raises(CaseError, match="no whole problem of FCLIB"):
+        read_local(path)
+    with h5py.File(path, "r+") as file:
+        file["solution/u"] = np.zeros(3)
+    with pytest.raises(ResultError, match="its solution cannot be read"):
+        read_solution(path)
+
+
+@pytest.mark.parametrize("law", [OrthotropicCoulomb(0.2, 0.4), IsotropicCoulomb(np.inf)], ids=str)
+def test_laws_that_fclib_does_not_know(law):
+    with pytest.raises(CaseError, match=r"FCLIB: contact law .* allowed: contact without friction, or isotropic"):
+        local_problem(pressed(law))
+
+
+def test_orthotropic_law_with_equal_coefficients_is_isotropic():
+    assert np.array_equal(local_problem(pressed(OrthotropicCoulomb(0.4, 0.4))).mu, np.full(CELLS**2, 0.4))
+
+
+def test_compliance_that_is_no_matrix():
+    with pytest.raises(CaseError, match="not held as a matrix"):
+        local_problem(pressed(system=MatrixFree.of(SYSTEM)))
+
+
+def test_problems_that_are_refused():
+    with pytest.raises(CaseError, match=r"W \(3, 3\), q \(3,\), mu \(2,\)"):
+        LocalProblem(ONE, np.zeros(3), np.zeros(2))
+    with pytest.raises(CaseError, match="allowed: up to"):
+        check_size(LARGEST + 1)
+    local = LocalProblem(ONE, np.zeros(3), np.zeros(1))
+    with pytest.raises(CaseError, match="has no body"):
+        contact_problem(local).system.recover(np.zeros((1, 5)))
