@@ -30,9 +30,9 @@ def random_load(system, seed=0):
     return np.random.default_rng(seed).normal(size=(len(system.points), 5)) * scale
 
 
-@pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace(matrix_up_to=0), HalfSpace("constant")])
+@pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace("constant", matrix_up_to=0)])
 def test_conformance(formulation):
-    check_formulation(formulation, body((32, 27)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=6e-3)
+    check_formulation(formulation, body((24, 21)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=1e-2)
 
 
 def test_closed_form_of_the_kit():
