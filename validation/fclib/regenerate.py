@@ -1,0 +1,81 @@
+"""Regenerate the page on Siconos's judgement.
+
+    uv run python validation/fclib/regenerate.py
+
+Writes docs/validation/fclib.md and its numbers as JSON; `--out` names another folder. Siconos has to be installed.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from judge import MISSING, SOLVERS, siconos_python
+from study import FULL, SAME, Judged, judged
+
+DOCS = HERE.parents[1] / "docs" / "validation"
+
+
+def main() -> None:
+    """Run the study and write its page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page (default: docs/validation)")
+    out = parser.parse_args().out
+    if siconos_python() is None:
+        raise SystemExit(MISSING)
+    rows = list(judged(FULL))
+    head = (HERE / "head.md").read_text(encoding="utf-8")
+    page = "\n".join([head.rstrip(), "", *_verdict(rows), "", *_table(rows)]) + "\n"
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "fclib.md").write_text(page, encoding="utf-8")
+    numbers = [asdict(row) | {"regime": row.regime} for row in rows]
+    (out / "fclib.json").write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
+    print(page)
+
+
+def _verdict(rows: list[Judged]) -> list[str]:
+    wrong = [row for row in rows if not row.agrees]
+    reaction, gap = max(row.reaction for row in rows), max(row.gap for row in rows)
+    return [
+        f"{len(rows) // len(SOLVERS)} problems of {min(row.contacts for row in rows)} to "
+        f"{max(row.contacts for row in rows)} contacts, each by {len(SOLVERS)} solvers of Siconos. "
+        + (f"{len(wrong)} DISAGREE." if wrong else "All agree:"),
+        f"the largest difference is {reaction:.0e} of the largest reaction and {gap:.0e} of the largest gap (tolerance",
+        f"{SAME:.0e}), and both have every contact of every problem in the same state.",
+    ]
+
+
+def _table(rows: list[Judged]) -> list[str]:
+    lines = [
+        "| case | zone | µ | step | contacts | pressed | slip | regime | reactions | gaps | iterations "
+        + " | ".join(SOLVERS)
+        + " |",
+        "| --- " * (10 + len(SOLVERS)) + "|",
+    ]
+    for _, group in groupby(rows, lambda row: (row.body, row.divisions, row.mu, row.step)):
+        members = list(group)
+        one = members[0]
+        cells = [
+            f"`{one.body}.toml`",
+            f"{one.divisions} x {one.divisions}",
+            f"{one.mu:g}",
+            one.step,
+            one.contacts,
+            one.pressed,
+            one.slipping,
+            one.regime,
+            f"{max(row.reaction for row in members):.0e}",
+            f"{max(row.gap for row in members):.0e}",
+            *(row.iterations for row in members),
+        ]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    return lines
+
+
+if __name__ == "__main__":
+    main()
