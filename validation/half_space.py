@@ -19,15 +19,15 @@ Height = Callable[[Array, Array], Array]
 """Of the indenter above its lowest point [m], inf where there is none, at x, y (n,) [m]."""
 
 
-def half_space(stiffness: Array, width: float, divisions: int, matrix_up_to: int = 0) -> ReducedSystem:
-    """A square zone of so many divisions on a half space."""
-    mesh = half_space_mesh(10.0 * width, width, divisions, 1, Quad4())
+def half_space(stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0) -> ReducedSystem:
+    """A rectangular zone on a half space, with so many divisions along x and along y."""
+    mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
     return HalfSpace(matrix_up_to=matrix_up_to).reduce(Body(stiffness, mesh, (), "contact"))
 
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """A solved indentation. load: (n, 5) as in ReducedSystem; spacing [m]."""
+    """A solved indentation. load, displacement: (n, 5) as in ReducedSystem; spacing: along x [m]."""
 
     system: ReducedSystem
     load: Array
@@ -63,7 +63,7 @@ class Pressed:
     def section(self) -> tuple[Array, Array]:
         """Nodes on the line through the middle along x, in order, and their x (m,) [m]."""
         x, y, _ = self.system.points.T
-        line = np.flatnonzero(np.abs(y - y[np.abs(y).argmin()]) < self.spacing / 2)
+        line = np.flatnonzero(y == y[np.abs(y).argmin()])
         line = line[np.argsort(x[line])]
         return line, x[line]
 
@@ -72,16 +72,19 @@ def press(
     stiffness: Array,
     height: Height,
     approach: float,
-    contact_width: float,
+    contact_width: float | tuple[float, float],
     cells: float,
     conductivity: tuple[float, float] = (0.0, 0.0),
     potentials: tuple[float, float] = (0.0, 0.0),
     divisions: int | None = None,
 ) -> Pressed:
-    """Press without friction; cells: in the contact width. Raises RuntimeError if the iteration does not converge."""
-    spacing = contact_width / cells
+    """Press without friction; cells: in the contact width, along x and along y if there are two.
+
+    Raises RuntimeError if the iteration does not converge.
+    """
+    spacing, across = np.broadcast_to(np.asarray(contact_width) / cells, (2,)).tolist()
     divisions = divisions or 2 * round(0.6 * cells)
-    system = half_space(stiffness, divisions * spacing, divisions)
+    system = half_space(stiffness, (divisions * spacing, divisions * across), divisions)
     x, y, _ = system.points.T
     problem = indentation_problem(system, height(x, y), approach, None, conductivity, potentials)
     solver: Solver = Auto() if any(conductivity) else ProjectedCG()

@@ -217,8 +217,8 @@ def cells(row: Row) -> tuple[str, str, str, str, str, str]:
             return found.name, found.found, "", "", found.judged, seconds
         case Skip():
             return found.name, found.reason, "", "", "", seconds
-    unit, scale = "", 1.0
-    if found.unit and not found.absolute:
+    unit, scale = found.unit, 1.0
+    if found.unit and not found.absolute and "^" not in found.unit:
         scale, unit = prefixed(np.array([found.reference]), found.unit)
     values = (f"{value / scale:.6g} {unit}".strip() for value in (found.computed, found.reference))
     if found.absolute:

@@ -35,7 +35,9 @@ section { border-top: 2px solid #ccc; margin-top: 2rem; }
 _SCRIPT: Final = """
 for (const place of document.querySelectorAll(".plot")) {
   const figure = JSON.parse(document.getElementById(place.id + "-data").textContent);
-  Plotly.newPlot(place, figure.data, figure.layout, {responsive: true, displaylogo: false, scrollZoom: true});
+  const buttons = [["zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d", "toImage"]];
+  const options = {responsive: true, displaylogo: false, scrollZoom: true, modeBarButtons: buttons};
+  Plotly.newPlot(place, figure.data, figure.layout, options);
 }
 """
 
@@ -143,10 +145,10 @@ def _map(field: Map) -> dict[str, Any]:
 def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:
     axis = {"showgrid": True, "gridcolor": "#e5e5e5", "zeroline": False, "linecolor": "#888", "mirror": True}
     return {
-        "title": {"text": title, "font": {"size": 14}},
+        "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
         "xaxis": {**axis, "title": {"text": x_label}},
         "yaxis": {**axis, "title": {"text": y_label}},
-        "margin": {"l": 70, "r": 20, "t": 50, "b": 50},
+        "margin": {"l": 70, "r": 20, "t": 60, "b": 50},
         "plot_bgcolor": "white",
         "legend": {"font": {"size": 11}},
         "dragmode": "zoom",

@@ -1,0 +1,99 @@
+"""Hertz with two radii of curvature: from nearly round to like a cylinder."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from half_space import Pressed, press
+from isotropic import APPROACH, MODULUS, STIFFNESS
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+
+from meeframe.core.fields import Array
+from meeframe.study.validate import Check, Curve, Item, Map, Plot
+
+TITLE = "Elliptic Hertz contact, up to cylinder-like"
+SOURCE = "Hertz (1882); Johnson, Contact Mechanics (1985), section 4.2."
+RADIUS = 0.02
+"""Smaller radius of curvature, across x [m]."""
+RATIOS = (2.0, 10.0, 100.0)
+"""Of the radii."""
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Semi-axes a >= b along x and y [m], peak pressure [Pa] of a contact at an approach."""
+
+    a: float
+    b: float
+    peak: float
+
+    @property
+    def force(self) -> float:
+        """2/3 p_0 pi a b [N]."""
+        return 2.0 / 3.0 * np.pi * self.a * self.b * self.peak
+
+    def pressure(self, x: Array, y: Array) -> Array:
+        """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) [Pa], zero outside."""
+        return np.asarray(self.peak * np.sqrt(np.maximum(1.0 - (x / self.a) ** 2 - (y / self.b) ** 2, 0.0)))
+
+
+def contact(ratio: float) -> Ellipse:
+    """Radii ratio RADIUS along x, RADIUS along y.
+
+    With k = b/a and m = 1 - k^2: A = p_0 b (K - E)/(E* m a^2), B = p_0 b (E/k^2 - K)/(E* m a^2), g = p_0 b K/E*.
+    """
+
+    def quotient(k: float) -> float:
+        m = 1.0 - k**2
+        return float((ellipe(m) / k**2 - ellipk(m)) / (ellipk(m) - ellipe(m)))
+
+    k = float(brentq(lambda k: quotient(k) - ratio, 1e-4, 1.0 - 1e-7, xtol=1e-15))
+    m = 1.0 - k**2
+    a = np.sqrt((ellipk(m) - ellipe(m)) / (m * ellipk(m)) * APPROACH * 2.0 * ratio * RADIUS)
+    return Ellipse(float(a), float(k * a), float(MODULUS * APPROACH / (k * a * ellipk(m))))
+
+
+def pressed(ratio: float, cells: float) -> Pressed:
+    """So many cells along both axes of the ellipse."""
+    exact = contact(ratio)
+    height = lambda x, y: (x**2 / ratio + y**2) / (2.0 * RADIUS)  # noqa: E731
+    return press(STIFFNESS, height, APPROACH, (2.0 * exact.a, 2.0 * exact.b), cells)
+
+
+def run(quick: bool) -> Iterator[Item]:
+    """Force, peak and semi-axes, 64 cells along both."""
+    for ratio in RATIOS[::2] if quick else RATIOS:
+        exact, found = contact(ratio), pressed(ratio, 64)
+        name = f"radii 1 to {ratio:g}, ellipse 1 to {exact.a / exact.b:.3g}"
+        yield Check(f"{name}: force, 64 cells", found.force, exact.force, 1e-3, "N")
+        yield Check(f"{name}: largest pressure", float(found.pressure.max()), exact.peak, 1e-3, "Pa")
+        yield Check(f"{name}: contact area", found.contact_area, np.pi * exact.a * exact.b, 0.02, "m^2")
+        x, y, _ = found.system.points.T
+        for axis, other, true, label in ((x, y, exact.a, "a"), (y, x, exact.b, "b")):
+            # second moment of the pressure: a^2/5 of the force
+            semi = np.sqrt(5.0 * (found.system.weights * found.pressure) @ axis**2 / found.force)
+            yield Check(f"{name}: semi-axis {label} of the pressure's moments", float(semi), true, 2e-3, "m")
+            yield _section(name, found, exact, (axis, other), label)
+    yield _map(exact, found, name)
+
+
+def _section(name: str, found: Pressed, exact: Ellipse, axes: tuple[Array, Array], label: str) -> Plot:
+    along, across = axes
+    line = np.flatnonzero(np.abs(across) == np.abs(across).min())
+    line = line[np.argsort(along[line])]
+    x, y, _ = found.system.points[line].T
+    curves = (
+        Curve("closed form", along[line] * 1e3, exact.pressure(x, y) / 1e6),
+        Curve("nodes", along[line] * 1e3, found.pressure[line] / 1e6, points=True),
+    )
+    return Plot(f"{name}: pressure along {label}", "distance [mm]", "pressure [MPa]", curves)
+
+
+def _map(exact: Ellipse, found: Pressed, name: str) -> Map:
+    x, y, _ = found.system.points.T
+    order = np.lexsort((x, y))
+    count = round(np.sqrt(len(x)))
+    values = found.pressure[order].reshape(count, count) / 1e6
+    first, second = x[order][:count] * 1e3, y[order][::count] * 1e3
+    return Map(f"{name}: pressure", "x [mm]", "y [mm]", "MPa", first, second, values)

@@ -1,0 +1,62 @@
+"""A rigid flat-ended circular punch that is tilted while its whole face stays in contact."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from half_space import Pressed, press
+from indentation import OFFSETS
+from isotropic import APPROACH, MODULUS, STIFFNESS
+
+from meeframe.core.fields import Array
+from meeframe.study.validate import Check, Curve, Item, Plot
+
+TITLE = "Tilted flat punch on an isotropic half space"
+SOURCE = (
+    "Gladwell, Contact Problems in the Classical Theory of Elasticity (1980): M = 4/3 E* a^3 theta, "
+    "p = E* (g + 2 theta x)/(pi sqrt(a^2 - r^2)) while g > 2 theta a."
+)
+RADIUS = 2e-3
+TILT = APPROACH / (4.0 * RADIUS)
+"""Half of that at which the face begins to lift off."""
+
+
+def run(quick: bool) -> Iterator[Item]:
+    """Force, moment and pressure on 64 cells, and means over grids."""
+    force, moment = 2.0 * RADIUS * MODULUS * APPROACH, 4.0 / 3.0 * MODULUS * RADIUS**3 * TILT
+    found = tilted(64)
+    yield Check("force, 64 cells", found.force, force, 1e-3, "N")
+    yield Check("moment, 64 cells", moment_of(found), moment, 5e-3, "N m")
+    forces, moments = zip(*((one.force, moment_of(one)) for one in map(tilted, 64 + np.array(OFFSETS))), strict=True)
+    yield Check("force, mean of four grids of 64 to 65 cells", float(np.mean(forces)), force, 1e-2, "N")
+    yield Check("moment, mean of four grids of 64 to 65 cells", float(np.mean(moments)), moment, 1e-2, "N m")
+    inner = found.r < 0.8 * RADIUS
+    x = found.system.points[:, 0]
+    error = np.abs(found.pressure / pressure(x, found.r) - 1.0)[inner].max()
+    yield Check("pressure within 0.8 a, largest relative error", float(error), 0.0, 0.02, "", True)
+    line, along = found.section()
+    fine = np.linspace(-0.999, 0.999, 400) * RADIUS
+    curves = (
+        Curve("closed form", fine * 1e3, pressure(fine, np.abs(fine)) / 1e6),
+        Curve("nodes", along * 1e3, found.pressure[line] / 1e6, points=True),
+    )
+    yield Plot("tilted punch: pressure through the middle", "x [mm]", "pressure [MPa]", curves)
+
+
+def tilted(cells: float) -> Pressed:
+    """The punch turned about y, on a grid with an odd number of divisions."""
+
+    def height(x: Array, y: Array) -> Array:
+        return np.where(np.hypot(x, y) <= RADIUS * (1 + 1e-9), -TILT * x, np.inf)
+
+    return press(STIFFNESS, height, APPROACH, 2.0 * RADIUS, cells, divisions=2 * round(0.6 * cells) + 1)
+
+
+def moment_of(found: Pressed) -> float:
+    """Of the pressure about y [N m]."""
+    return float(found.system.weights @ (found.pressure * found.system.points[:, 0]))
+
+
+def pressure(x: Array, r: Array) -> Array:
+    """E* (g + 2 theta x)/(pi sqrt(a^2 - r^2)) [Pa], nan outside."""
+    root = np.sqrt(np.where(r < RADIUS, RADIUS**2 - r**2, np.nan))
+    return np.asarray(MODULUS / np.pi * (APPROACH + 2.0 * TILT * x) / root)
