@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import inspect
+import sys
 from collections.abc import Iterator, Mapping
 from functools import lru_cache, partial
 from importlib import metadata
@@ -84,15 +85,22 @@ def _content(value: Any) -> Iterator[bytes]:
     elif isinstance(value, np.ndarray):
         yield f"array {value.dtype.str} {value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, Path) and value.is_file():
+        yield b"file"
+        yield value.read_bytes()
     else:  # None, numbers, texts, members of an enumeration: their representation is exact
         yield f"{type(value).__qualname__} {value!r}".encode()
 
 
 @lru_cache
 def _class_content(owner: type) -> bytes:
-    """Name of a class and, if it is not meeframe's own, the source of its module, on which results then depend."""
+    """Name of a class and, if it is not meeframe's own, the source of its package, on which results then depend."""
     name = f"{owner.__module__}.{owner.__qualname__}".encode()
-    return name if owner.__module__.startswith("meeframe.") else name + Path(inspect.getfile(owner)).read_bytes()
+    if owner.__module__.startswith("meeframe."):
+        return name
+    top = Path(str(getattr(sys.modules[owner.__module__.partition(".")[0]], "__file__", "")))
+    sources = sorted(top.parent.rglob("*.py")) if top.name == "__init__.py" else [Path(inspect.getfile(owner))]
+    return name + b"".join(source.read_bytes() for source in sources)
 
 
 @lru_cache

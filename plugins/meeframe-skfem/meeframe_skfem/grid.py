@@ -1,5 +1,6 @@
 """The volume mesh of a box: a graded tensor grid whose lines on the contact zone are those of the surface mesh."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -11,10 +12,11 @@ from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe_skfem.elements import HEX8, HEX20, HEX27, VolumeElement
-from meeframe_skfem.volume import VolumeMesh
+from meeframe_skfem.volume import VolumeMesh, check_memory
 
 SAME: Final = 1e-9  # coordinates within this part of the body's size are the same
 _HEXAHEDRA: Final = {element.surface.name: element for element in (HEX8, HEX20, HEX27)}
+_NODES_PER_CELL: Final = {"hex8": 1, "hex20": 4, "hex27": 8}  # in a large grid
 _ALLOWED: Final = (
     "finite elements fill a box (a closed surface of six planes) whose contact zone is a rectangular grid of "
     "quad4, quad8 or quad9 on one of them, or a volume mesh given by `volume`"
@@ -27,7 +29,7 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     The grid lines of the contact zone go through the whole body. From its edges outwards and from its plane downwards
     the first elements are as wide as the zone's (downwards: as their mean), the next ones wider in a constant ratio:
     at most `growth`, or what makes `outside` or `layers` elements fill the distance.
-    Raises MeshError, saying what is allowed, if the body is no box or its zone no grid.
+    Raises MeshError, saying what is allowed, if the body is no box, its zone no grid, or the machine too small.
     """
     if body.contact_group is None:
         raise MeshError(f"the body has no contact zone to grade a grid around; {_ALLOWED}")
@@ -44,6 +46,7 @@ def box_volume(body: Body, growth: float, outside: int | None, layers: int | Non
     axes[normal] = high[normal] - down[::-1] if top else low[normal] + down
     for axis in range(3):  # the corners of the box to the last bit
         axes[axis][[0, -1]] = low[axis], high[axis]
+    check_memory(_NODES_PER_CELL[element.name] * math.prod(len(axis) for axis in axes))
     return tensor_grid((axes[0], axes[1], axes[2]), element)
 
 

@@ -90,6 +90,12 @@ def test_a_zone_that_is_no_grid_is_refused():
         FiniteElements().check(held(replace(mesh, blocks=tuple(blocks)), "z+", "z-"))
 
 
+def test_a_grid_too_large_for_the_machine_is_refused():
+    body = block(Quad4(), contact_width=0.001)
+    with pytest.raises(MeshError, match=r"unknowns need about .* GB; this machine has"):
+        FiniteElements(growth=1.0).check(body)
+
+
 def cube_body(mesh):
     return held(mesh, "z+", "z-")
 

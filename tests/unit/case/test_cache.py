@@ -127,6 +127,15 @@ def test_zone_tolerance_and_fundamental_solution_are_in_the_key(case):
     assert len(set(keys)) == len(keys)
 
 
+def test_a_file_counts_by_its_content(tmp_path):
+    file = tmp_path / "volume.vtu"
+    keys = []
+    for text in ("one", "two", "one"):
+        file.write_text(text, encoding="utf-8")
+        keys.append(b"".join(cache._content(file)))
+    assert keys[0] == keys[2] != keys[1]
+
+
 @pytest.mark.parametrize("what", ["_ROOMS", "_LIBRARIES", "version"])
 def test_code_and_versions_are_in_the_key(case, monkeypatch, what):
     before = key(case)

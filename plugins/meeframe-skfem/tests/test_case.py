@@ -1,0 +1,80 @@
+"""The same case file by boundary elements and by finite elements."""
+
+import numpy as np
+import pytest
+
+import meeframe
+
+CASE = """
+title = "Sphere on a block that conducts, by two formulations"
+
+[material]
+name = "{material}"
+
+[mesh]
+half_width = "15 mm"
+height = "25 mm"
+contact_width = "5 mm"
+divisions = {divisions}
+rings = {divisions}
+layers = {divisions}
+element = "quad8"
+
+[[boundary]]
+group = "base"
+displacement = [0, 0, 0]
+electric_potential = 0
+magnetic_potential = 0
+
+[[boundary]]
+group = ["side_x-", "side_x+", "side_y-", "side_y+"]
+electric_potential = 0
+magnetic_potential = 0
+
+[contact]
+law = {{name = "isotropic-coulomb", mu = 0.3}}
+
+[conductivity]
+electric = {{name = "step", kappa = inf}}
+magnetic = {{name = "step", kappa = inf}}
+
+[indenter]
+name = "sphere"
+radius = "100 mm"
+
+[formulation]
+{formulation}
+
+[solver]
+name = "newton"
+
+[[steps]]
+approach = "50 um"
+translation = ["5 um", 0]
+"""
+
+
+def totals(folder, **given):
+    """Tangential and normal force [N], charge [C] and magnetic flux [Wb]."""
+    path = folder / "case.toml"
+    path.write_text(CASE.format(**given), encoding="utf-8")
+    step = meeframe.solve_case(meeframe.load_case(path))
+    (last,) = step.steps
+    assert last.status == "converged"
+    loads = np.column_stack([last.traction[:, [0, 2]], last.fluxes])
+    return step.zone.weights @ loads
+
+
+@pytest.mark.parametrize("material", ["batio3-cofe2o4", "orthotropic-mee"])
+def test_boundary_and_finite_elements_come_together(tmp_path, material):
+    """All elements of both methods are halved; what is left on the finer mesh is the error of its size in each."""
+    coarse, fine = (differences(tmp_path, material, divisions, growth) for divisions, growth in ((2, 4.0), (4, 2.0)))
+    assert (fine < 0.5 * coarse).all()
+    assert (fine < [0.04, 0.01, 0.01, 0.02]).all()
+
+
+def differences(folder, material, divisions, growth):
+    """Of the totals by finite elements, relative to those by boundary elements."""
+    formulations = ('name = "dense-bem"', f'name = "skfem"\ngrowth = {growth}')
+    bem, fem = (totals(folder, material=material, divisions=divisions, formulation=text) for text in formulations)
+    return np.abs(fem / bem - 1)
