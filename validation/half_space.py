@@ -99,6 +99,15 @@ def converged(solution: ContactSolution) -> ContactSolution:
     return solution
 
 
+def on_grid(points: Array, values: Array) -> tuple[Array, Array, Array]:
+    """Nodes of a full grid: x (nx,), y (ny,) and the values (ny, nx)."""
+    places = np.round(points[:, :2] / np.ptp(points[:, 0]), 9)  # round-off must not part rows
+    order = np.lexsort((places[:, 0], places[:, 1]))
+    count = len(np.unique(places[:, 0]))
+    table = values[order].reshape(-1, count)
+    return points[order[:count], 0], points[order[::count], 1], table
+
+
 def observed_order(cells: list[float], errors: list[float]) -> float:
     """Slope of the errors, of either sign, over the spacing, by least squares in logarithms."""
     slope, _ = np.polyfit(np.log(cells), np.log(np.abs(errors)), 1)

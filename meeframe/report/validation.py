@@ -139,7 +139,7 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A field on a regular grid: values (ny, nx) at x (nx,), y (ny,)."""
+    """Fields on one regular grid, to be chosen by their labels: each (ny, nx) at x (nx,), y (ny,)."""
 
     title: str
     x_label: str
@@ -147,7 +147,7 @@ class Map:
     value_label: str
     x: Array
     y: Array
-    values: Array
+    fields: Mapping[str, Array]
     note: str = ""
 
 

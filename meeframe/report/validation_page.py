@@ -133,13 +133,20 @@ def _curve(curve: Curve, number: int) -> dict[str, Any]:
 
 
 def _map(field: Map) -> dict[str, Any]:
-    values = [_numbers(row) for row in np.asarray(field.values)]
+    """All fields in one colour range; a menu chooses where there are several."""
+    tables = {label: [_numbers(row) for row in np.asarray(values)] for label, values in field.fields.items()}
+    finite = [value for table in tables.values() for row in table for value in row if value is not None]
     bar = {"title": {"text": field.value_label, "side": "right"}, "exponentformat": "power"}
-    heat = {"type": "heatmap", "x": _numbers(field.x), "y": _numbers(field.y), "z": values, "colorscale": "Cividis"}
+    heat = {"type": "heatmap", "x": _numbers(field.x), "y": _numbers(field.y), "z": next(iter(tables.values()))}
+    heat |= {"colorscale": "Cividis", "colorbar": bar, "zmin": min(finite), "zmax": max(finite)}
     layout = _layout(field.title, field.x_label, field.y_label)
     layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     layout["xaxis"] |= {"constrain": "domain"}
-    return {"data": [heat | {"colorbar": bar}], "layout": layout}
+    if len(tables) > 1:
+        buttons = [{"label": label, "method": "restyle", "args": [{"z": [z]}]} for label, z in tables.items()]
+        layout["updatemenus"] = [{"buttons": buttons, "x": 0.0, "xanchor": "left", "y": 1.12, "yanchor": "bottom"}]
+        layout["margin"] |= {"t": 90}
+    return {"data": [heat], "layout": layout}
 
 
 def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from half_space import Pressed, press
+from half_space import Pressed, on_grid, press
 from isotropic import APPROACH, MODULUS, STIFFNESS
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
@@ -75,7 +75,7 @@ def run(quick: bool) -> Iterator[Item]:
             semi = np.sqrt(5.0 * (found.system.weights * found.pressure) @ axis**2 / found.force)
             yield Check(f"{name}: semi-axis {label} of the pressure's moments", float(semi), true, 2e-3, "m")
             yield _section(name, found, exact, (axis, other), label)
-    yield _map(exact, found, name)
+    yield _map(found, name)
 
 
 def _section(name: str, found: Pressed, exact: Ellipse, axes: tuple[Array, Array], label: str) -> Plot:
@@ -90,10 +90,6 @@ def _section(name: str, found: Pressed, exact: Ellipse, axes: tuple[Array, Array
     return Plot(f"{name}: pressure along {label}", "distance [mm]", "pressure [MPa]", curves)
 
 
-def _map(exact: Ellipse, found: Pressed, name: str) -> Map:
-    x, y, _ = found.system.points.T
-    order = np.lexsort((x, y))
-    count = round(np.sqrt(len(x)))
-    values = found.pressure[order].reshape(count, count) / 1e6
-    first, second = x[order][:count] * 1e3, y[order][::count] * 1e3
-    return Map(f"{name}: pressure", "x [mm]", "y [mm]", "MPa", first, second, values)
+def _map(found: Pressed, name: str) -> Map:
+    x, y, values = on_grid(found.system.points, found.pressure)
+    return Map(f"{name}: pressure", "x [mm]", "y [mm]", "MPa", x * 1e3, y * 1e3, {"": values / 1e6})

@@ -112,7 +112,8 @@ def run(quick: bool) -> Iterator[Item]:
         at_gap = theirs(tamaas, heights, float(found.gap.mean()), "gap")
         yield Check(f"{name}: mean pressure at the same mean gap", mean, float(at_gap.pressure.mean()), 1e-3, "Pa")
     places = (np.arange(samples) + 0.5) / samples * PERIOD * 1e3
-    yield Map("Pressure", "x [mm]", "y [mm]", "GPa", places, places, found.pressure.T / 1e9)
+    fields = {"meeframe": found.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
+    yield Map("Pressure", "x [mm]", "y [mm]", "GPa", places, places, fields)
     line = int(np.argmax(found.pressure.max(axis=1)))
     curves = (
         Curve("Tamaas", places, judge.pressure[line] / 1e9),
