@@ -39,7 +39,7 @@ COMPONENTS: Final = np.array([2, 0, 1])
 """Of a load or displacement of ours in the order of FCLIB."""
 _PRESSURES: Final = -np.logspace(-3, 15, 19)
 """Normal tractions [Pa]: a law that insulates at all of them is taken to insulate."""
-MATH_INFO: Final = "W is positive definite, unsymmetric if the formulation collocates"
+MATH_INFO: Final = "W: compliance of deformable bodies, unsymmetric where the formulation collocates"
 
 
 def local_problem(

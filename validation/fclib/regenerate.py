@@ -12,12 +12,12 @@ from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(Path(__file__).parent))
 
 from judge import MISSING, SOLVERS, siconos_python
 from study import FULL, SAME, Judged, judged
 
+HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs" / "validation"
 
 

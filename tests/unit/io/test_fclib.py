@@ -129,6 +129,22 @@ def test_contacts_with_coefficients_of_their_own():
     np.testing.assert_allclose(solution.u, matrix @ solution.r + local.q)
 
 
+@pytest.mark.parametrize("solver", [Auto(), BarzilaiBorwein()], ids=lambda s: type(s).__name__)
+def test_more_contacts_than_degrees_of_freedom(solver):
+    """As stacks of rigid bodies have them: W is singular, reactions are not unique, laws hold all the same."""
+    rng = np.random.default_rng(3)
+    shape = rng.normal(size=(30, 75))
+    local = LocalProblem(shape.T @ shape, rng.normal(size=75) - np.tile([3.0, 0, 0], 25), np.full(25, 0.5))
+    solution, found = solve_local(local, solver)
+    assert found.status is Status.CONVERGED
+    assert natural_residual(local, solution.r) < 1e-9
+    r, u = solution.r.reshape(-1, 3), solution.u.reshape(-1, 3)
+    size = np.abs(r).max() * np.abs(u).max()
+    assert np.abs(r[:, 0] * u[:, 0]).max() < 1e-9 * size
+    work = (r[:, 1:] * u[:, 1:]).sum(axis=1)  # friction takes all that it can
+    np.testing.assert_allclose(work, -0.5 * r[:, 0] * np.hypot(u[:, 1], u[:, 2]), atol=1e-8 * size)
+
+
 def test_projection_on_cones_is_the_nearest_point():
     rng = np.random.default_rng(6)
     points, mu = rng.normal(size=(200, 3)), rng.uniform(0.0, 2.0, 200) * (np.arange(200) > 5)
