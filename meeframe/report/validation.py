@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from textwrap import shorten
 from typing import Any, Final
 
 import numpy as np
@@ -229,6 +230,8 @@ def cells(row: Row) -> tuple[str, str, str, str, str, str]:
     return (found.name, *values, *bounds, seconds)  # type: ignore[return-value]
 
 
+_WIDEST: Final = 80
+"""Letters in a cell of the terminal's table; the report has all."""
 _STYLES: Final = {
     Verdict.PASS: "green",
     Verdict.FAIL: "bold red",
@@ -247,11 +250,12 @@ def validation_table(validation: Validation) -> RenderableType:
         for number, row in enumerate(case.rows):
             verdict = row.found.verdict
             name = "" if number else case.name
-            table.add_row(name, *cells(row), Text(str(verdict), style=_STYLES.get(verdict, "")))
+            words = (shorten(word, _WIDEST, placeholder=" ...") for word in cells(row))
+            table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
             if verdict is Verdict.DIFFERS and not isinstance(row.found, Skip):
                 remarks.append(Text(f"{case.name}, {row.found.name}: {row.found.explained}"))
         if case.error:
-            last = case.error.strip().splitlines()[-1]
+            last = shorten(case.error.strip().splitlines()[-1], _WIDEST, placeholder=" ...")
             table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
         table.add_section()
     headline = Text(validation.headline, style="green" if validation.passed else "bold red")

@@ -1,0 +1,66 @@
+"""Two deformable bodies: Hertz, joined half spaces in closed form, exchanged roles."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from study import CONDITIONS, TURN, closed_form, conducting, counter, hertz, load, roles, solve
+
+from meeframe.case.case import Case
+from meeframe.case.solve import reduce
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh, half_space_mesh
+from meeframe.study.validate import Check, Item
+
+TITLE = "Two deformable bodies, boundary elements"
+SOURCE = (
+    "Hertz (1882); closed forms of the half space with xi = xi_A + D xi_B D (docs/theory.md). Case files of the "
+    "folder; quick: coarser meshes. All numbers: docs/validation/two_bodies.md."
+)
+
+
+def run(quick: bool) -> Iterator[Item]:
+    """Elastic bodies against Hertz, poled ones against joined half spaces, roles exchanged."""
+    if not quick:
+        for name in ("equal", "unlike_elastic"):
+            found = hertz(name)
+            yield Check(f"{found.title}: force", found.force, found.exact, 0.015, "N")
+            yield Check(f"{found.title}: pressure, largest error over the peak", found.pressure, 0.0, 0.03, "", True)
+    yield from _opposite(quick)
+    yield from _exchanged(quick)
+
+
+def _opposite(quick: bool) -> Iterator[Check]:
+    """Poled the same way in space: one body is the other turned over."""
+    case = load("poled")
+    other = counter(case)
+    mesh = half_space_mesh(0.1, 0.005, 10, 5, Quad4()) if quick else case.mesh
+    opposite = replace(other, mesh=mesh if quick else other.mesh, material=other.material.rotated(TURN))
+    case = replace(case, mesh=mesh, counter=opposite)
+    system = reduce(case)
+    for condition in ("EMII", "EMCI") if quick else CONDITIONS:
+        variant = conducting(case, condition)
+        found, exact = solve(variant, system).totals, closed_form(case, condition)
+        pairs = (
+            ("force", "N", -float(found.force[2]), exact.force),
+            ("charge", "C", found.charge, exact.charge),
+            ("magnetic flux", "Wb", found.magnetic_flux, exact.magnetic_flux),
+        )
+        for name, unit, computed, true in pairs:
+            if true:
+                yield Check(f"poled the same way in space, {condition}: {name}", computed, true, 0.015, unit)
+
+
+def _exchanged(quick: bool) -> Iterator[Check]:
+    found = roles(_coarse(load("roles")) if quick else load("roles"))
+    largest = float(found.differences.max())
+    yield Check("exchanged roles: load, largest difference over its largest value", largest, 0.0, 1e-8, "", True)
+    one, two = found.totals
+    forces = float(np.abs(two.force - one.force * [-1, 1, 1]).max() / np.abs(one.force).max())
+    yield Check("exchanged roles: forces, largest difference", forces, 0.0, 1e-8, "", True)
+    yield Check("exchanged roles: nodes that stick or slip alike, share", float(found.alike), 1.0, 0.0)
+
+
+def _coarse(case: Case) -> Case:
+    half, block = half_space_mesh(0.1, 0.005, 8, 4, Quad4()), block_mesh(0.05, 0.12, 0.005, 8, 3, 2, Quad4())
+    return replace(case, mesh=half, counter=replace(counter(case), mesh=block))
