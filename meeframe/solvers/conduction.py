@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.law import ConductivityLaw
 
 Mask = NDArray[np.bool_]
@@ -26,6 +26,9 @@ FLIPS: Final = 3
 GAIN_GROWTH: Final = 1.1
 GAIN_FALL: Final = 0.75
 GAIN_LIMITS: Final = (1e-3, 1e12)
+ROOT_OFF: Final = 1e-15
+"""Of the drop that is left at a node, as a fraction."""
+ROOT_STEPS: Final = 60
 TOUCHING: Final = -float(np.finfo(float).tiny)
 """A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
 
@@ -37,8 +40,8 @@ def resistances(
 
     normal_traction: (n,) of the contact; closed: (n,); own: (n, 2) > 0, response of each node's potentials to their own
     flux density, which is the measure of a fraction: the transmissivity kappa own / (1 + kappa own) is interpolated, so
-    that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter over the body, for
-    laws that follow the gap or the drop. Nodes without an indenter above are insulated.
+    that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter over the body, as
+    `unloaded` makes it, for laws that follow the gap or the drop. Nodes without an indenter above are insulated.
     """
     ahead = np.zeros((len(own), N_FIELDS)) if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
     columns = [
@@ -46,6 +49,17 @@ def resistances(
         for k, law in enumerate((problem.electric_law, problem.magnetic_law))
     ]
     return np.where(np.isfinite(problem.gap)[:, None], np.stack(columns, axis=1), np.inf)
+
+
+def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
+    """The indenter ahead of the body (n, 5) as if no node had its own flux (n, 2), whose response is `own` (n, 2).
+
+    The conductivity of a drop is looked for together with it, node by node, from there: a law that conducts steeply
+    above some drop would throw iterations on the drop itself to and fro.
+    """
+    moved = ahead.copy()
+    moved[:, ELECTRIC:] += own * flux
+    return moved
 
 
 def own_response(problem: ContactProblem) -> Array:
@@ -100,12 +114,45 @@ def _resistance(
     law: ConductivityLaw, normal_traction: Array, closed: Array, own: Array, gap: Array, drop: Array
 ) -> Array:
     nothing = np.zeros_like(normal_traction)
-    kappa = law.conductivity(np.minimum(normal_traction, TOUCHING), nothing, drop)
-    kappa_open = law.conductivity(nothing, gap, drop)
+    kappa = _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
+    kappa_open = _alone(law, nothing, gap, drop, own)
     with np.errstate(divide="ignore", over="ignore"):
         transmissivity = closed * _transmissivity(kappa, own) + (1.0 - closed) * _transmissivity(kappa_open, own)
         between = own * (1.0 / transmissivity - 1.0)
         return np.where(closed == 1.0, 1.0 / kappa, np.where(closed == 0.0, 1.0 / kappa_open, between))
+
+
+def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array, own: Array) -> Array:
+    """kappa (n,) at what is left of a drop without flux: the fraction x of it with x (1 + own kappa(x drop)) = 1.
+
+    By regula falsi (Illinois). Where kappa jumps there it is the value in between that lets x be the root.
+    """
+    kappa = law.conductivity(normal_traction, gap, drop)
+    if not law.across_gap:
+        return kappa
+
+    def excess(fraction: Array) -> Array:
+        flux = fraction * own * law.conductivity(normal_traction, gap, fraction * drop)
+        return np.where(np.isnan(flux), 0.0, fraction + flux - 1.0)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        here = 1.0 / (1.0 + own * kappa)
+        value = excess(here)
+        simple = np.abs(value) <= ROOT_OFF
+        other = np.where(value < 0.0, 1.0, 0.0)
+        beyond = np.where(value < 0.0, own * kappa, -1.0)
+        for _ in range(ROOT_STEPS):
+            found = np.abs(value) <= ROOT_OFF
+            if found.all():
+                break
+            secant = here - value * (here - other) / (value - beyond)
+            following = np.where(np.isfinite(secant), secant, 0.5 * (here + other))
+            following = np.where(found, here, following)
+            change = excess(following)
+            crossed = change * value < 0.0
+            other, beyond = np.where(crossed, (here, value), (other, 0.5 * beyond))
+            here, value = following, change
+        return np.where(simple, kappa, (1.0 / here - 1.0) / own)
 
 
 def _transmissivity(kappa: Array, own: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.law import attraction, attracts, contact_traction
-from meeframe.solvers.conduction import Mask, Switches, follows_gap, own_response, resistances
+from meeframe.solvers.conduction import Mask, Switches, follows_gap, own_response, resistances, unloaded
 from meeframe.solvers.elimination import Conductors, Elimination, eliminate
 from meeframe.solvers.free_motion import balanced_projection, motions
 from meeframe.solvers.scales import Scales, problem_scales
@@ -65,6 +65,7 @@ class Ground:
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             ahead = indenter_position(problem, iterate.motion) - displacement
             pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
+            ahead = unloaded(ahead, iterate.load[:, 3:], self.own)
         resistance = resistances(problem, pressing, conduction.closed, self.own, ahead)
         if follows_gap(problem):
             conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))

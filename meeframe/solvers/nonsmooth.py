@@ -31,7 +31,7 @@ from meeframe.core.law import (
     lawful_traction,
     traction_tangents,
 )
-from meeframe.solvers.conduction import Mask, follows_gap, own_response, resistances
+from meeframe.solvers.conduction import Mask, follows_gap, own_response, resistances, unloaded
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
@@ -91,11 +91,12 @@ class Equation:
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
         closed = np.where(grazing, closed, trial[:, 2] < 0.0)
         pressing = contact_traction(law, load[:, 2], gap[:, 2])
-        conducting = self.transmissivity(pressing, ahead, 1.0)
-        jump = conducting - self.transmissivity(pressing, ahead, 0.0)
+        alone = unloaded(ahead, load[:, POTENTIALS], self.own)
+        conducting = self.transmissivity(pressing, alone, 1.0)
+        jump = conducting - self.transmissivity(pressing, alone, 0.0)
         transmissivity = conducting - (1.0 - np.clip(closed, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
-        drive = -ahead[:, POTENTIALS] - flux
+        drive = -alone[:, POTENTIALS]
         # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
         switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
@@ -215,15 +216,17 @@ class Point:
         a[:, CLOSED, CLOSED] = ~between
         b[between, CLOSED, 2] = -equation.r / self.sigma[between]
         closed = np.clip(self.closed, 0.0, 1.0)
-        slope = closed[:, None] * equation.transmissivity_slope(pressing, self.ahead)
-        across, dropping = equation.transmissivity_across(pressing, self.ahead, closed)
+        alone = unloaded(self.ahead, self.load[:, POTENTIALS], equation.own)
+        slope = closed[:, None] * equation.transmissivity_slope(pressing, alone)
+        across, dropping = equation.transmissivity_across(pressing, alone, closed)
+        share = self.transmissivity - self.drive * dropping
         across -= slope * attraction_slope(law, self.ahead[:, 2])[:, None]
         for k, field in enumerate((3, 4)):
             unit = scales.displacement[field]
-            a[:, field, field] = equation.own[:, k] * (1.0 - self.transmissivity[:, k]) / unit
+            a[:, field, field] = equation.own[:, k] * (1.0 - share[:, k]) / unit
             a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
             a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
-            b[:, field, field] = (self.transmissivity[:, k] - self.drive[:, k] * dropping[:, k]) / unit
+            b[:, field, field] = share[:, k] / unit
             b[:, field, 2] = -self.drive[:, k] * across[:, k] / unit
         farthest = FARTHEST * float(np.abs(self.motion / equation.units).max(initial=1.0))
         return Blocks(a, b, residual, self.balance, farthest)

@@ -6,7 +6,7 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.law import augmented_traction, contact_traction, lawful_traction
-from meeframe.solvers.conduction import own_response, resistances, switch
+from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
 from meeframe.solvers.scales import Scales, problem_scales
 
 
@@ -61,7 +61,9 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     """R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated, (n, 2)."""
     ahead = indenter_position(problem, state.motion) - state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
-    resistance = resistances(problem, pressing, state.closed, own_response(problem), ahead)
+    own = own_response(problem)
+    alone = unloaded(ahead, state.load[:, 3:], own)
+    resistance = resistances(problem, pressing, state.closed, own, alone)
     difference = -ahead[:, 3:]
     compliance = np.diag(scales.compliance)[3:]
     share = compliance / (compliance + resistance)

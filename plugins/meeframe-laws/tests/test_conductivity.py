@@ -157,6 +157,15 @@ def test_solvers_agree(name, friction, strength) -> None:
     assert (flux * -drop >= -1e-9 * np.abs(flux * drop).max()).all()  # conduction dissipates
 
 
+@pytest.mark.parametrize("strength", [1e4, 1e6])
+@pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
+def test_solvers_agree_where_the_field_is_all_but_limited(friction, strength) -> None:
+    """Drops that are known to 1 / strength only from the flux: solvers look for both together, node by node."""
+    problem = case(*laws_of(strength)["breakdown"], friction)
+    newton = solved(problem)
+    check_same(solved(problem, BarzilaiBorwein()), newton)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_prescribed_force_and_floating_conductor(name) -> None:
     """The force and the charge of a solution give back its approach and its potentials, from a distance."""

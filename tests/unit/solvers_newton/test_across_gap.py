@@ -95,16 +95,18 @@ def test_slopes_are_resolved_where_the_drop_is_far_below_the_others(across) -> N
     problem = across(Signorini(), 1.0, 1e-6)
     equation = Equation.of(problem)
     law, n = problem.electric_law, len(problem.gap)
+    gap = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
+    drop, own = law.strength * RANDOM.uniform(0.1, 2.0, n), equation.own[:, 0]
+    kappa = law.conductivity(np.zeros(n), gap, drop)
+    steeper = kappa + law.kappa / (1.0 + gap / law.distance) * 2.0 * (drop / law.strength) ** 2
     ahead = np.zeros((n, 5))
-    ahead[:, 2] = law.distance * 10.0 ** RANDOM.uniform(-6.0, 1.0, n)
-    ahead[:, 3] = law.strength * RANDOM.uniform(-2.0, 2.0, n)
+    # without its own flux a node has the drop (1 + own kappa) v, of which v is left
+    ahead[:, 2], ahead[:, 3] = gap, (1.0 + own * kappa) * drop
     by_gap, by_drop = equation.transmissivity_across(np.zeros(n), ahead, np.zeros(n))
-    own = equation.own[:, 0]
-    kappa = law.conductivity(np.zeros(n), ahead[:, 2], ahead[:, 3])
-    change = own / (1.0 + own * kappa) ** 2
-    np.testing.assert_allclose(by_gap[:, 0], -change * kappa / (law.distance + ahead[:, 2]), rtol=1e-6)
-    rate = law.kappa / (1.0 + ahead[:, 2] / law.distance) * 2.0 * ahead[:, 3] / law.strength**2
-    np.testing.assert_allclose(by_drop[:, 0], change * rate, rtol=1e-6, atol=1e-9 * np.abs(change * rate).max())
+    left = 1.0 / (1.0 + own * steeper)
+    change = -own * left / (1.0 + own * kappa)
+    np.testing.assert_allclose(by_gap[:, 0], change * kappa / (law.distance + gap), rtol=1e-6)
+    np.testing.assert_allclose(by_drop[:, 0], (drop / ahead[:, 3] - left) / ahead[:, 3], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("kappa", "strength"), [(0.1, 1.0), (1.0, 0.1), (30.0, 0.3)])
