@@ -47,18 +47,20 @@ def factorise(matrix: csr_array, solver: LinearSolver = "auto") -> Solve:
     return solve
 
 
-def flexibility(matrix: csr_array, unknowns: Indices, solver: LinearSolver, solve: Solve) -> Array:
-    """The block (k, k) of the inverse of a symmetric matrix (u, u) that belongs to k of its unknowns.
+def condense(matrix: csr_array, unknowns: Indices, solver: LinearSolver = "auto") -> tuple[Solve, Array]:
+    """Factors as of factorise, and the block (k, k) of the inverse that belongs to k of the unknowns.
 
     pardiso: inverse of the Schur complement of the unknowns, which costs one more factorisation; splu: solutions for
-    unit right-hand sides, in blocks. solve: as of factorise, for the same matrix.
+    unit right-hand sides, in blocks. Raises as factorise.
     """
     if uses_pardiso(solver):
         with _singular_is_an_error():
             inverse = np.linalg.inv(_schur_complement(matrix, unknowns))
+        solve = factorise(matrix, solver)
     else:
+        solve = factorise(matrix, solver)
         inverse = _columns(matrix.shape[0], unknowns, solve)
-    return np.asarray(inverse + inverse.T) / 2  # symmetric but for round-off
+    return solve, (inverse + inverse.T) / 2  # symmetric but for round-off
 
 
 def uses_pardiso(solver: LinearSolver) -> bool:

@@ -16,7 +16,7 @@ from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe.geometry.measures import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
 from meeframe_skfem.elements import face_nodes, tabulate
-from meeframe_skfem.factorisation import LinearSolver, factorise, flexibility
+from meeframe_skfem.factorisation import LinearSolver, condense
 from meeframe_skfem.matching import Matched
 from meeframe_skfem.volume import VolumeMesh
 
@@ -117,14 +117,11 @@ def solve_body(
     _add_forces(forces, matched, mesh, layout)
     unknown, known = np.flatnonzero(free), np.flatnonzero(~free)
     rows = matrix[unknown]
-    inner = csr_array(rows[:, unknown])
-    progress("factorisation", 0.0)
-    solve = factorise(inner, solver)
-    values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
-    progress("condensation", 0.0)
     zone = np.searchsorted(unknown, N_FIELDS * nodes[matched.zone_points][:, None] + np.arange(N_FIELDS)).ravel()
-    condensed = flexibility(inner, zone, solver, solve)
-    progress("condensation", 1.0)
+    progress("factorisation", 0.0)
+    solve, flexibility = condense(csr_array(rows[:, unknown]), zone, solver)
+    progress("factorisation", 1.0)
+    values.flat[unknown] = solve(forces.ravel()[unknown] - rows[:, known] @ values.ravel()[known])
 
     def respond(zone_forces: Array) -> Array:
         rhs, response = np.zeros(len(unknown)), np.zeros((n_points, N_FIELDS))
@@ -133,7 +130,7 @@ def solve_body(
         return response
 
     mass = _zone_mass(matched, units.length)
-    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, condensed, mass)
+    return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass)
 
 
 def local_axes(frames: Array) -> Array:

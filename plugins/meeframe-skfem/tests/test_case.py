@@ -1,7 +1,10 @@
 """The same case file by boundary elements and by finite elements."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from meeframe_skfem import FiniteElements
 
 import meeframe
 
@@ -78,3 +81,8 @@ def differences(folder, material, divisions, growth):
     formulations = ('name = "dense-bem"', f'name = "skfem"\ngrowth = {growth}')
     bem, fem = (totals(folder, material=material, divisions=divisions, formulation=text) for text in formulations)
     return np.abs(fem / bem - 1)
+
+
+def test_the_example_is_accepted():
+    example = Path(__file__).parents[1] / "examples" / "conducting_sphere.toml"
+    assert isinstance(meeframe.load_case(example).formulation, FiniteElements)

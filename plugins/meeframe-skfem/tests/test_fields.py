@@ -57,7 +57,7 @@ def check_linear(formulation, body, field):
 
 
 @pytest.mark.parametrize("element", QUADS.values(), ids=QUADS)
-@settings(deadline=None, max_examples=5)
+@settings(deadline=None, max_examples=3)
 @given(material=materials(), seed=st.integers(0, 2**20))
 def test_linear_fields_of_triclinic_media_in_a_graded_block(element, material, seed):
     field = LinearField.random(material.stiffness, seed)
