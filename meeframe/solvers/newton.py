@@ -69,7 +69,9 @@ class SemismoothNewton(Solver):
         equation = Equation.of(problem)
         motion = start_motion(problem, start)
         point = equation.at(start_load(start, n), closed, _between(closed), motion)
-        if (np.abs(point.balance) > BALANCED).any():
+        # what attracts may hold where it is, so that it is not lifted off to find the contact anew
+        held = start is not None and attracts(problem.contact_law)
+        if not held and (np.abs(point.balance) > BALANCED).any():
             point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         return _iterate(_Memory(point, (point.merit,), np.zeros(n)))
 
