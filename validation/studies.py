@@ -38,7 +38,7 @@ def _totals(study: Study, panel: Panel) -> Plot:
     curves = []
     for name, values in panel.quantities.items():
         label, y = name.replace("_", " "), np.array(values, float)
-        curves += [Curve(label, x, y), Curve(label, x, y, points=True)] if known else [Curve(label, x, y, points=True)]
+        curves.append(Curve(label, x, y, points=not known, joined=known))
     log = known and study.scale == "log"
     return Plot(_title(study, panel), panel.axis + names, "relative to reference", tuple(curves), log, note=study.paper)
 
@@ -47,7 +47,7 @@ def _sections(study: Study, panel: Panel, name: str, fields: list[Array]) -> Plo
     curves = []
     for label, zone, values in zip(panel.runs, panel.zones, fields, strict=True):
         nodes, x = middle_line(zone)
-        curves.append(Curve(label, x * 1e3, values[nodes]))
+        curves.append(Curve(label, x * 1e3, values[nodes], joined=True))
     return Plot(_title(study, panel, name), "x [mm]", "relative to reference", tuple(curves), note=study.paper)
 
 

@@ -117,12 +117,13 @@ class Skip:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """x, y (m,) in the units of the plot's labels; points: drawn as markers, else as a line."""
+    """x, y (m,) in the units of the plot's labels; points: drawn as markers, else as a line; joined: as both."""
 
     label: str
     x: Array
     y: Array
     points: bool = False
+    joined: bool = False
 
 
 @dataclass(frozen=True, eq=False)

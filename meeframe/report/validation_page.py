@@ -124,11 +124,9 @@ def _plot(plot: Plot) -> dict[str, Any]:
 
 def _curve(curve: Curve, number: int) -> dict[str, Any]:
     colour = _COLOURS[number % len(_COLOURS)]
-    look: dict[str, Any] = (
-        {"mode": "markers", "marker": {"color": colour, "symbol": _MARKERS[number % len(_MARKERS)], "size": 6}}
-        if curve.points
-        else {"mode": "lines", "line": {"color": colour, "width": 1.5}}
-    )
+    marker = {"color": colour, "symbol": _MARKERS[number % len(_MARKERS)], "size": 6}
+    mode = "lines+markers" if curve.joined else "markers" if curve.points else "lines"
+    look = {"mode": mode, "marker": marker, "line": {"color": colour, "width": 1.5}}
     return {"type": "scatter", "name": curve.label, "x": _numbers(curve.x), "y": _numbers(curve.y), **look}
 
 
@@ -144,8 +142,8 @@ def _map(field: Map) -> dict[str, Any]:
     layout["xaxis"] |= {"constrain": "domain"}
     if len(tables) > 1:
         buttons = [{"label": label, "method": "restyle", "args": [{"z": [z]}]} for label, z in tables.items()]
-        layout["updatemenus"] = [{"buttons": buttons, "x": 0.0, "xanchor": "left", "y": 1.12, "yanchor": "bottom"}]
-        layout["margin"] |= {"t": 90}
+        layout["updatemenus"] = [{"buttons": buttons, "x": 0.0, "xanchor": "left", "y": 1.02, "yanchor": "bottom"}]
+        layout["margin"] |= {"t": 100}
     return {"data": [heat], "layout": layout}
 
 

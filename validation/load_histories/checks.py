@@ -34,7 +34,7 @@ def run(quick: bool) -> Iterator[Item]:
     tangential = [step for step in found.steps if 2 <= step.step <= 4]
     way = np.array([step.loading.translation[0] for step in tangential]) * 1e6
     force = np.array([resultants(found.zone, step).tangential_force[0] for step in tangential]) / 1e3
-    curves = (Curve("loop", way, force), Curve("increments", way, force, points=True))
+    curves = (Curve("increments", way, force, joined=True),)
     yield Plot("Tangential force over translation", "translation [µm]", "force [kN]", curves)
 
 

@@ -47,9 +47,10 @@ class State:
 
     @property
     def stick_share(self) -> float:
-        """Root of the sticking over the contact area."""
+        """Root of the sticking over the contact area, nan if no cell touches."""
+        touching = self.weights[self.load[:, 2] < 0.0].sum()
         sticking = self.ratio < (1.0 - STICKS) * self.friction
-        return float(np.sqrt(self.weights[sticking].sum() / self.weights[self.load[:, 2] < 0.0].sum()))
+        return float(np.sqrt(self.weights[sticking].sum() / touching)) if touching else np.nan
 
 
 def one_way(poisson: float, width: float, cells: int) -> DenseSystem:

@@ -1,0 +1,29 @@
+"""The quick version of every published case in validation/."""
+
+from pathlib import Path
+
+import pytest
+
+from meeframe.report.validation import BAD
+from meeframe.study.validate import known_cases, validate
+
+FOLDER = Path(__file__).parents[2] / "validation"
+AT_LEAST = {
+    "cone", "elliptic_hertz", "exact_friction", "flat_punch", "hertz", "indentation_moduli", "load_histories",
+    "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "sliding_hertz", "spence",
+    "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies",
+}  # fmt: skip
+
+
+def test_the_cases_that_trust_rests_on_are_there():
+    assert set(known_cases(FOLDER)) >= AT_LEAST
+
+
+@pytest.mark.parametrize("name", known_cases(FOLDER))
+def test_quick(name, tmp_path):
+    (case,) = validate(FOLDER, tmp_path, [name], quick=True).cases
+    assert not case.error
+    assert case.rows
+    assert case.figures or any(row.found.verdict == "skipped" for row in case.rows)
+    for row in case.rows:
+        assert row.found.verdict not in BAD, row.found
