@@ -104,7 +104,7 @@ def natural_residual(problem: LocalProblem, reaction: Array) -> float:
 
     |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q and rho the
     inverse of the mean of W's diagonal; over |rho q| if r is zero. FCLIB's merit function is the same with rho = 1,
-    which suits SI units badly: forces then exceed gaps by ten decades.
+    which suits SI units badly: forces exceed gaps by many decades there.
     """
     rho = 1.0 / (float(np.diag(problem.matrix).mean()) or 1.0)
     r = reaction.reshape(-1, PER_CONTACT)
