@@ -12,14 +12,10 @@ from numpy.typing import NDArray
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
-from meeframe.core.law import ConductivityLaw, ContactLaw, attracts, contact_conductivity
+from meeframe.core.law import ConductivityLaw, ContactLaw, attracts, conducts
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
-_PRESSURES: Final = -np.logspace(-3, 15, 19)
-_GAPS: Final = np.logspace(-12, 0, 13)
-_DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
-"""Normal tractions [Pa], gaps [m], drops [V] or [A]: a law that insulates at all of them is taken to insulate."""
 
 Pair = tuple[float, float]
 
@@ -125,17 +121,4 @@ def resisted(
     size = np.abs(moving).max(axis=(1, 2))
     held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
     mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
-    return np.concatenate([mechanical, [_conducts(electric), _conducts(magnetic)]])
-
-
-def _conducts(law: ConductivityLaw) -> bool:
-    """Whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
-    if (contact_conductivity(law, _PRESSURES) > 0.0).any():
-        return True
-    if not law.across_gap:
-        return False
-    gap, drop = (grid.ravel() for grid in np.meshgrid(_GAPS, _DROPS))
-    nothing = np.zeros_like(gap)
-    across = law.conductivity(nothing, gap, drop)
-    under = law.conductivity(np.full_like(drop, _PRESSURES[-1]), nothing, drop)
-    return bool((across > 0.0).any() or (under > 0.0).any())
+    return np.concatenate([mechanical, [conducts(electric), conducts(magnetic)]])

@@ -12,7 +12,10 @@ from meeframe.core.fields import Array
 
 _DIFFERENCE: Final = 6e-6
 """Width of central differences as a fraction of the argument: the cube root of round-off."""
-
+_PRESSURES: Final = -np.logspace(-3, 15, 19)
+_GAPS: Final = np.logspace(-12, 0, 13)
+_DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
+"""Normal tractions [Pa], gaps [m], drops [V] or [A]: a law that insulates at all of them is taken to insulate."""
 
 StepLengths = tuple[float, float]
 """Of an augmented traction: normal and tangential, > 0 [Pa/m]."""
@@ -141,7 +144,8 @@ class ConductivityLaw(ABC):
 
         normal_traction: (n,) of the contact [Pa], <= 0 in compression; gap: (n,) >= 0 [m], zero in contact; drop: (n,)
         potential - potential_o [V] or [A]. Units of kappa: F/m^2 for the electric law, H/m^2 for the magnetic one.
-        A jump is allowed at zero traction only. Laws that are not `across_gap` may be given any gap and drop.
+        A jump is allowed at zero traction only. Laws that are not `across_gap` may be given any gap and drop; of those
+        that are, the flux kappa(drop) drop must not fall as the drop grows: it has one value then, and is found by it.
         """
 
 
@@ -149,6 +153,19 @@ def contact_conductivity(law: ConductivityLaw, normal_traction: Array) -> Array:
     """kappa (n,) of surfaces in contact, without a drop, under normal tractions (n,) [Pa]."""
     nothing = np.zeros_like(normal_traction)
     return law.conductivity(normal_traction, nothing, nothing)
+
+
+def conducts(law: ConductivityLaw) -> bool:
+    """Whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
+    if (contact_conductivity(law, _PRESSURES) > 0.0).any():
+        return True
+    if not law.across_gap:
+        return False
+    gap, drop = (grid.ravel() for grid in np.meshgrid(_GAPS, _DROPS))
+    nothing = np.zeros_like(gap)
+    across = law.conductivity(nothing, gap, drop)
+    under = law.conductivity(np.full_like(drop, _PRESSURES[-1]), nothing, drop)
+    return bool((across > 0.0).any() or (under > 0.0).any())
 
 
 def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLengths) -> Array:

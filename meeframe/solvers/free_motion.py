@@ -154,7 +154,8 @@ class _Balance:
         """A point where the unbalance no longer drives the indenter the way it goes from here; None if there is none.
 
         Where nothing touches as yet, or all slips, the resultants do not change with the motion and no Newton step
-        helps. Along their direction the unbalance does not fall (exactly so without friction), so that bisection does.
+        helps. Along their direction the unbalance does not fall (exactly so without friction and
+        attraction), so that bisection does.
         """
         direction = -(weight**2) * here.unbalance
         reach = self._reach(direction)

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import ContactLaw, attracts, contact_conductivity
+from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
+from meeframe.core.law import ContactLaw, attracts, conducts
 from meeframe.solvers.free_motion import motions
 from meeframe.solvers.scales import Scales
 
@@ -33,8 +33,10 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
         return (
             f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
         )
+    laws = (problem.electric_law, problem.magnetic_law)
     for freedom in problem.freedoms:
-        if freedom.electromagnetic and freedom.total and not _conducts(problem, scales, freedom.mode):
+        carried = [freedom.mode[:, ELECTRIC + k].any() and conducts(law) for k, law in enumerate(laws)]
+        if freedom.electromagnetic and freedom.total and not any(carried):
             return "a charge or magnetic flux is prescribed, but the contact does not conduct it"
     return None
 
@@ -81,10 +83,3 @@ def _strongest(law: ContactLaw, direction: Array) -> Array:
     trial = np.full_like(direction, -1.0)
     trial[:, :2] = STEEPEST * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
     return law.project(trial)
-
-
-def _conducts(problem: ContactProblem, scales: Scales, mode: Array) -> bool:
-    """Whether a contact under the characteristic pressure conducts along a mode (n, 5)."""
-    laws = (problem.electric_law, problem.magnetic_law)
-    pressed = np.array([-scales.pressure])
-    return any(contact_conductivity(law, pressed)[0] > 0.0 and mode[:, 3 + k].any() for k, law in enumerate(laws))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
-from meeframe.core.law import attraction, contact_conductivity
+from meeframe.core.law import attraction, conducts
 from meeframe.solvers.free_motion import balanced_projection, motions
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
@@ -47,7 +47,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
 
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
-    they cause, where a law conducts under pressure. Pressures are at least as large as the attraction at first.
+    they cause, where a law conducts. Pressures are at least as large as the attraction at first.
     An interface that yields by itself is in series with the body.
     """
     motion = _foundation_motion(problem)
@@ -62,8 +62,7 @@ def problem_scales(problem: ContactProblem) -> Scales:
     potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
     potential = np.maximum(potential, charged * compliance[POTENTIALS, POTENTIALS])
     laws = (problem.electric_law, problem.magnetic_law)
-    conducts = [contact_conductivity(law, np.array([-pressure]))[0] > 0.0 for law in laws]
-    flux = np.where(conducts, potential / compliance[POTENTIALS, POTENTIALS], 0.0)
+    flux = np.where([conducts(law) for law in laws], potential / compliance[POTENTIALS, POTENTIALS], 0.0)
     pressure = max(pressure, *(compliance[2, 3:] * flux / compliance[2, 2]))
     load = np.array([pressure, pressure, pressure, 0.0, 0.0])
     induced = compliance[3:, 2] * pressure

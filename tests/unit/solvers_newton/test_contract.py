@@ -8,7 +8,14 @@ import pytest
 
 from meeframe.core.contact import AT_REST, Freedom, contact_gap
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths, augmented_traction, contact_traction, lawful_traction
+from meeframe.core.law import (
+    ConductivityLaw,
+    ContactLaw,
+    StepLengths,
+    augmented_traction,
+    contact_traction,
+    lawful_traction,
+)
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, Uzawa, solve
 from meeframe.solvers.nonsmooth import Equation
@@ -190,3 +197,33 @@ def test_solutions_do_not_depend_on_the_length_of_the_step(problem, kind) -> Non
         trial = augmented_traction(law, state.load[:, :3], gap, r)
         again = lawful_traction(law, trial, gap, r)
         np.testing.assert_allclose(again, state.load[:, :3], atol=max(length, 1.0) * 1e-8 * scales.pressure)
+
+
+@final
+@dataclass(frozen=True)
+class BeyondPressure(ConductivityLaw):
+    """kappa beyond a pressure, growing from there over as much again."""
+
+    kappa: float
+    pressure: float
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        return self.kappa * np.clip(-normal_traction / self.pressure - 1.0, 0.0, 1.0)
+
+
+def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> None:
+    """Under the characteristic pressure of the problem the law insulates."""
+    equation = Equation.of(problem)
+    law = BeyondPressure(1.0 / equation.own[0, 0], 1.1 * equation.scales.pressure)
+    problem = replace(problem, electric_law=law, potentials=np.tile([1e3, 0.0], (256, 1)))
+    given = solve(problem, SemismoothNewton())
+    charge = problem.system.weights @ given.state.load[:, 3]
+    assert given.status == "converged"
+    assert abs(charge) > 0.0
+    mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
+    freedom = Freedom(mode, -problem.system.weights[:, None] * mode, charge)
+    free = replace(problem, potentials=np.zeros((256, 2)), freedoms=(freedom,))
+    for solver in (SemismoothNewton(), BarzilaiBorwein()):
+        found = solve(free, solver)
+        assert found.status == "converged", found.message
+        assert found.state.motion[0] == pytest.approx(1e3, rel=1e-6)
