@@ -51,7 +51,7 @@ def local_problem(
     Raises CaseError if the law is not frictionless or isotropic Coulomb friction with a finite coefficient, if the
     compliance is not held as a matrix, if the indenter is nowhere above, or if a state is needed.
     """
-    mu = _coefficient(problem.contact_law)
+    mu = friction_coefficient(problem.contact_law)
     full = problem.system.dense()
     if full is None:
         raise CaseError("FCLIB: the compliance is not held as a matrix; allowed: formulations that hold one")
@@ -132,8 +132,8 @@ def _scales(local: LocalProblem) -> Array:
     return scale.ravel()
 
 
-def _coefficient(law: ContactLaw) -> float:
-    """The friction coefficient of a law. Raises CaseError if it has more than that."""
+def friction_coefficient(law: ContactLaw) -> float:
+    """The friction coefficient of a law, zero without friction. Raises CaseError if FCLIB does not know the law."""
     match law:
         case Signorini():
             return 0.0

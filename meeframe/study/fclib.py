@@ -1,6 +1,5 @@
 """Files of FCLIB: increments of a case for solvers of others to judge ours, problems of others for our solvers."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -22,7 +21,7 @@ from meeframe.io.fclib import (
     write_local,
     write_solution,
 )
-from meeframe.io.fclib_contact import local_problem, local_solution, solve_local
+from meeframe.io.fclib_contact import friction_coefficient, local_problem, local_solution, solve_local
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.solvers import Limits
 from meeframe.study.choices import Choice
@@ -43,8 +42,10 @@ def export_increment(
         raise CaseError(f"--increment {wanted}; allowed: 1 to {case.n_increments}, the increments of the case")
     if out.exists() and not overwrite:
         raise ResultError(f"{out} exists; name another file or pass --overwrite")
+    friction_coefficient(case.contact_law)  # refused before anything is computed
     system = reduce(case, progress)
-    step, problem, solution = next(islice(increments(case, system, progress), wanted - 1, None))
+    step = next(islice(solve_steps(case, system, progress, boundary=False), wanted - 1, None))
+    problem, solution = exchanged(case, system, step)
     write_local(out, problem, solution if step.status is Status.CONVERGED else None)
     return step
 
@@ -82,20 +83,17 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
     return SolvedFile(found.status, "; ".join(words))
 
 
-def increments(
-    case: Case, system: ReducedSystem, progress: Progress = silent
-) -> Iterator[tuple[StepResult, LocalProblem, LocalSolution]]:
-    """The increments of a case, one after the other: result, problem of FCLIB, our solution of it.
+def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[LocalProblem, LocalSolution]:
+    """An increment of a case as a problem of FCLIB, and our solution of it.
 
-    What was free to move, and what conducts, is held where the increment ended. Raises as `export_increment`.
+    What was free to move, and what conducts, is held where the increment ended. Raises CaseError as `local_problem`.
     """
-    for step in solve_steps(case, system, progress, boundary=False):
-        problem, state = held_problem(case, system, step), step.state
-        described = (
-            f"Increment {step.increment} of load step {step.step}, {type(problem.contact_law).__name__}; "
-            "u: gap and slip of the increment [m], r: force on the body reversed [N]"
-        )
-        yield step, local_problem(problem, state, case.title, described), local_solution(problem, state)
+    problem, state = held_problem(case, system, step), step.state
+    described = (
+        f"Increment {step.increment} of load step {step.step}, {type(problem.contact_law).__name__}; "
+        "u: gap and slip of the increment [m], r: force on the body reversed [N]"
+    )
+    return local_problem(problem, state, case.title, described), local_solution(problem, state)
 
 
 def held_problem(case: Case, system: ReducedSystem, step: StepResult) -> ContactProblem:

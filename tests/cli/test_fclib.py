@@ -66,6 +66,25 @@ def test_last_increment_is_the_default(frictional, tmp_path):
     np.testing.assert_allclose(-solution.r[1::3], 0.3 * solution.r[::3], atol=1e-9 * solution.r.max())
 
 
+def test_prescribed_force_is_held_where_it_was_found(write_case, springs, tmp_path):
+    path = tmp_path / "springs.hdf5"
+    case = write_case(('approach = "10 um"', 'normal_force = "2 kN"'))
+    status, out, _ = fclib("export", case, path)
+    assert status == 0, out
+    local, solution = read_local(path), read_solution(path)
+    assert solution.r[::3].sum() == pytest.approx(2000.0, rel=1e-8)
+    own = np.diag(local.matrix)[::3]
+    np.testing.assert_allclose(solution.r[::3], np.maximum(-local.q[::3], 0.0) / own, rtol=1e-8, atol=1e-9)
+
+
+def test_orthotropic_friction_is_refused(write_case, springs, tmp_path):
+    law = '[contact]\nlaw = { name = "orthotropic-coulomb", mu1 = 0.3, mu2 = 0.1 }\n\n[indenter]'
+    status, _, err = fclib("export", write_case(("[indenter]", law)), tmp_path / "a.hdf5")
+    assert status == 2
+    assert "FCLIB: contact law OrthotropicCoulomb(mu1=0.3, mu2=0.1, angle=0.0); allowed:" in err
+    assert not (tmp_path / "a.hdf5").exists()
+
+
 def test_refusals(frictional, tmp_path):
     path = tmp_path / "a.hdf5"
     assert "--increment 4; allowed: 1 to 3" in fclib("export", frictional, path, "--increment", 4)[2]

@@ -12,11 +12,11 @@ from judge import SOLVERS, siconos_solves
 
 from meeframe.case.case import Case
 from meeframe.case.load import case_from_tables
-from meeframe.case.solve import reduce
+from meeframe.case.solve import reduce, solve_steps
 from meeframe.core.fields import Array
 from meeframe.io.fclib import LocalSolution, natural_residual, write_local
 from meeframe.laws import IsotropicCoulomb
-from meeframe.study.fclib import increments
+from meeframe.study.fclib import exchanged
 
 HERE: Final = Path(__file__).parent
 SAME: Final = 1e-9
@@ -95,7 +95,9 @@ def judged(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Iter
         case = load(body.name, body.divisions)
         system = reduce(case)
         for mu in body.coefficients:
-            for step, local, solution in increments(replace(case, contact_law=IsotropicCoulomb(mu)), system):
+            frictional = replace(case, contact_law=IsotropicCoulomb(mu))
+            for step in solve_steps(frictional, system, boundary=False):
+                local, solution = exchanged(frictional, system, step)
                 with tempfile.TemporaryDirectory() as folder:
                     path = Path(folder) / "problem.hdf5"
                     write_local(path, local)
