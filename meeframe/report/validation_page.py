@@ -135,8 +135,9 @@ def _map(field: Map) -> dict[str, Any]:
     tables = {label: [_numbers(row) for row in np.asarray(values)] for label, values in field.fields.items()}
     finite = [value for table in tables.values() for row in table for value in row if value is not None]
     bar = {"title": {"text": field.value_label, "side": "right"}, "exponentformat": "power"}
-    heat = {"type": "heatmap", "x": _numbers(field.x), "y": _numbers(field.y), "z": next(iter(tables.values()))}
-    heat |= {"colorscale": "Cividis", "colorbar": bar, "zmin": min(finite), "zmax": max(finite)}
+    heat: dict[str, Any] = {"type": "heatmap", "x": _numbers(field.x), "y": _numbers(field.y)}
+    heat |= {"z": next(iter(tables.values())), "zmin": min(finite), "zmax": max(finite)}
+    heat |= {"colorscale": "Cividis", "colorbar": bar}
     layout = _layout(field.title, field.x_label, field.y_label)
     layout["yaxis"] |= {"scaleanchor": "x", "constrain": "domain"}
     layout["xaxis"] |= {"constrain": "domain"}

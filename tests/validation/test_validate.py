@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -131,6 +132,16 @@ def test_what_was_done_before_an_interruption_is_there(tmp_path):
     data = json.loads((tmp_path / "out" / "validation.json").read_text())
     assert [check["name"] for check in data["cases"][0]["checks"]] == ["first"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["validation.json"]
+
+
+def test_the_example_of_the_page_is_a_case(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "trust.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    make_case(tmp_path / "cases")
+    (tmp_path / "cases" / "one" / "checks.py").write_text(example)
+    found = validate(tmp_path / "cases", tmp_path / "out")
+    assert found.passed
+    assert len(found.cases[0].figures) == 1
 
 
 def test_modules_of_one_case_are_not_those_of_another(tmp_path):

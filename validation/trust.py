@@ -1,0 +1,87 @@
+"""Write docs/trust.md from the numbers of a full validation.
+
+    uv run meeframe validate
+    uv run python validation/trust.py
+
+`--numbers` names another validation.json, `--out` another page.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from meeframe.report.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict, cells
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+KINDS = {"check": Check, "claim": Claim, "skip": Skip}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--numbers", type=Path, default=ROOT / "validated" / "validation.json", help="of a full run")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="the page")
+    arguments = parser.parse_args()
+    found = read(json.loads(arguments.numbers.read_text(encoding="utf-8")))
+    head = (HERE / "trust_head.md").read_text(encoding="utf-8")
+    arguments.out.write_text("\n".join([head, *page(found)]).rstrip() + "\n", encoding="utf-8")
+
+
+def read(data: dict[str, Any]) -> Validation:
+    """A validation without its figures."""
+    reports = (
+        CaseReport(
+            case["name"],
+            case["title"],
+            case["source"],
+            tuple(_row(check) for check in case["checks"]),
+            seconds=case["seconds"],
+            error=case["error"],
+        )
+        for case in data["cases"]
+    )
+    return Validation(data["quick"], data["versions"], tuple(reports), planned=data["planned_cases"])
+
+
+def _row(check: dict[str, Any]) -> Row:
+    kind = KINDS[check["kind"]]
+    given = {key: value for key, value in check.items() if key in kind.__dataclass_fields__}
+    if kind is Check:
+        given |= {key: float("nan") for key in ("computed", "reference") if given[key] is None}
+    return Row(kind(**given), check["seconds"])
+
+
+def page(found: Validation) -> Iterator[str]:
+    """Overview and one section for each case."""
+    yield "## The cases\n"
+    yield f"{found.headline[0].upper()}{found.headline[1:]}, on two shared cores.\n"
+    yield "| case | checks | passed | differ, with reason | time [s] |\n| --- | --- | --- | --- | --- |"
+    for case in found.cases:
+        counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]
+        link = f"[{case.title}](#{_anchor(case.title)})"
+        yield f"| {link} | {len(case.verdicts)} | {counts[0]} | {counts[1] or ''} | {case.seconds:.0f} |"
+    for case in found.cases:
+        yield from _section(case)
+
+
+def _anchor(title: str) -> str:
+    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return kept.replace(" ", "-")
+
+
+def _section(case: CaseReport) -> Iterator[str]:
+    yield f"\n## {case.title}\n\n{case.source}\n\n`meeframe validate --only {case.name}`\n"
+    if case.error:
+        yield f"```text\n{case.error.strip()}\n```\n"
+    yield "| check | computed | reference | difference | tolerance | |\n| --- | --- | --- | --- | --- | --- |"
+    for row in case.rows:
+        verdict = row.found.verdict
+        reason = f": {row.found.explained}" if verdict is Verdict.DIFFERS and not isinstance(row.found, Skip) else ""
+        words = (word.replace("|", "\\|") for word in cells(row)[:-1])
+        yield f"| {' | '.join(words)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
+
+
+if __name__ == "__main__":
+    main()
