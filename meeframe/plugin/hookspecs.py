@@ -24,8 +24,8 @@ T_co = TypeVar("T_co", covariant=True)
 class Record(Generic[T_co]):
     """One registered thing.
 
-    name: as written in case files; factory: a frozen dataclass (its fields are the case file's keys) or, for elements,
-    the element class; summary: one line; source: equation, paper or book.
+    name: as written in case files, in small letters, digits and hyphens; factory: a frozen dataclass (its fields are
+    the case file's keys) or, for elements, the element class; summary: one line; source: equation, paper or book.
     """
 
     name: str

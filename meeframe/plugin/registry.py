@@ -17,6 +17,7 @@ from meeframe.core.formulation import Formulation
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.indenter import Indenter
 from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.plugin.faults import fault
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
 from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
 from meeframe.plugin.validation import Problem, TableError, build, choices
@@ -174,28 +175,12 @@ def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Brok
             broken.append(Broken(provider, f"{kind.hook}: {reason(error)}", line_in(error, file)))
             continue
         for record in records:
-            fault = _fault(kind, record)
-            if fault:
-                broken.append(Broken(provider, f"{kind.hook}: {fault}"))
+            wrong = fault(kind, contract_of(kind), record)
+            if wrong:
+                broken.append(Broken(provider, f"{kind.hook}: {wrong}"))
             else:
                 entries.append(Entry(kind, record, provider))
     return entries, broken
-
-
-def _fault(kind: Kind, record: Any) -> str:
-    """What is wrong with what a hook returned, or ''."""
-    if not (isinstance(record, Record) and isinstance(record.name, str) and callable(record.factory)):
-        return f"a hook returns records, not {record!r}"
-    factory, contract = record.factory, contract_of(kind)
-    if not isinstance(factory, type):
-        return ""
-    if not issubclass(factory, contract):
-        return f"{kind} {record.name!r}: class {factory.__name__} is no {contract.__module__}.{contract.__name__}"
-    missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
-    if missing:
-        version = metadata.version(PROJECT)
-        return f"{kind} {record.name!r}: class {factory.__name__} lacks {missing}, which {PROJECT} {version} asks for"
-    return ""
 
 
 def _refuse_duplicates(entries: list[Entry]) -> None:
@@ -220,8 +205,8 @@ def load(*files: Path) -> Registry:
     if not files:
         return registry
     local = Registry.from_plugins(load_file(file) for file in dict.fromkeys(files))
-    for fault in local.broken:
-        raise PluginError(file_fault(fault.provider.name, fault.reason, fault.line))
+    for broken in local.broken:
+        raise PluginError(file_fault(broken.provider.name, broken.reason, broken.line))
     entries = [*registry.entries, *local.entries]
     _refuse_duplicates(entries)
     return replace(registry, entries=tuple(entries))

@@ -8,11 +8,10 @@ from pathlib import Path
 from string import Template
 
 from meeframe.core.errors import PluginError
+from meeframe.plugin.faults import NAME, NAME_RULE
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import choices
-
-_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
 def kind_called(text: str) -> Kind:
@@ -68,8 +67,8 @@ def _words(kind: Kind, name: str) -> dict[str, str]:
 
 
 def _check_name(kind: Kind, name: str, class_name: str, registry: Registry, module: str) -> None:
-    if not _NAME.fullmatch(name):
-        raise PluginError(f"name {name!r}: allowed: small letters, digits and hyphens, beginning with a letter: my-law")
+    if not NAME.fullmatch(name):
+        raise PluginError(f"name {name!r}: allowed: {NAME_RULE}")
     if name in registry.names(kind):
         taken = next(entry for entry in registry.entries if entry.kind is kind and entry.record.name == name)
         raise PluginError(f"{kind} {name!r} is there already, provided by {taken.provider}; choose another name")

@@ -94,21 +94,39 @@ OUTDATED = """
         return [Record("old", Old, "lacks a method that the contract has now", "yesterday")]
 """
 
+EARLIER = """
+    from dataclasses import dataclass
+    import numpy as np
+    from meeframe.plugin import ConductivityLaw, Record, hookimpl
+
+    @dataclass(frozen=True)
+    class Earlier(ConductivityLaw):
+        def conductivity(self, normal_traction):
+            return np.zeros_like(normal_traction)
+
+    @hookimpl
+    def meeframe_conductivity_laws():
+        return [Record("earlier", Earlier, "of a contract that knew neither gap nor drop", "yesterday")]
+"""
+
 
 def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
     install("ahead", GOOD.format(name="disc"), "meeframe>=99")
     install("behind", OUTDATED)
+    install("earlier", EARLIER)
     install("moved", "from meeframe.core.contact import LawOfYesterday")
     install("misspelt", GOOD.format(name="ring").replace("meeframe_indenters", "meeframe_indenter"))
     listed = command("plugins")
     names = [line.split()[1] for line in listed.stdout.splitlines()[1:] if not line.startswith(" ")]
     assert "plane" in names
-    assert not {"disc", "old", "ring"} & set(names)
+    assert not {"disc", "old", "earlier", "ring"} & set(names)
     warnings = {line.split()[2]: line for line in listed.stderr.splitlines() if line.startswith("warning: plugin ")}
     this = meeframe.__version__
     assert f"outdated: it needs meeframe>=99, this is meeframe {this}" in warnings["ahead"]
     assert f"class Old lacks tangential_scaling, which meeframe {this} asks for" in warnings["behind"]
+    needs = f"Earlier.conductivity does not take (normal_traction, gap, drop), which meeframe {this} asks for"
+    assert needs in warnings["earlier"]
     assert f"it is written for another version of meeframe than {this}" in warnings["moved"]
     assert "unknown hook 'meeframe_indenter'" in warnings["misspelt"]
     assert command("check", case_file("plane")).returncode == 0
@@ -116,6 +134,12 @@ def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, com
     assert refused.returncode == 2
     assert "error: unknown name 'old'; " in refused.stderr
     assert "plugin behind 1.2 is broken" in refused.stderr
+    path = case_file("plane")
+    path.write_text(path.read_text() + '[conductivity]\nelectric = "earlier"\n')
+    refused = command("check", path)
+    assert refused.returncode == 2
+    assert "conductivity.electric.name: unknown conductivity law 'earlier'" in refused.stderr
+    assert "Traceback" not in refused.stderr
 
 
 def test_duplicate_names_name_both_providers(install, command, case_file):

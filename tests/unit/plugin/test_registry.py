@@ -10,9 +10,12 @@ import pytest
 from pydantic import Field
 
 from meeframe.core.errors import PluginError
+from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter
 from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.core.quantities import Quantity
+from meeframe.elements import Quad4
+from meeframe.laws import Signorini
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.plugin.registry import Kind, Provider, Registry
 from meeframe.plugin.validation import TableError
@@ -191,3 +194,96 @@ def test_one_name_may_serve_two_kinds():
     assert registry.create(Kind.CONDUCTIVITY_LAW, "ball") == Law()
     assert registry.create(Kind.INDENTER, {"name": "ball", "radius": 1}) == Ball(1.0)
     assert not issubclass(Law, ContactLaw)
+
+
+def law_with(**methods):
+    """A conductivity law with methods of its own."""
+    members = {"conductivity": lambda self, normal_traction, gap, drop: 0.0 * gap, **methods}
+    return dataclass(frozen=True)(type("Law", (ConductivityLaw,), members))
+
+
+def registered(factory, *, name="law", summary="summary", source="source", hook="meeframe_conductivity_laws"):
+    """The registry of a plugin with one record."""
+    return Registry.from_plugins([(Provider("one", "1"), plugin(Record(name, factory, summary, source), hook=hook))])
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        lambda self, normal_traction: None,
+        lambda self, normal_traction, gap: None,
+        lambda self, normal_traction, gap, drop, more: None,
+        lambda self, normal_traction, gap, drop, *, more: None,
+        lambda self, gap, normal_traction, drop: None,
+        lambda self, normal_traction, drop, gap: None,
+        lambda self, *, normal_traction, gap, drop: None,
+        property(lambda self: None),
+        3.0,
+    ],
+)
+def test_methods_that_do_not_take_what_the_contract_gives_are_broken(method):
+    (broken,) = registered(law_with(conductivity=method)).broken
+    assert "conductivity law 'law': Law.conductivity does not take (normal_traction, gap, drop), which " in str(broken)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        lambda self, traction, _gap, _drop: None,
+        lambda self, *arguments: None,
+        lambda self, normal_traction, *rest: None,
+        lambda self, normal_traction, gap, drop, more=1: None,
+        staticmethod(lambda normal_traction, gap, drop: None),
+        classmethod(lambda cls, normal_traction, gap, drop: None),
+    ],
+)
+def test_methods_that_take_it_in_their_own_words_are_not(method):
+    assert not registered(law_with(conductivity=method)).broken
+
+
+def test_arguments_that_callers_may_leave_out_may_be_left_out():
+    """A formulation reduces with and without progress."""
+
+    def formulation(reduce):
+        members = {"check": lambda self, body: None, "reduce": reduce}
+        return dataclass(frozen=True)(type("Own", (Formulation,), members))
+
+    hook = "meeframe_formulations"
+    assert not registered(formulation(lambda self, body, progress=None: None), hook=hook).broken
+    for method in (lambda self, body, progress: None, lambda self, body: None):
+        (broken,) = registered(formulation(method), hook=hook).broken
+        assert "Own.reduce does not take (body, progress)" in broken.reason
+
+
+def test_inherited_methods_are_looked_at_too():
+    members = {"for_increment": lambda self, slip_path: self}
+    law = dataclass(frozen=True)(type("Old", (Signorini,), members))
+    child = dataclass(frozen=True)(type("Child", (law,), {}))
+    (broken,) = registered(child, hook="meeframe_contact_laws").broken
+    assert "Child.for_increment does not take (slip_path, duration)" in broken.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"name": ""}, "conductivity law with the name ''; allowed: small letters, digits and hyphens"),
+        ({"name": "Law Bad Name!"}, "conductivity law with the name 'Law Bad Name!'; allowed: small letters"),
+        ({"name": None}, "conductivity law with the name None"),
+        ({"summary": None}, "conductivity law 'law': summary = None; allowed: a text that is not empty"),
+        ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a text that is not empty"),
+        ({"factory": lambda: law_with()()}, "conductivity law 'law': its factory is <function "),
+        ({"factory": 3}, "conductivity law 'law': its factory is 3; allowed: a class"),
+        ({"factory": Ball}, "class Ball is no meeframe.core.law.ConductivityLaw"),
+        ({"factory": type("Plain", (law_with(),), {})}, "class Plain is no frozen dataclass; allowed: classes under @"),
+    ],
+)
+def test_records_that_are_none_are_broken(changes, expected):
+    registry = registered(**{"factory": law_with(), **changes})
+    (broken,) = registry.broken
+    assert expected in broken.reason
+    assert not registry.entries
+
+
+def test_elements_are_plain_classes():
+    element = type("Own", (Quad4,), {})
+    assert registered(element, hook="meeframe_elements").names(Kind.ELEMENT) == ("law",)
