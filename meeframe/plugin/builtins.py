@@ -80,7 +80,12 @@ def meeframe_solvers() -> Iterable[Record[Solver]]:
     """Iterations on the contact problem."""
     return [
         Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32"),
-        Record("auto", Auto, "newton, then uzawa-bb and uzawa where that makes no progress", "docs/solvers-newton.md"),
+        Record(
+            "auto",
+            Auto,
+            "newton, then uzawa-nesterov, uzawa-bb and uzawa where that makes no progress",
+            "docs/solvers-newton.md",
+        ),
         Record("newton", SemismoothNewton, "semismooth Newton", "Christensen et al., IJSS 35 (1998) 3907-3926"),
         Record("uzawa-bb", BarzilaiBorwein, "uzawa, Barzilai-Borwein steps", "IMA J. Numer. Anal. 8 (1988) 141-148"),
         Record(
