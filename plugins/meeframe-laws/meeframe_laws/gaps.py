@@ -6,7 +6,6 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.indenter import Indenter
 from meeframe.core.quantities import Quantity, check_quantities
@@ -21,8 +20,8 @@ _WAVELENGTH = Quantity("m", gt=0)
 class SignoriniGap(CoulombContact):
     """Unilateral contact across a gap of its own, h(x) + amplitude sum_i (1 - cos(2 pi x_i / lambda_i + phase_i)).
 
-    The gap comes on top of the gap of the undeformed bodies: roughness, texture or wear that is not in the meshes. Heights
-    and waves are along the global axes x_1 and x_2 through the origin.
+    It comes on top of that of the undeformed bodies: roughness, texture or wear that is not in the meshes. Heights and
+    waves are along the global axes x_1 and x_2 through the origin.
 
     surface: whose height h is added, any indenter shape, such as heights from a file; none if left out. amplitude [m],
     >= 0, of the waves; wavelength_1, wavelength_2 [m], inf for none along that axis; phase_1, phase_2 [rad]; mu:
@@ -41,7 +40,7 @@ class SignoriniGap(CoulombContact):
         check_quantities(self)
 
     def initial_gap(self, points: Array) -> Array:
-        """h + waves, (n,) [m], at points (n, 3). Raises CaseError where the surface has no height."""
+        """h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
         gap = np.zeros(len(points))
         for along, wavelength, phase in zip(
             points.T, (self.wavelength_1, self.wavelength_2), (self.phase_1, self.phase_2), strict=False
@@ -50,10 +49,4 @@ class SignoriniGap(CoulombContact):
                 gap += self.amplitude * (1.0 - np.cos(2.0 * np.pi * along / wavelength + phase))
         if self.surface is not None:
             gap += self.surface.height(points[:, 0], points[:, 1])
-        beside = np.flatnonzero(~np.isfinite(gap))
-        if beside.size:
-            raise CaseError(
-                f"SignoriniGap: its surface has no height at {beside.size} points of the contact zone, the first at "
-                f"{points[beside[0]]} [m]; allowed: a surface that covers the zone"
-            )
         return gap
