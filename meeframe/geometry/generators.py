@@ -67,7 +67,7 @@ def block_mesh(
     # equal rays from the border of the zone to the edge: all widths scale with their mean
     distance = sum(half) / 2 - sum(contact) / 4
     first = grading.first_ring * (contact[0] / cells[0] + contact[1] / cells[1]) / 2
-    outward = _fractions(distance, rings, first)[:, None, None]
+    outward = geometric_fractions(distance, rings, first)[:, None, None]
     downward = np.cumsum(grading.layer_growth ** np.arange(layers))
     downward /= downward[-1]
     edge = border(grid_points(half, cells, 0.0))
@@ -133,7 +133,7 @@ def sphere_mesh(radius: float, divisions: int, element: SurfaceElement) -> Surfa
     return SurfaceMesh(points, blocks, ("surface",))
 
 
-def _fractions(total: float, count: int, first: float) -> Array:
+def geometric_fractions(total: float, count: int, first: float) -> Array:
     """Positions in (0, 1] after each of `count` widths that sum to total, geometric from `first` on.
 
     Widths never shrink outwards: where `first` is too wide for that they are equal.

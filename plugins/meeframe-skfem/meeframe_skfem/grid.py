@@ -4,13 +4,13 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from meeframe.core.body import Body
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.geometry.generators import geometric_fractions
 from meeframe_skfem.elements import HEX8, HEX20, HEX27, VolumeElement
 from meeframe_skfem.volume import VolumeMesh, check_memory
 
@@ -60,20 +60,9 @@ def graded(distance: float, first: float, growth: float, count: int | None) -> A
         return np.empty(0)
     if count is None:
         room = distance / first
-        count = (
-            int(np.ceil(np.log1p(room * (growth - 1)) / np.log(growth) - 1e-9))
-            if growth > 1
-            else int(np.ceil(room - 1e-9))
-        )
-        count = max(count, 1)
-    if count == 1 or first * count >= distance:
-        return distance * np.arange(1, count + 1) / count
-    powers = np.arange(count)
-    most = (distance / first) ** (1 / (count - 1))
-    ratio = brentq(lambda g: first * np.sum(g**powers) / distance - 1, 1.0, most, xtol=1e-14)
-    sums = np.cumsum(ratio**powers)
-    positions: Array = distance * sums / sums[-1]
-    return positions
+        fewest = np.log1p(room * (growth - 1)) / np.log(growth) if growth > 1 else room
+        count = max(1, math.ceil(fewest - 1e-9))
+    return distance * geometric_fractions(distance, count, first)
 
 
 def tensor_grid(axes: tuple[Array, Array, Array], element: VolumeElement) -> VolumeMesh:
