@@ -204,7 +204,7 @@ def validate(
     Exit status 0 if every check passed, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with _exit_status(NOT_CONVERGED):
-        from meeframe.report.validation import validation_table
+        from meeframe.report.validation_table import validation_table
         from meeframe.study.validate import validate as validate_cases
 
         _registry(None)

@@ -3,16 +3,18 @@
     uv run meeframe validate
     uv run python validation/trust.py
 
-`--numbers` names another validation.json, `--out` another page.
+`--numbers` names other files: several, of runs with --only, count as one run. `--out` names another page.
 """
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from meeframe.report.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict, cells
+from meeframe.report.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
+from meeframe.report.validation_table import reason_of, words_of
+from meeframe.study.validate import known_cases
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -21,10 +23,11 @@ KINDS = {"check": Check, "claim": Claim, "skip": Skip}
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--numbers", type=Path, default=ROOT / "validated" / "validation.json", help="of a full run")
+    default = [ROOT / "validated" / "validation.json"]
+    parser.add_argument("--numbers", type=Path, nargs="+", default=default, help="of full runs")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="the page")
     arguments = parser.parse_args()
-    found = read(json.loads(arguments.numbers.read_text(encoding="utf-8")))
+    found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
     head = (HERE / "trust_head.md").read_text(encoding="utf-8")
     arguments.out.write_text("\n".join([head, *page(found)]).rstrip() + "\n", encoding="utf-8")
 
@@ -43,6 +46,15 @@ def read(data: dict[str, Any]) -> Validation:
         for case in data["cases"]
     )
     return Validation(data["quick"], data["versions"], tuple(reports), planned=data["planned_cases"])
+
+
+def joined(parts: Sequence[Validation]) -> Validation:
+    """One of several; of a case in more than one of them, the last. Raises ValueError if quick ones are among them."""
+    if any(part.quick for part in parts):
+        raise ValueError("the page is written from full validations, not from quick ones")
+    cases = {case.name: case for part in parts for case in part.cases}
+    versions = {name: version for part in parts for name, version in part.versions.items()}
+    return Validation(False, versions, tuple(cases[name] for name in sorted(cases)), planned=len(known_cases(HERE)))
 
 
 def _row(check: dict[str, Any]) -> Row:
@@ -78,8 +90,8 @@ def _section(case: CaseReport) -> Iterator[str]:
     yield "| check | computed | reference | difference | tolerance | |\n| --- | --- | --- | --- | --- | --- |"
     for row in case.rows:
         verdict = row.found.verdict
-        reason = f": {row.found.explained}" if verdict is Verdict.DIFFERS and not isinstance(row.found, Skip) else ""
-        words = (word.replace("|", "\\|") for word in cells(row)[:-1])
+        reason = f": {reason_of(row.found)}" if reason_of(row.found) else ""
+        words = (word.replace("|", "\\|") for word in words_of(row)[:-1])
         yield f"| {' | '.join(words)} | {verdict if verdict is Verdict.PASS else f'**{verdict}**'}{reason} |"
 
 

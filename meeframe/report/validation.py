@@ -1,37 +1,13 @@
-"""What a validation says: checks, claims and plots of its cases, the verdicts, table and JSON."""
+"""What a validation says: checks, claims and plots of its cases, and their verdicts."""
 
-import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from textwrap import shorten
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
-
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.report.canvas import prefixed
-
-__all__ = [
-    "BAD",
-    "CaseReport",
-    "Check",
-    "Claim",
-    "Curve",
-    "Item",
-    "Map",
-    "Plot",
-    "Row",
-    "Skip",
-    "Validation",
-    "Verdict",
-    "validation_json",
-    "validation_table",
-]
 
 
 class Verdict(StrEnum):
@@ -56,6 +32,7 @@ class Check:
 
     computed, reference: in the unit; tolerance: bound of |computed/reference - 1|, or if absolute of
     |computed - reference|; explained: why it is known to differ from a published number, if it is.
+    Raises CaseError for a reference or tolerance with which nothing can be compared.
     """
 
     name: str
@@ -66,12 +43,19 @@ class Check:
     absolute: bool = False
     explained: str = ""
 
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.reference) or not 0.0 <= self.tolerance < math.inf:
+            raise CaseError(
+                f"check {self.name!r}: reference = {self.reference}, tolerance = {self.tolerance}; allowed: a finite "
+                "reference and a finite tolerance >= 0"
+            )
+        if not (self.absolute or self.reference):
+            raise CaseError(f"check {self.name!r}: reference = 0 has no relative difference; allowed: absolute = True")
+
     @property
     def difference(self) -> float:
         """Relative, or absolute in the unit."""
-        if self.absolute:
-            return self.computed - self.reference
-        return self.computed / self.reference - 1.0 if self.reference else math.inf
+        return self.computed - self.reference if self.absolute else self.computed / self.reference - 1.0
 
     @property
     def verdict(self) -> Verdict:
@@ -209,91 +193,3 @@ class Validation:
         seconds = sum(case.seconds for case in self.cases)
         kind = "quick" if self.quick else "full"
         return f"{kind} validation, {len(self.cases)} of {self.planned} cases: {counts}; {seconds:.0f} s"
-
-
-def cells(row: Row) -> tuple[str, str, str, str, str, str]:
-    """Name, computed, reference, difference, tolerance, seconds of a row, as words."""
-    found, seconds = row.found, f"{row.seconds:.1f}"
-    match found:
-        case Claim():
-            return found.name, found.found, "", "", found.judged, seconds
-        case Skip():
-            return found.name, found.reason, "", "", "", seconds
-    unit, scale = found.unit, 1.0
-    if found.unit and not found.absolute and "^" not in found.unit:
-        scale, unit = prefixed(np.array([found.reference]), found.unit)
-    values = (f"{value / scale:.6g} {unit}".strip() for value in (found.computed, found.reference))
-    if found.absolute:
-        bounds = tuple(f"{value:.3g} {found.unit}".strip() for value in (found.difference, found.tolerance))
-        values = (f"{value:.6g} {found.unit}".strip() for value in (found.computed, found.reference))
-    else:
-        bounds = (f"{100 * found.difference:+.3g} %", f"{100 * found.tolerance:.3g} %")
-    return (found.name, *values, *bounds, seconds)  # type: ignore[return-value]
-
-
-_WIDEST: Final = 80
-"""Letters in a cell of the terminal's table; the report has all."""
-_STYLES: Final = {
-    Verdict.PASS: "green",
-    Verdict.FAIL: "bold red",
-    Verdict.ERROR: "bold red",
-    Verdict.DIFFERS: "yellow",
-}
-
-
-def validation_table(validation: Validation) -> RenderableType:
-    """The table for the terminal, the reasons of what did not pass, and the headline."""
-    table = Table()
-    for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
-        table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
-    remarks = []
-    for case in validation.cases:
-        for number, row in enumerate(case.rows):
-            verdict = row.found.verdict
-            name = "" if number else case.name
-            words = (shorten(word, _WIDEST, placeholder=" ...") for word in cells(row))
-            table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
-            if verdict is Verdict.DIFFERS and not isinstance(row.found, Skip):
-                remarks.append(Text(f"{case.name}, {row.found.name}: {row.found.explained}"))
-        if case.error:
-            last = shorten(case.error.strip().splitlines()[-1], _WIDEST, placeholder=" ...")
-            table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
-        table.add_section()
-    headline = Text(validation.headline, style="green" if validation.passed else "bold red")
-    return Group(table, *remarks, headline)
-
-
-def validation_json(validation: Validation) -> str:
-    """Everything but the figures; numbers that are not finite become null."""
-    data = {
-        "quick": validation.quick,
-        "passed": validation.passed,
-        "planned_cases": validation.planned,
-        "versions": dict(validation.versions),
-        "cases": [
-            {
-                "name": case.name,
-                "title": case.title,
-                "source": case.source,
-                "seconds": round(case.seconds, 3),
-                "error": case.error,
-                "checks": list(_rows(case)),
-            }
-            for case in validation.cases
-        ],
-    }
-    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _rows(case: CaseReport) -> Iterator[dict[str, Any]]:
-    for row in case.rows:
-        found = row.found
-        values = vars(found) | ({"difference": found.difference} if isinstance(found, Check) else {})
-        plain = {key: _plain(value) for key, value in values.items() if value != ""}
-        yield {"kind": type(found).__name__.lower(), **plain, "verdict": str(found.verdict), "seconds": row.seconds}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return bool(value) if isinstance(value, np.bool_) else value

@@ -10,7 +10,8 @@ import numpy as np
 
 from meeframe.core.errors import MeeframeError
 from meeframe.core.fields import Array
-from meeframe.report.validation import BAD, CaseReport, Curve, Map, Plot, Validation, Verdict, cells
+from meeframe.report.validation import BAD, CaseReport, Curve, Map, Plot, Validation, Verdict
+from meeframe.report.validation_table import reason_of, words_of
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star")
@@ -91,8 +92,7 @@ def _case(case: CaseReport) -> Iterator[str]:
     yield "<table>\n<tr><th>check</th><th>computed</th><th>reference</th><th>difference</th><th>tolerance</th>"
     yield "<th>time [s]</th><th></th></tr>"
     for row in case.rows:
-        verdict, words = row.found.verdict, cells(row)
-        explained = getattr(row.found, "explained", "") if verdict is Verdict.DIFFERS else ""
+        verdict, words, explained = row.found.verdict, words_of(row), reason_of(row.found)
         reason = f'<br><span class="source">{escape(explained)}</span>' if explained else ""
         kinds = ['<td class="words">' if len(word) > 24 else "<td>" for word in words[1:]]
         rest = "".join(f"{kind}{escape(word)}</td>" for kind, word in zip(kinds, words[1:], strict=True))

@@ -34,9 +34,9 @@ from meeframe.report.validation import (
     Skip,
     Validation,
     Verdict,
-    validation_json,
 )
 from meeframe.report.validation_page import page, plot_library
+from meeframe.report.validation_table import validation_json
 
 __all__ = ["Check", "Claim", "Curve", "Item", "Map", "Plot", "Skip", "Verdict", "known_cases", "load_case", "validate"]
 

@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 from meeframe.cli import app
 from meeframe.core.errors import CaseError
-from meeframe.report.validation import CaseReport, Row, Validation, validation_json, validation_table
+from meeframe.report.validation import CaseReport, Row, Validation
 from meeframe.report.validation_page import page
+from meeframe.report.validation_table import validation_json, validation_table
 from meeframe.study.validate import Check, Claim, Curve, Map, Plot, Skip, Verdict, validate
 
 CHECKS = """
@@ -59,7 +60,6 @@ def command(*arguments):
         (Check("", -1.0, 1.0, 0.01), "fail"),
         (Check("", np.nan, 1.0, 0.01), "fail"),
         (Check("", np.nan, 1.0, 0.01, explained="known"), "fail"),
-        (Check("", 0.0, 0.0, 0.01), "fail"),
         (Check("", 3.0, 2.0, 1.5, absolute=True), "pass"),
         (Check("", 3.6, 2.0, 1.5, absolute=True), "fail"),
         (Check("", 1.5, 1.0, 0.01, explained="known"), "differs"),
@@ -75,6 +75,15 @@ def test_verdicts(found, verdict):
     assert found.verdict == verdict
     case = CaseReport("case", "Case", "Source", (Row(found, 0.1),))
     assert Validation(True, {}, (case,), planned=1).passed is (verdict != "fail")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [((1.0, 0.0, 0.1), "absolute = True"), ((1.0, np.nan, 0.1), "finite"), ((1.0, 1.0, -0.1), "tolerance >= 0")],
+)
+def test_what_cannot_be_compared_is_refused(numbers, words):
+    with pytest.raises(CaseError, match=words):
+        Check("name", *numbers)
 
 
 def test_passing_case_and_what_it_writes(tmp_path):
