@@ -117,6 +117,11 @@ def spring_by_the_gap(trial: Array, gap: Array, r: StepLengths) -> Array:
     return returned(trial, coefficient(np.linalg.norm(trial[:, :2], axis=1) * 1e-15))
 
 
+def halving(trial: Array, gap: Array, r: StepLengths) -> Array:
+    """Weakens with the slip, and bears half of the normal trial whatever the step."""
+    return weakening(trial * [1.0, 1.0, 0.5], gap, r)
+
+
 def alone(trial: Array, gap: Array, r: StepLengths) -> Array:
     return weakening(trial, gap * np.abs(gap[:, :2]).mean() * 1e6, r)
 
@@ -175,6 +180,7 @@ class Remembering:
         (unlimited, "resolve gives tractions that project does not admit: for .* it gives"),
         (without_step, "solutions depend on the step r: for .* it gives"),
         (spring_by_the_gap, "traction under slip depends on the step|solutions depend on the step r"),
+        (halving, "solutions depend on the step r: for .* it gives"),
         (alone, "resolve depends on other nodes"),
         (zero_by_zero, "resolve gives tractions that are not finite: for .* it gives"),
         (at_the_edge, "resolve gives traction where there is no indenter above"),
