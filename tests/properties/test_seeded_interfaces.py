@@ -357,13 +357,34 @@ def test_wrong_increments_are_caught(law: ContactLaw, message: str) -> None:
         check_contact_law(law)
 
 
+@dataclass(frozen=True)
+class Rested(Aged):
+    """Friction that depends on the duration of the increment."""
+
+    needs_duration: ClassVar[bool] = True
+    healing: float = 0.1
+
+    def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
+        assert duration is not None
+        return replace(self, path=slip_path / (1.0 + self.healing * duration))
+
+
 @pytest.mark.parametrize(
-    ("reference", "message"),
+    ("law", "reference", "message"),
     [
-        (Law(without_step), "resolve differs from the reference law"),
-        (Law(pull=lambda gap: 1.01 * attraction(gap)), "adhesion differs from the reference law"),
+        (Law(), Law(without_step), "^resolve differs from the reference law"),
+        (Law(), Law(pull=lambda gap: 1.01 * attraction(gap)), "^adhesion differs from the reference law"),
+        (Law(), Law(rough=lambda points: 1.01 * waves(points)), "^initial_gap differs from the reference law"),
+        (
+            Ageing(wrong=lambda path, duration: 1.01 * path),
+            Aged(),
+            "^for_increment with slip paths up to .*: resolve differs from the reference law",
+        ),
+        (Rested(), Rested(healing=0.2), "^for_increment .* duration 1.0: resolve differs from the reference law"),
+        (Rested(), Aged(), "^needs_duration differs from the reference law"),
     ],
 )
-def test_other_laws_than_the_reference_are_caught(reference: ContactLaw, message: str) -> None:
+def test_other_laws_than_the_reference_are_caught(law: ContactLaw, reference: ContactLaw, message: str) -> None:
+    check_contact_law(law, reference=law)
     with pytest.raises(AssertionError, match=message):
-        check_contact_law(Law(), reference=reference)
+        check_contact_law(law, reference=reference)
