@@ -1,4 +1,4 @@
-"""The command line: meeframe run, check, show, plugins, new-plugin, compare, reproduce, validate."""
+"""The command line: meeframe run, check, show, plugins, new-plugin, compare, verify, reproduce, validate."""
 
 import sys
 from collections.abc import Iterator
@@ -165,6 +165,39 @@ def compare(
             comparison = compare_runs(case, options, out, overwrite, registry, progress)
         _console().print(comparison_table(comparison))
         raise typer.Exit(CONVERGED if all(run.status == "converged" for run in comparison.runs) else NOT_CONVERGED)
+
+
+@app.command()
+def verify(
+    case: CaseFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for numbers and picture.")] = Path("verified"),
+    formulation: Choices = None,
+    levels: Annotated[int, typer.Option(metavar="K", help="Meshes, from 3; the finest is the case's.")] = 3,
+    factor: Annotated[float, typer.Option(metavar="X", help="Between the element sizes of two meshes.")] = 1.5,
+    order: Annotated[float, typer.Option(metavar="P", help="Theoretical order of totals; 1 under sharp edges.")] = 2.0,
+    every_step: Annotated[bool, typer.Option("--every-step", help="Compare at the end of every load step.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what DIR holds.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Run a case by several formulations on several meshes and tell whether they agree within their own errors.
+
+    Without --formulation all that take the case. Writes verify.json and convergence.png. Exit status 0 if none
+    disagree, 1 if some do or a run did not converge, 2 for bad input, 130 if interrupted.
+    """
+    with _exit_status(NOT_CONVERGED):
+        from meeframe.report.verified import Verdict
+        from meeframe.report.verify import verification_table
+        from meeframe.study.verify import Meshes
+        from meeframe.study.verify import verify as verify_case
+
+        meshes = Meshes(levels, factor, order)
+        with _progress() as progress:
+            found = verify_case(
+                case, out, formulation or (), meshes, every_step, overwrite, _registry(plugin), progress
+            )
+        _console().print(verification_table(found))
+        passed = found.verdict in (Verdict.AGREE, Verdict.UNRESOLVED)
+        raise typer.Exit(CONVERGED if passed else NOT_CONVERGED)
 
 
 @app.command()

@@ -83,7 +83,7 @@ def combinations(
         labels = {option: choice.label for option, choice in zip(chosen, combination, strict=True)}
         try:
             for option, choice in zip(chosen, combination, strict=True):
-                if not _enter(changed, option, choice.value, registry):
+                if not enter(changed, option, choice.value, registry):
                     labels[option] = NOTHING
             if all(labels != others for others, _ in cases):
                 cases.append((labels, case_from_tables(changed, registry, file.parent)))
@@ -95,12 +95,12 @@ def combinations(
     return cases
 
 
-def _enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], registry: Registry) -> bool:
+def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], registry: Registry) -> bool:
     """Put a choice into the tables of a case; false if there is no place for it."""
     if option == "formulation":
         _enter_formulation(tables, value, registry)
     elif option == "fundamental-solution":
-        entered = [_enter_solution(body, value, registry) for body in _bodies(tables).values()]
+        entered = [_enter_solution(body, value, registry) for body in bodies_of(tables).values()]
         return any(entered)
     elif option == "contact-law":
         contact = tables.setdefault("contact", {})
@@ -112,7 +112,7 @@ def _enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], 
     return True
 
 
-def _bodies(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """The tables in which the formulations of a case are, one for each body."""
     counter = tables.get("counter_body")
     return dict(zip(_BODIES, [tables, *([counter] if isinstance(counter, dict) else [])], strict=False))
@@ -120,7 +120,7 @@ def _bodies(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
     """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body."""
-    bodies = _bodies(tables)
+    bodies = bodies_of(tables)
     each = dict.fromkeys(bodies, value) if isinstance(value, str) or "name" in value else dict(value)
     for name, formulation in each.items():
         if name not in bodies:

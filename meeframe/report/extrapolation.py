@@ -1,0 +1,98 @@
+"""Richardson extrapolation of a number on three meshes to the mesh without end, with an estimate of its error."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from typing import Final
+
+from scipy.optimize import brentq
+
+from meeframe.core.errors import CaseError
+
+MESHES: Final = 3
+SECOND: Final = 2.0
+"""Order of totals in smooth contact; the outline of a contact with sharp edges leaves first order."""
+_LOWEST: Final = 0.5
+"""Observed orders below this say that the meshes are too coarse for any."""
+_EXCESS: Final = 1.1
+"""Observed orders above this multiple of the theoretical one are luck, and would make errors look small."""
+_SAFETY: Final = 0.25
+"""Of what extrapolation takes away stays in doubt: with it the finest mesh has the usual safety factor of 1.25."""
+_SAME: Final = 1e-9
+"""Of the largest value: differences below are round-off."""
+
+
+class Basis(StrEnum):
+    """What an extrapolated value rests on."""
+
+    OBSERVED = "observed order"
+    THEORETICAL = "theoretical order"
+    FINEST = "finest mesh"
+    CONSTANT = "constant"
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """value: on the mesh without end; error: of it, as estimated; finest: on the finest mesh; order: observed on the
+    last three meshes, None if they show none; basis: what the value rests on."""
+
+    value: float
+    error: float
+    finest: float
+    order: float | None
+    basis: Basis
+
+    @property
+    def finest_error(self) -> float:
+        """Estimated error of the finest mesh."""
+        return abs(self.value - self.finest) + self.error
+
+
+def richardson(
+    sizes: Sequence[float], values: Sequence[float], theoretical: float = SECOND, noise: float = 0.0
+) -> Extrapolation:
+    """The limit of value(h) = limit + c h^p from the last three meshes.
+
+    sizes: of the elements, falling, in any unit; noise: what a value may be off for reasons that follow no order.
+    The order p is that of the differences where they have one sign and it lies between 0.5 and 1.1 times the
+    theoretical one; where they have one sign and it does not, the theoretical one. The finest value stands where
+    differences change their sign or the last one is no more than the noise. The error is what the limit would move by
+    with the theoretical order on the last two meshes, or on the two before if that is what the limit rests on, at least
+    a quarter of what extrapolation takes away; for the finest value the range of the three; and never below the noise.
+    Raises CaseError for fewer than three sizes or sizes that do not fall.
+    Source: Richardson, Phil. Trans. R. Soc. A 210 (1911) 307; Roache, J. Fluids Eng. 116 (1994) 405.
+    """
+    if len(values) != len(sizes) or len(sizes) < MESHES or any(a <= b for a, b in pairwise(sizes)):
+        raise CaseError(f"extrapolation of {len(values)} values on sizes {sizes}: needs {MESHES} or more, falling")
+    h, f = sizes[-MESHES:], values[-MESHES:]
+    before, last = f[1] - f[0], f[2] - f[1]
+    spread = max(f) - min(f)
+    if spread <= _SAME * max(map(abs, f)):
+        return Extrapolation(f[2], max(spread, noise), f[2], None, Basis.CONSTANT)
+    if before * last < 0.0 or abs(last) <= noise:
+        return Extrapolation(f[2], max(spread, noise), f[2], None, Basis.FINEST)
+    with_theory = _limit(h[1:], f[1:], theoretical)
+    order = _observed(h, before / last, theoretical)
+    value = with_theory if order is None else _limit(h[1:], f[1:], order)
+    other = _limit(h[:2], f[:2], theoretical) if order is None else with_theory
+    error = max(abs(value - other), _SAFETY * abs(value - f[2]), noise)
+    return Extrapolation(value, error, f[2], order, Basis.THEORETICAL if order is None else Basis.OBSERVED)
+
+
+def _limit(h: Sequence[float], f: Sequence[float], order: float) -> float:
+    """From two meshes."""
+    return float(f[1] + (f[1] - f[0]) / ((h[0] / h[1]) ** order - 1.0))
+
+
+def _observed(h: Sequence[float], ratio: float, theoretical: float) -> float | None:
+    """The order with which successive differences have this ratio; None if it is out of bounds."""
+
+    def excess(order: float) -> float:
+        coarse, fine = ((h[i] / h[2]) ** order for i in (0, 1))
+        return float((coarse - fine) / (fine - 1.0) - ratio)
+
+    lowest, highest = _LOWEST, _EXCESS * theoretical
+    if excess(lowest) > 0.0 or excess(highest) < 0.0:
+        return None
+    return float(brentq(excess, lowest, highest, xtol=1e-12))

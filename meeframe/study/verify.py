@@ -1,0 +1,237 @@
+"""One case by all formulations that take it, on several meshes: do they agree within their own errors?"""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.case.case import Case
+from meeframe.case.load import case_from_tables, load_case
+from meeframe.case.solve import provenance, reduce, solve_steps, zone_of
+from meeframe.core.contact import Status
+from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.fields import ELECTRIC, N_FIELDS
+from meeframe.core.formulation import Progress, ReducedSystem, silent
+from meeframe.core.indenter import COLUMNS, MOTIONS
+from meeframe.core.result import StepResult, Zone, resultants
+from meeframe.io.output import check_output, replacing
+from meeframe.plugin import registry as plugins
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.report.extrapolation import MESHES, SECOND
+from meeframe.report.figures import save_figure
+from meeframe.report.verified import Measured, Verification, VerifiedRun
+from meeframe.report.verify import verification_figure, verification_json
+from meeframe.study.choices import Choice, enter
+from meeframe.study.declare import read_tables
+from meeframe.study.quantities import TOTALS
+from meeframe.study.refinement import coarser, element_size
+
+NUMBERS_FILE: Final = "verify.json"
+FIGURE_FILE: Final = "convergence.png"
+
+_TOTALS_OF: Final = {
+    "normal_force": ("force",),
+    "tangential_force": ("force_x", "force_y"),
+    "moment": ("moment_x", "moment_y"),
+    "torque": ("torque",),
+    "charge": ("charge",),
+    "magnetic_flux": ("magnetic_flux",),
+}
+"""What a prescribed resultant leaves nothing to compare of; the motion it works on is found in its place."""
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """levels: how many meshes, the finest that of the case; factor: between the sizes of their elements; order:
+    theoretical order of totals, for where none is observed. Raises CaseError if one is not allowed."""
+
+    levels: int = MESHES
+    factor: float = 1.5
+    order: float = SECOND
+
+    def __post_init__(self) -> None:
+        if self.levels < MESHES:
+            raise CaseError(f"levels = {self.levels}: allowed: {MESHES} or more, which an observed order needs")
+        if not 1.0 < self.factor <= 4.0:
+            raise CaseError(f"factor = {self.factor:g}: allowed: above 1, at most 4")
+        if not 0.5 <= self.order <= 4.0:
+            raise CaseError(f"order = {self.order:g}: allowed: 0.5 to 4")
+
+    def sizes(self) -> Iterator[float]:
+        """Of the elements, over those of the case, falling to 1."""
+        return (self.factor**level for level in reversed(range(self.levels)))
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A run to be done. size: of the elements, as part of the contact zone's width."""
+
+    formulation: str
+    size: float
+    case: Case
+
+
+def verify(
+    file: Path,
+    out: Path,
+    formulations: Sequence[str] = (),
+    meshes: Meshes | None = None,
+    every_step: bool = False,
+    overwrite: bool = False,
+    registry: Registry | None = None,
+    progress: Progress = silent,
+) -> Verification:
+    """Run a case by several formulations on several meshes; write verify.json, after every run anew, and a picture.
+
+    formulations: names or inline tables, as of `meeframe compare`; none: all that are registered, and those that refuse
+    the case are told in the verification. every_step: compare at the end of every load step, not of the last alone.
+    Raises CaseError or PluginError, before anything is computed, for a case with problems, a mesh that cannot be
+    coarsened, a named formulation that refuses it, or if fewer than two take it; ResultError if `out` cannot be written
+    or holds anything and overwrite is false. Runs that do not converge say so in the verification.
+    """
+    registry, meshes = registry or plugins.load(), meshes or Meshes()
+    case = load_case(file, registry)
+    chosen = [Choice.read("formulation", text) for text in formulations or registry.names(Kind.FORMULATION)]
+    planned, refusals = _plan(file, chosen, meshes, registry)
+    if refusals and formulations:
+        raise CaseError("\n".join(f"--formulation {name}: {text}" for name, text in refusals.items()))
+    if len({run.formulation for run in planned}) < 2:
+        told = "".join(f"\n{name}: {text}" for name, text in refusals.items())
+        raise CaseError(f"{file}: a verification needs two formulations or more that take the case{told}")
+    check_output(out, overwrite)
+    out.mkdir(parents=True, exist_ok=True)
+    versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
+    found = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
+    for number, run in enumerate(planned):
+        progress("runs", number / len(planned))
+        found = replace(found, runs=(*found.runs, _solved(run, every_step, progress)))
+        with replacing(out / NUMBERS_FILE) as path:
+            path.write_text(verification_json(found), encoding="utf-8")
+    progress("runs", 1.0)
+    figure = verification_figure(found)
+    if figure is not None:
+        with replacing(out / FIGURE_FILE) as path:
+            save_figure(figure, path)
+    return found
+
+
+def _plan(
+    file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
+) -> tuple[list[Planned], dict[str, str]]:
+    """All runs, those on the coarsest mesh first, and why formulations refuse the case on one of the meshes.
+
+    Raises CaseError if the meshes cannot be coarsened or two of them are one.
+    """
+    tables = read_tables(file)
+    runs: list[Planned] = []
+    refusals: dict[str, str] = {}
+    sizes = [element_size(coarser(tables, size, registry)) for size in meshes.sizes()]
+    if any(coarse <= fine for coarse, fine in pairwise(sizes)):
+        counts = ", ".join(f"{1 / size:g}" for size in sizes)
+        raise CaseError(
+            f"{file}: mesh.divisions = {tables['mesh']['divisions']}: {meshes.levels} meshes that differ by a "
+            f"factor of {meshes.factor:g} would have {counts}; allowed: more divisions, a larger factor"
+        )
+    for choice in chosen:
+        try:
+            runs += [
+                Planned(choice.label, size, _case(file, tables, choice, scale, registry))
+                for scale, size in zip(meshes.sizes(), sizes, strict=True)
+            ]
+        except MeeframeError as error:
+            refusals[choice.label] = str(error)
+    return sorted(runs, key=lambda run: -run.size), refusals
+
+
+def _case(file: Path, tables: Mapping[str, Any], choice: Choice, size: float, registry: Registry) -> Case:
+    """The case with a formulation on a coarser mesh. Raises as case_from_tables and meeframe.study.refinement."""
+    changed = coarser(tables, 1.0, registry)
+    enter(changed, "formulation", choice.value, registry)
+    return case_from_tables(coarser(changed, size, registry), registry, file.parent)
+
+
+def _solved(run: Planned, every_step: bool, progress: Progress) -> VerifiedRun:
+    """A run and what it gives, or why a solver, law or formulation refuses it."""
+    found = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
+    begin = time.perf_counter()
+    try:
+        system = reduce(run.case, progress)
+        increments = tuple(solve_steps(run.case, system, boundary=False))
+    except MeeframeError as error:
+        return replace(found, status="refused", message=str(error), seconds=time.perf_counter() - begin)
+    failed = next((step for step in increments if step.status is not Status.CONVERGED), None)
+    ends = [step for step in increments if step.increment == run.case.steps[step.step - 1].increments]
+    kept = ends if every_step else ends[-1:]
+    return replace(
+        found,
+        status=str(failed.status if failed else Status.CONVERGED),
+        message=failed.message if failed else "",
+        steps={step.step: measured(system, step) for step in kept},
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
+    """The totals of meeframe.study.quantities, moments, and motions found in place of prescribed resultants.
+
+    Without what was prescribed. See Measured.
+    """
+    zone = zone_of(system)
+    totals = resultants(zone, step)
+    values = {name: of(totals) for name, of in TOTALS.items()}
+    values |= {"moment_x": totals.moment[0], "moment_y": totals.moment[1], "torque": totals.torque}
+    for key in step.loading.prescribed:
+        for name in _TOTALS_OF.get(key, ()):
+            values.pop(name, None)
+    values |= _free_motions(step)
+    scales, noise = _scales(system, step), {"contact_area": _area_in_doubt(zone, totals.contact_area)}
+    return {
+        name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0))
+        for name, value in values.items()
+    }
+
+
+def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
+    """What totals would be without cancellation: forces of the moduli of tractions, potentials of tractions alone."""
+    load = step.state.load
+    moduli = np.column_stack([np.linalg.norm(step.traction, axis=1), np.abs(step.fluxes)])
+    force, charge, flux = (float(total) for total in system.weights @ moduli)
+    arm = float(np.ptp(system.points, axis=0).max())
+    pressed = system.apply(np.where(np.arange(N_FIELDS) < ELECTRIC, load, 0.0))
+    potentials = np.abs(pressed[:, ELECTRIC:]).max(axis=0)
+    return {
+        **dict.fromkeys(("force", "force_x", "force_y"), force),
+        **dict.fromkeys(("moment_x", "moment_y", "torque"), arm * force),
+        "charge": charge,
+        "magnetic_flux": flux,
+        "max_electric_potential": float(potentials[0]),
+        "max_magnetic_potential": float(potentials[1]),
+    }
+
+
+def _free_motions(step: StepResult) -> dict[str, float]:
+    """Motions whose resultants were prescribed, by name, with their components."""
+    found: dict[str, float] = {}
+    for key in step.loading.prescribed:
+        place = COLUMNS[key]
+        name = next(motion for motion, columns in MOTIONS.items() if columns == place)
+        values = step.loading.motion[place]
+        potential = "indenter_" * (name.endswith("potential"))
+        suffixes = ("",) if len(values) == 1 else ("_1", "_2")
+        found |= {f"{potential}{name}{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
+    return found
+
+
+def _area_in_doubt(zone: Zone, area: float) -> float:
+    """Two standard deviations of the area of a disc that is counted by elements of this zone.
+
+    Each of the N = P/h elements that its outline P crosses counts with an error spread over its area, h^2 sqrt(N/12)
+    for all of them.
+    """
+    size = np.sqrt(zone.weights.sum() / sum(len(nodes) for _, nodes in zone.cells))
+    crossed = 2.0 * np.sqrt(np.pi * area) / size
+    return float(size**2 * np.sqrt(crossed / 3.0))

@@ -1,0 +1,107 @@
+"""Richardson's extrapolation on manufactured sequences."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from meeframe.core.errors import CaseError
+from meeframe.report.extrapolation import Basis, richardson
+
+SIZES = (0.4, 0.2, 0.1)
+
+
+def sequence(limit, coefficient, order, sizes):
+    return [limit + coefficient * h**order for h in sizes]
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.floats(0.6, 4.0),
+    st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 0.1),
+    st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 0.1),
+    st.floats(1.2, 3.0),
+    st.floats(1.2, 3.0),
+)
+def test_the_order_and_the_limit_of_a_power_are_found(order, limit, coefficient, first, second):
+    """On meshes whose sizes are in no constant ratio."""
+    sizes = (first * second, second, 1.0)
+    found = richardson(sizes, sequence(limit, coefficient, order, sizes), theoretical=order * 1.2)
+    assert found.basis is Basis.OBSERVED
+    assert found.order == pytest.approx(order, rel=1e-6)
+    assert found.value == pytest.approx(limit, abs=1e-6 * abs(coefficient))
+    assert found.finest_error >= 1.25 * abs(limit - found.finest) * (1 - 1e-6)
+
+
+@pytest.mark.parametrize(("order", "theoretical"), [(4.0, 2.0), (0.2, 2.0), (3.0, 1.0)])
+def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, theoretical):
+    found = richardson(SIZES, sequence(1.0, 0.5, order, SIZES), theoretical)
+    assert (found.basis, found.order) == (Basis.THEORETICAL, None)
+    fine, coarse = found.finest, 1.0 + 0.5 * SIZES[1] ** order
+    assert found.value == pytest.approx(fine + (fine - coarse) / (2.0**theoretical - 1.0), rel=1e-12)
+    assert found.error > 0.0
+    if order > theoretical:
+        assert abs(found.value - 1.0) <= found.error
+
+
+def test_the_next_term_is_within_the_error():
+    """Values with a term of another order: the limit is missed by less than estimated."""
+    for coefficient in (-1.0, -0.3, 0.3, 1.0):
+        values = [2.0 + h**2 + coefficient * h**3 for h in SIZES]
+        found = richardson(SIZES, values)
+        assert 0.0 < abs(found.value - 2.0) <= found.error
+
+
+def test_noise_of_the_nodes_on_the_edge_is_within_the_error():
+    """A quarter of the error of each mesh at random, as spheres on grids have it: nine in ten limits are within."""
+    rng = np.random.default_rng(3)
+    within = []
+    for _ in range(300):
+        values = [1.0 + h**2 * (1.0 + 0.25 * rng.uniform(-1.0, 1.0)) for h in (0.225, 0.15, 0.1)]
+        found = richardson((0.225, 0.15, 0.1), values)
+        within.append(abs(found.finest - 1.0) <= found.finest_error)
+    assert np.mean(within) > 0.9
+
+
+def test_oscillating_values_stand_as_they_are_with_their_range():
+    found = richardson(SIZES, [1.0, 1.2, 1.1])
+    assert (found.basis, found.value, found.order) == (Basis.FINEST, 1.1, None)
+    assert found.error == pytest.approx(0.2)
+
+
+def test_growing_differences_are_no_order():
+    found = richardson(SIZES, [1.0, 1.1, 1.4])
+    assert (found.basis, found.order) == (Basis.THEORETICAL, None)
+    assert found.value == pytest.approx(1.5)
+    assert found.error == pytest.approx(1.5 - (1.1 + 0.1 / 3.0))
+
+
+def test_equal_values_have_no_error():
+    found = richardson(SIZES, [3.0, 3.0, 3.0])
+    assert (found.basis, found.value, found.error) == (Basis.CONSTANT, 3.0, 0.0)
+    assert richardson(SIZES, [0.0, 0.0, 0.0]).value == 0.0
+
+
+def test_values_that_stop_changing():
+    found = richardson(SIZES, [1.0, 1.1, 1.1])
+    assert (found.basis, found.value) == (Basis.FINEST, 1.1)
+    assert found.error == pytest.approx(0.1)
+
+
+def test_what_follows_no_order_is_not_extrapolated():
+    values = sequence(1.0, 1.0, 2.0, SIZES)
+    assert richardson(SIZES, values, noise=0.01).basis is Basis.OBSERVED
+    found = richardson(SIZES, values, noise=0.05)
+    assert (found.basis, found.value) == (Basis.FINEST, values[-1])
+    assert found.error == pytest.approx(0.15)
+
+
+def test_the_last_three_meshes_count():
+    sizes = (0.8, *SIZES)
+    assert richardson(sizes, [77.0, *sequence(1.0, 0.5, 1.5, SIZES)]).value == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("sizes", [(0.2, 0.1), (0.1, 0.2, 0.4), (0.2, 0.1, 0.1)])
+def test_sizes_that_are_none_are_refused(sizes):
+    with pytest.raises(CaseError, match="needs 3 or more, falling"):
+        richardson(sizes, [1.0] * len(sizes))
