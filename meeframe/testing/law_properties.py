@@ -8,11 +8,18 @@ from meeframe.testing.law_maps import SAMPLES, STEPS, Units, metric, other_slips
 from meeframe.testing.requirements import ROUND_OFF, close, each, require
 
 
-def check_homogeneous(law: ContactLaw, seed: int = 0) -> None:
-    """project(a trial) = a project(trial) for a > 0, as for a law without a stress of its own."""
-    trial = np.random.default_rng(seed).normal(size=(SAMPLES, 3))
+def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None:
+    """project(a trial) = a project(trial) and resolve(a trial, gap, a r) = a resolve(trial, gap, r) for a > 0, as for a
+    law without a stress of its own; gap: a typical one [m]. Of an attraction, which is such a stress, nothing is asked.
+    """
+    random, units = np.random.default_rng(seed), Units(1.0, gap)
+    trial = random.normal(size=(SAMPLES, 3))
+    states = gap * random.normal(size=(SAMPLES, 3))
     for factor in (1e-9, 1e-3, 7.0, 1e9):
         close(law.project(factor * trial), factor * law.project(trial), factor, "project is not homogeneous")
+        for r in units.lengths():
+            found = law.resolve(factor * trial, states, (factor * r[0], factor * r[1]))
+            close(found, factor * law.resolve(trial, states, r), factor, "resolve is not homogeneous")
 
 
 def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
@@ -54,37 +61,53 @@ def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
     each(rise <= 0.0, "attraction grows with the gap", gaps[1:], rise)
 
 
-def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0) -> None:
-    """project commutes with every rotation and reflection of the tangent plane."""
+def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
+    """project and resolve commute with every rotation and reflection of the tangent plane.
+
+    pressure [Pa], gap [m]: typical ones.
+    """
     random = np.random.default_rng(seed)
-    trial = pressure * random.normal(size=(SAMPLES, 3))
     for angle in random.uniform(0.0, 2.0 * np.pi, 10):
         for mirror in (1.0, -1.0):
             turn = np.diag([1.0, mirror, 1.0])
             turn[:2, :2] = turn[:2, :2] @ _axes(angle)
-            close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "friction depends on the direction")
+            _check_commutes(law, turn, Units(pressure, gap), random, "friction depends on the direction")
 
 
 def check_orthotropic(
-    law: ContactLaw, mu: tuple[float, float], angle: float = 0.0, pressure: float = 1e6, seed: int = 0
+    law: ContactLaw,
+    mu: tuple[float, float],
+    angle: float = 0.0,
+    pressure: float = 1e6,
+    seed: int = 0,
+    gap: float = 1e-6,
 ) -> None:
-    """project commutes with reflections in the principal axes, and along them the friction limit is mu p.
+    """project and resolve commute with reflections in the principal axes, along which the limit of project is mu p.
 
-    mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad].
+    mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad]; pressure [Pa], gap [m]:
+    typical ones. The limit of resolve may be a lower one, of another slip.
     """
     random = np.random.default_rng(seed)
-    trial = pressure * random.normal(size=(SAMPLES, 3))
     axes = np.eye(3)
     axes[:2, :2] = _axes(angle)
     for mirror in ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
         turn = axes.T @ np.diag(mirror) @ axes
-        close(law.project(trial @ turn), law.project(trial) @ turn, pressure, "not symmetric about its principal axes")
+        _check_commutes(law, turn, Units(pressure, gap), random, "not symmetric about its principal axes")
     drag = 1e3 * pressure
     for name, axis, coefficient in zip(("first", "second"), axes[:2], mu, strict=True):
         limit = law.project(np.array([drag * axis - [0.0, 0.0, pressure]]))[0] @ axis
         close(
             np.array(limit), np.array(min(coefficient * pressure, drag)), drag, f"friction limit along the {name} axis"
         )
+
+
+def _check_commutes(law: ContactLaw, turn: Array, units: Units, random: np.random.Generator, what: str) -> None:
+    """project and resolve of turned states are the turned ones; turn: (3, 3) from the right."""
+    trial, gap = units.pressure * random.normal(size=(SAMPLES, 3)), units.gap * random.normal(size=(SAMPLES, 3))
+    close(law.project(trial @ turn), law.project(trial) @ turn, units.pressure, what)
+    for r in units.lengths():
+        found = law.resolve(trial @ turn, gap @ turn, r)
+        close(found, law.resolve(trial, gap, r) @ turn, units.pressure, f"resolve: {what}")
 
 
 def _axes(angle: float) -> Array:

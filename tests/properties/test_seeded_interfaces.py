@@ -10,7 +10,14 @@ import pytest
 from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw, StepLengths
 from meeframe.laws import IsotropicCoulomb
-from meeframe.testing.contact import check_contact_law, check_fading, check_monotone
+from meeframe.testing.contact import (
+    check_contact_law,
+    check_fading,
+    check_homogeneous,
+    check_isotropic,
+    check_monotone,
+    check_orthotropic,
+)
 
 MU, LEAST, DISTANCE = 0.4, 0.2, 2e-6
 SOFTNESS = 5e-13
@@ -273,6 +280,30 @@ def test_attractions_that_grow_are_caught_apart() -> None:
 def test_answers_against_the_trial_are_caught_apart() -> None:
     with pytest.raises(AssertionError, match=r"(?s)resolve is not monotone: for .* it gives"):
         check_monotone(Law(lambda trial, gap, r: soft(trial, gap, r) * [-1.0, 1.0, 1.0]))
+
+
+def weaker_along_one_axis(trial: Array, gap: Array, r: StepLengths) -> Array:
+    """Counts the slip along e1 only."""
+    return returned(trial, coefficient(np.abs(gap[:, 0])))
+
+
+def weaker_one_way(trial: Array, gap: Array, r: StepLengths) -> Array:
+    """Counts the slip along e1 in one sense only."""
+    return returned(trial, coefficient(np.maximum(gap[:, 0], 0.0)))
+
+
+def test_properties_of_what_a_law_makes_of_the_gap_are_checked_apart() -> None:
+    for law in (Law(weakening), Law(weaker_along_one_axis), Law(weaker_one_way)):
+        check_contact_law(law)
+        check_homogeneous(law)
+    check_isotropic(Law(weakening))
+    check_orthotropic(Law(weaker_along_one_axis), (MU, MU))
+    with pytest.raises(AssertionError, match="resolve: friction depends on the direction"):
+        check_isotropic(Law(weaker_along_one_axis))
+    with pytest.raises(AssertionError, match="resolve: not symmetric about its principal axes"):
+        check_orthotropic(Law(weaker_one_way), (MU, MU))
+    with pytest.raises(AssertionError, match="resolve is not homogeneous"):
+        check_homogeneous(Law(soft))
 
 
 @pytest.mark.parametrize(
