@@ -7,14 +7,11 @@ from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw
+from meeframe.testing.jumps import steepest
 from meeframe.testing.requirements import ROUND_OFF, check_frozen, each, pure, require
 from meeframe.testing.search import search_conductivities
 
 _SAMPLES: Final = 400
-_HALVINGS: Final = 46
-"""Of an interval in search of a jump: what is left is hardly wider than round-off."""
-_JUMP: Final = 1e-6
-"""Of kappa / (kappa + a typical one), which is one for perfect conduction."""
 _NOTHING: Final = 1e-12
 _TRACTION, _GAP, _DROP = range(3)
 _WHERE: Final = ("under pressure", "across the gap", "with the drop")
@@ -30,11 +27,11 @@ def check_conductivity_law(
 ) -> None:
     """Frozen; conductivity is pure, local, >= 0 and not NaN, in contact and across any gap, the closed one included;
     continuous under pressure, in the gap and in the drop, so that it jumps at zero traction only; the same whatever the
-    gap and the drop unless the law is `across_gap`; the same for both signs of the drop unless it `rectifies`.
+    gap and the drop unless the law is `across_gap`, and then of a flux that does not fall while the drop grows
+    (check_growing_flux); the same for both signs of the drop unless it `rectifies`.
 
     pressure [Pa], gap [m], drop [V] or [A]: magnitudes of the random states; pass some that are typical for the law.
-    Beside them hypothesis looks for simple states that break it. That the flux grows with the drop is checked apart:
-    check_growing_flux.
+    Beside them hypothesis looks for simple states that break it.
     """
     check_frozen(law)
     random = np.random.default_rng(seed)
@@ -60,13 +57,15 @@ def check_conductivity_law(
         each(_same(_conductivity(law, turned), kappa), "conductivity depends on the sign of the drop", turned, kappa)
     for column in (_TRACTION, _GAP, _DROP):
         _check_jumps(law, states, column, units[column])
+    if law.across_gap:
+        check_growing_flux(law, pressure, seed, gap, drop)
     search_conductivities(law, *units)
 
 
 def check_growing_flux(
     law: ConductivityLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6, drop: float = 1e3
 ) -> None:
-    """The flux kappa drop never falls while the drop grows: potentials are then determined by what is prescribed."""
+    """The flux kappa drop never falls while the drop grows: a drop is then found together with its conductivity."""
     states = _states(np.random.default_rng(seed), (pressure, gap, drop))
     further = states * [1.0, 1.0, 1.01]
     kappa, beyond = _conductivity(law, states), _conductivity(law, further)
@@ -113,22 +112,16 @@ def _check_line(law: ConductivityLaw, others: Array, column: int, line: Array) -
     """No jump between successive points (n + 1,) of a column; others: (n, 3). Halves intervals where kappa differs."""
     start, end = others.copy(), others.copy()
     start[:, column], end[:, column] = line[:-1], line[1:]
-    before, after = _conductivity(law, start), _conductivity(law, end)
-    finite = np.concatenate([before, after])
+    finite = _conductivity(law, np.concatenate([start, end]))
     finite = finite[np.isfinite(finite) & (finite > 0.0)]
     typical = float(np.median(finite)) if finite.size else 1.0
 
-    def change(one: Array, other: Array) -> Array:
-        first, second = (1.0 / (1.0 + typical / np.maximum(kappa, _NOTHING * typical)) for kappa in (one, other))
-        return np.abs(first - second)
+    def transmissivity(states: Array) -> Array:
+        """Between a typical resistance and no other, one for perfect conduction."""
+        return 1.0 / (1.0 + typical / np.maximum(_conductivity(law, states), _NOTHING * typical))
 
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (start + end)
-        between = _conductivity(law, middle)
-        first = change(before, between) >= change(between, after)
-        start, before = np.where(first[:, None], start, middle), np.where(first, before, between)
-        end, after = np.where(first[:, None], middle, end), np.where(first, between, after)
+    start, end, jumps = steepest(transmissivity, start, end)
+    before, after = _conductivity(law, start), _conductivity(law, end)
     perfect = np.isinf(before) != np.isinf(after)
-    jumps = change(before, after) > _JUMP
     each(~(jumps & perfect), f"conductivity jumps to infinity {_WHERE[column]}", start, before)
     each(~jumps, f"conductivity jumps {_WHERE[column]}", start, before)

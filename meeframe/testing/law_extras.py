@@ -1,20 +1,15 @@
 """Conformance of what a contact law may add: attraction, a gap of its own, memory. See meeframe.testing.contact."""
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw
+from meeframe.testing.jumps import steepest
 from meeframe.testing.law_maps import SAMPLES, Units, check_maps
 from meeframe.testing.requirements import each, pure, require
-
-_HALVINGS: Final = 46
-"""Of an interval in search of a jump: what is left is hardly wider than round-off."""
-_JUMP: Final = 1e-6
-"""Of the largest attraction."""
 
 
 def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
@@ -26,14 +21,9 @@ def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -
     require(pull[-1] == 0.0, "adhesion at an infinite gap", pull[-1])
     overlap = law.adhesion(-gap[:-1])
     each(overlap == pull[0], "adhesion of overlapping surfaces is not that of contact", -gap[:-1], overlap)
-    start, end = gap[:-2].copy(), gap[1:-1].copy()
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (start + end)
-        before, between, after = (law.adhesion(places) for places in (start, middle, end))
-        first = np.abs(between - before) >= np.abs(after - between)
-        start, end = np.where(first, start, middle), np.where(first, middle, end)
-    jump = np.abs(law.adhesion(end) - law.adhesion(start))
-    each(jump <= _JUMP * pull[:-1].max(), "adhesion jumps with the gap", start, jump)
+    most = float(pull.max()) or 1.0
+    start, end, jumps = steepest(lambda places: law.adhesion(places) / most, gap[:-2], gap[1:-1])
+    each(~jumps, "adhesion jumps with the gap", start, law.adhesion(end) - law.adhesion(start))
 
 
 def check_initial_gap(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
