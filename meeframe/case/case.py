@@ -44,10 +44,10 @@ class Case:
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
-    fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite, a counter body
-    whose zone does not match, a first step that neither moves nor presses it, a step without the duration that the
-    contact law needs, a resultant that the laws cannot resist, a run to go on from that had another contact zone or
-    other axes.
+    fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite or that has not
+    one traction for each node, a counter body whose zone does not match, a first step that neither moves nor presses
+    it, a step without the duration that the contact law needs, a resultant that the laws cannot resist, a run to go on
+    from that had another contact zone or other axes.
     """
 
     material: Material
@@ -77,12 +77,14 @@ class Case:
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
-        gap_of_law(self.contact_law, zone_frames(self.mesh, self.zone).points)
+        place = zone_frames(self.mesh, self.zone)
+        gap_of_law(self.contact_law, place.points)
+        check_tractions(self.contact_law, len(place.points))
         check_match(self.counter, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
         else:
-            check_same_zone(self.restart, zone_frames(self.mesh, self.zone), self.axes)
+            check_same_zone(self.restart, place, self.axes)
         resists = resistance(
             self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
         )
@@ -90,6 +92,7 @@ class Case:
             check_duration(step, number, self.contact_law)
             check_pull(step, self.contact_law)
             check_resisted(step, resists)
+        law_of_increment(self.contact_law, np.zeros(len(place.points)), self.steps[0].increment_duration)
 
     @property
     def body(self) -> Body:
@@ -123,6 +126,34 @@ def gap_of_law(law: ContactLaw, points: Array) -> Array:
             f"the initial gap of the contact law {name} is {gap[node]} at {points[node]} [m]; allowed: finite numbers"
         )
     return gap
+
+
+def check_tractions(law: ContactLaw, n: int) -> None:
+    """Raises CaseError unless the contact law has one traction for each of n nodes, and the scaling that belongs to it.
+
+    What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
+    """
+    name = type(law).__name__
+    for method, array, shape in (
+        ("project", law.project(np.zeros((n, 3))), (n, 3)),
+        ("tangential_scaling", law.tangential_scaling(), (2, 2)),
+    ):
+        if np.shape(array) != shape:
+            raise CaseError(f"{method} of the contact law {name} has shape {np.shape(array)}; allowed: {shape}")
+
+
+def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:
+    """The contact law during an increment of a duration [s], before which nodes have slipped slip_path (n,) [m].
+
+    Raises CaseError unless that is one, as check_tractions.
+    """
+    made = law.for_increment(slip_path, duration)
+    if not isinstance(made, ContactLaw):
+        raise CaseError(
+            f"for_increment of the contact law {type(law).__name__} returns {made!r}; allowed: a contact law"
+        )
+    check_tractions(made, len(slip_path))
+    return made
 
 
 def resistance(

@@ -5,8 +5,10 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from meeframe.case.body_tables import CounterBodyTable
-from meeframe.case.case import check_reach, gap_of_law, resistance
+from meeframe.case.case import check_reach, check_tractions, gap_of_law, law_of_increment, resistance
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
@@ -71,8 +73,9 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
-    points = zone_frames(body.mesh, zone).points
-    yield Problem(("contact", "law"), ""), partial(gap_of_law, table.contact.law, points)
+    points, law = zone_frames(body.mesh, zone).points, table.contact.law
+    yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
+    yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
     yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:
@@ -80,9 +83,11 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     else:
         place = Problem(("restart", "from"), "", table.restart.folder)
         yield place, partial(check_same_zone, restart, zone_frames(body.mesh, zone), table.contact.axes)
-    laws = table.contact.law, table.conductivity.electric, table.conductivity.magnetic
+    laws = law, table.conductivity.electric, table.conductivity.magnetic
     resists = resistance(placement, body.mesh, zone, laws)
     for number, step in enumerate(steps):
-        yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, table.contact.law)
-        yield Problem(("steps", number), ""), partial(check_pull, step, table.contact.law)
+        yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
+        yield Problem(("steps", number), ""), partial(check_pull, step, law)
         yield Problem(("steps", number), ""), partial(check_resisted, step, resists)
+    duration = steps[0].increment_duration
+    yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)

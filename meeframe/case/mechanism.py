@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.case.case import Case, gap_of_law
+from meeframe.case.case import Case, gap_of_law, law_of_increment
 from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
@@ -20,6 +20,8 @@ from meeframe.core.result import Region
 from meeframe.geometry import ContactZone, initial_gap
 from meeframe.solvers.scales import problem_scales
 
+_ACROSS: Final = 1e-9
+"""Cosine between a normal and the indenter's axis below which they are across each other."""
 _STUCK: Final = 1e-6
 """Slip that would cause less than this fraction of the characteristic pressure is none ..."""
 _UNCERTAIN: Final = 10.0
@@ -62,10 +64,12 @@ class Mechanism:
         added = gap_of_law(self.case.contact_law, points)
         if not added.any():
             return gap
-        above = np.isfinite(gap)
+        gap = gap + added
         nearing = -self.modes[0, :, 2]  # of the gap, for each metre of approach
-        way = ((gap + added)[above] / nearing[above]).min()
-        return np.where(above, np.maximum(gap + added - way * nearing, 0.0), np.inf)
+        # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
+        closing = np.isfinite(gap) & (nearing > _ACROSS)
+        way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
+        return np.where(np.isfinite(gap), np.maximum(gap - way * nearing, 0.0), np.inf)
 
     @cached_property
     def modes(self) -> Array:
@@ -96,7 +100,7 @@ class Mechanism:
         gap = self.touching_gap + np.einsum("k,kn->n", base[:6], self.modes[:6, :, 2])
         tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
         potentials = np.tile(base[6:], (len(gap), 1))
-        contact_law = self.case.contact_law.for_increment(start.slip_path, duration)
+        contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
         laws = contact_law, self.case.electric_law, self.case.magnetic_law
         translation = tangential - start.total_slip
         problem = ContactProblem(self.system, *laws, gap, translation, potentials, tuple(freedoms.values()))

@@ -1,0 +1,103 @@
+"""Contact laws that do not keep their contract, and nodes that the approach never brings to touch."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.case.mechanism import Mechanism
+from meeframe.case.solve import reduce
+from meeframe.core.errors import CaseError
+from meeframe.core.law import ContactLaw
+from meeframe.geometry import Placement
+from meeframe.laws import Signorini
+from meeframe.plugin.hookspecs import Record
+from meeframe.plugin.registry import Entry, Kind, Provider
+
+N = 25
+"""Nodes of the tiny case's zone."""
+
+
+@dataclass(frozen=True)
+class Unfit(ContactLaw):
+    """No friction. columns: of its traction, later: those once it has slipped; rows: of its scaling; forgets: to return
+    a law for an increment."""
+
+    columns: int = 3
+    rows: int = 2
+    forgets: bool = False
+    later: int | None = None
+
+    def project(self, trial):
+        return np.minimum(trial * [0.0, 0.0, 1.0], 0.0)[:, : self.columns]
+
+    def tangential_scaling(self):
+        return np.zeros((self.rows, 2))
+
+    def for_increment(self, slip_path, duration):
+        if self.forgets:
+            return None
+        return self if self.later is None or not slip_path.any() else Unfit(self.later)
+
+
+@pytest.fixture
+def laws(registry):
+    entry = Entry(Kind.CONTACT_LAW, Record("unfit", Unfit, "for tests", "none"), Provider("tests", "0"))
+    return replace(registry, entries=(*registry.entries, entry))
+
+
+@pytest.fixture
+def case(write_case, registry):
+    """The sphere on springs."""
+    return load_case(write_case(), registry)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("columns = 2", rf"project of the contact law Unfit has shape \({N}, 2\); allowed: \({N}, 3\)"),
+        ("rows = 1", r"tangential_scaling of the contact law Unfit has shape \(1, 2\); allowed: \(2, 2\)"),
+        ("forgets = true", "for_increment of the contact law Unfit returns None; allowed: a contact law"),
+    ],
+)
+def test_unfit_laws_are_found_at_their_place_before_anything_is_computed(write_case, laws, key, text):
+    with pytest.raises(CaseError, match=rf"contact\.law: {text}"):
+        load_case(write_case(more=f'\n[contact]\nlaw = {{name = "unfit", {key}}}\n'), laws)
+    assert load_case(write_case(more='\n[contact]\nlaw = "unfit"\n'), laws).contact_law == Unfit()
+
+
+def test_a_law_that_is_unfit_later_is_refused_then(case):
+    """By the second increment nodes have slipped: it goes over a frictionless surface."""
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(translation=(1e-6, 0.0), increments=2))
+    slides = replace(case, contact_law=Unfit(later=2), steps=steps)
+    with pytest.raises(CaseError, match=rf"project of the contact law Unfit has shape \({N}, 2\)"):
+        meeframe.solve_case(slides)
+
+
+@dataclass(frozen=True)
+class Film(Signorini):
+    """A film as thick everywhere."""
+
+    def initial_gap(self, points):
+        return np.full(len(points), -1e-6)
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.05])
+def test_nodes_that_approach_does_not_bring_nearer_do_not_say_where_it_touches(case, slope):
+    """A tilted sphere is above the node whose normal leans over to its side; it moves along its axis, not to that."""
+    tilted = replace(case, placement=Placement(tilt_2=0.2))
+    system = reduce(tilted)
+    frames = system.frames.copy()
+    node = int(np.argmin(system.points[:, 0]))
+    sine = np.sqrt(1.0 - slope**2)
+    frames[node] = np.array([[slope, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, slope]])
+    leaning = replace(system, frames=frames)
+    gap = Mechanism(tilted, leaning).touching_gap
+    assert np.isfinite(gap[node]), "the tilted sphere is met"
+    filmed = Mechanism(replace(tilted, contact_law=Film()), leaning).touching_gap
+    flat = np.arange(N) != node
+    expected = Mechanism(replace(tilted, contact_law=Film()), system).touching_gap
+    np.testing.assert_allclose(filmed[flat], expected[flat], rtol=1e-12, atol=1e-18)
+    assert np.isfinite(filmed).all()
