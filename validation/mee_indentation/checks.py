@@ -26,14 +26,14 @@ XI = axisymmetric_compliance(STIFFNESS)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Surface compliance, then all shapes and conditions on 64 cells (quick: a selection, on 48)."""
+    """Surface compliance, then all shapes and conditions on 64 cells (quick: a selection)."""
     yield from response(STIFFNESS, ("xi11", "xi12", "xi13", "xi22", "xi23", "xi33"))
     for name, force in FORCES.items():
         exact = indent(XI, SPHERE, APPROACH, *CONDITIONS[name])
         yield Check(f"closed form, sphere, {name}: force", exact.force, force, 1e-5, "N")
     shapes = {"sphere": SPHERE, "cone": Cone(0.02), "flat punch": FlatPunch(2e-3)}
     for shape_name, shape in shapes.items():
-        chosen = ("EMII", "EMCI") if quick and shape_name != "sphere" else tuple(CONDITIONS)
+        chosen = ("EMCI",) if quick and shape_name != "sphere" else tuple(CONDITIONS)
         runs = {name: Run(STIFFNESS, XI, shape, APPROACH, CONDITIONS[name]) for name in chosen}
         yield from conducting(runs, 64, shape_name)
         held = Run(STIFFNESS, XI, shape, APPROACH, POTENTIALS)

@@ -4,13 +4,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from study import CONDITIONS, TURN, closed_form, conducting, counter, hertz, load, roles, solve
+from study import CONDITIONS, TURN, Solved, closed_form, conducting, counter, hertz, load, roles, solve
 
 from meeframe.case.case import Case
 from meeframe.case.solve import reduce
 from meeframe.elements import Quad4
 from meeframe.geometry import block_mesh, half_space_mesh
-from meeframe.study.validate import Check, Item
+from meeframe.report.study import middle_line
+from meeframe.study.validate import Check, Curve, Item, Plot
+from meeframe.testing.closed_forms import Indentation
 
 TITLE = "Two deformable bodies, boundary elements"
 SOURCE = (
@@ -30,7 +32,7 @@ def run(quick: bool) -> Iterator[Item]:
     yield from _exchanged(quick)
 
 
-def _opposite(quick: bool) -> Iterator[Check]:
+def _opposite(quick: bool) -> Iterator[Item]:
     """Poled the same way in space: one body is the other turned over."""
     case = load("poled")
     other = counter(case)
@@ -40,7 +42,8 @@ def _opposite(quick: bool) -> Iterator[Check]:
     system = reduce(case)
     for condition in ("EMII", "EMCI") if quick else CONDITIONS:
         variant = conducting(case, condition)
-        found, exact = solve(variant, system).totals, closed_form(case, condition)
+        solved, exact = solve(variant, system), closed_form(case, condition)
+        found = solved.totals
         pairs = (
             ("force", "N", -float(found.force[2]), exact.force),
             ("charge", "C", found.charge, exact.charge),
@@ -49,6 +52,17 @@ def _opposite(quick: bool) -> Iterator[Check]:
         for name, unit, computed, true in pairs:
             if true:
                 yield Check(f"poled the same way in space, {condition}: {name}", computed, true, 0.015, unit)
+        yield _section(condition, solved, exact)
+
+
+def _section(condition: str, solved: Solved, exact: Indentation) -> Plot:
+    nodes, x = middle_line(solved.zone)
+    fine = np.linspace(x.min(), x.max(), 401)
+    curves = (
+        Curve("joined half spaces", fine * 1e3, exact.pressure(np.abs(fine)) / 1e6),
+        Curve("nodes", x * 1e3, -solved.step.traction[nodes, 2] / 1e6, points=True),
+    )
+    return Plot(f"{condition}: pressure between the bodies", "x [mm]", "pressure [MPa]", curves)
 
 
 def _exchanged(quick: bool) -> Iterator[Check]:
