@@ -130,7 +130,7 @@ class Registry:
         try:
             record = self.get(kind, name)
         except PluginError as error:
-            raise TableError(Problem(("name",), str(error))) from None
+            raise TableError(Problem(("name",), str(error), unknown=True)) from None
         options = {key: value for key, value in table.items() if key != "name"}
         return build(record.factory, options, self._convert, other_keys, self.unit)
 

@@ -36,15 +36,17 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed."""
+    """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed;
+    unknown: whether it is a name under which nothing is registered."""
 
     location: tuple[str | int, ...]
     text: str
     value: Any = _MISSING
+    unknown: bool = False
 
     def inside(self, *outer: str | int) -> "Problem":
         """The same problem seen from an enclosing table."""
-        return Problem((*outer, *self.location), self.text, self.value)
+        return replace(self, location=(*outer, *self.location))
 
     def __str__(self) -> str:
         path = ""

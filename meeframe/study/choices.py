@@ -69,30 +69,46 @@ def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]
     return chosen
 
 
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """labels: of its choices, by option; case: with them, None if they do not fit together; refusal: why not, if so."""
+
+    labels: Mapping[str, str]
+    case: Case | None
+    refusal: str = ""
+
+
 def combinations(
     file: Path, tables: Mapping[str, Any], chosen: Mapping[str, list[Choice]], registry: Registry
-) -> list[tuple[dict[str, str], Case]]:
-    """Every combination, the labels of its choices by option, with its case.
+) -> list[Combination]:
+    """Every combination of choices with the tables of a case, at least one of which fits.
 
     Formulations that take no fundamental solution appear once, with NOTHING for it. Raises CaseError that names the
-    file and the combination, PluginError for unknown names.
+    file and the combination for unknown names in tables and if no combination fits, PluginError for other unknown ones.
     """
-    cases: list[tuple[dict[str, str], Case]] = []
+    found: list[Combination] = []
+    problems: dict[str, str] = {}
     for combination in product(*chosen.values()):
         changed = deepcopy(dict(tables))
         labels = {option: choice.label for option, choice in zip(chosen, combination, strict=True)}
+        for option, choice in zip(chosen, combination, strict=True):
+            if not enter(changed, option, choice.value, registry):
+                labels[option] = NOTHING
+        if any(labels == other.labels for other in found):
+            continue
         try:
-            for option, choice in zip(chosen, combination, strict=True):
-                if not enter(changed, option, choice.value, registry):
-                    labels[option] = NOTHING
-            if all(labels != others for others, _ in cases):
-                cases.append((labels, case_from_tables(changed, registry, file.parent)))
+            found.append(Combination(labels, case_from_tables(changed, registry, file.parent)))
         except TableError as error:
-            where = f"{file}: {', '.join(labels.values())}"
-            raise CaseError("\n".join(f"{where}: {problem}" for problem in error.problems)) from None
-    if all(labels.get("fundamental-solution") == NOTHING for labels, _ in cases):
+            told = {str(problem): f"{file}: {', '.join(labels.values())}: {problem}" for problem in error.problems}
+            if any(problem.unknown for problem in error.problems):
+                raise CaseError("\n".join(told.values())) from None
+            problems |= {text: line for text, line in told.items() if text not in problems}
+            found.append(Combination(labels, None, str(error)))
+    if all(combination.case is None for combination in found):
+        raise CaseError("\n".join(problems.values()))
+    if all(combination.labels.get("fundamental-solution") == NOTHING for combination in found):
         raise CaseError(f"{file}: --fundamental-solution: the formulation takes none; allowed: without this option")
-    return cases
+    return found
 
 
 def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], registry: Registry) -> bool:

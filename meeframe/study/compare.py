@@ -19,7 +19,7 @@ from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json
 from meeframe.report.figures import save_figure
-from meeframe.study.choices import combinations, read_choices
+from meeframe.study.choices import Combination, combinations, read_choices
 from meeframe.study.declare import read_tables
 
 NUMBERS_FILE: Final = "compare.json"
@@ -39,17 +39,19 @@ def compare(
     options: for options of OPTIONS names or inline tables. A table stands for that of the case; a name takes the keys
     of the case's table that fit it. A conductivity law is that of both fields, but for a table with the keys electric
     and magnetic; a formulation or fundamental solution that of both bodies, but for a formulation with the keys body
-    and counter_body. Combinations that a formulation, solver or law refuses say so in the comparison.
-    Raises CaseError or PluginError, before anything is computed, for options or combinations with problems, ResultError
-    if `out` cannot be written or holds anything and overwrite is false.
+    and counter_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
+    comparison.
+    Raises CaseError or PluginError, before anything is computed, for options with problems, unknown names, and if no
+    combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
     """
     registry = registry or plugins.load()
     tables = read_tables(file)
-    cases = combinations(file, tables, read_choices(options), registry)
+    chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
-    versions = {name: version for _, case in cases for name, version in provenance(case).versions.items()}
+    cases = [combination.case for combination in chosen if combination.case is not None]
+    versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), file.read_text(encoding="utf-8"), versions)
-    for runs in _solved(cases, progress):
+    for runs in _solved(chosen, cases[0], progress):
         comparison = replace(comparison, runs=runs)
         out.mkdir(parents=True, exist_ok=True)
         with replacing(out / NUMBERS_FILE) as path:
@@ -61,23 +63,27 @@ def compare(
     return comparison
 
 
-def _solved(cases: Sequence[tuple[dict[str, str], Case]], progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
-    """The runs so far, after every increment and at the end of every run."""
+def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
+    """The runs so far, after every increment and at the end of every run. model: any case, as to its zone and steps."""
     done: tuple[ComparedRun, ...] = ()
     shared = _Shared({})
-    for number, (labels, case) in enumerate(cases):
-        place = zone_frames(case.mesh, case.zone)
-        run = ComparedRun(labels, Zone(place.points, place.frames, place.weights, place.cells), case.n_increments)
+    place = zone_frames(model.mesh, model.zone)
+    zone = Zone(place.points, place.frames, place.weights, place.cells)
+    for number, combination in enumerate(chosen):
+        case = combination.case
+        run = ComparedRun(combination.labels, zone, model.n_increments, refusal=combination.refusal)
         try:
-            shared = shared.next(case, progress)
-            system = joined(case, shared.of)
-            run = replace(run, zone=zone_of(system), system_seconds=shared.seconds)
-            progress("combinations", number / len(cases))
-            for longer in _increments(run, case, system):
-                run = longer
-                yield (*done, run)
+            if case is not None:
+                shared = shared.next(case, progress)
+                system = joined(case, shared.of)
+                run = replace(run, zone=zone_of(system), system_seconds=shared.seconds)
+                progress("combinations", number / len(chosen))
+                for longer in _increments(run, case, system):
+                    run = longer
+                    yield (*done, run)
         except MeeframeError as error:
             run = replace(run, refusal=str(error))
+        if run.refusal:
             yield (*done, run)
         done = (*done, run)
     progress("combinations", 1.0)

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 import meeframe
 from meeframe.case.load import load_case
 from meeframe.cli import app
-from meeframe.core.errors import CaseError, MaterialError
+from meeframe.core.errors import CaseError, MaterialError, MeshError
+from meeframe.core.formulation import Formulation, silent
 from meeframe.core.law import ConductivityLaw
 from meeframe.core.quantities import Quantity
 from meeframe.core.result import resultants
@@ -24,6 +25,7 @@ from meeframe.report.compare import Comparison, comparison_table
 from meeframe.study.choices import Choice
 from meeframe.study.compare import compare
 
+NESTED = '{name = "dense-bem", fundamental_solution = "reside"}'
 COULOMB = '{name = "isotropic-coulomb", mu = 0.2}'
 
 
@@ -161,6 +163,12 @@ def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):
         (["--contact-law", '{name = "isotropic-coulomb" mu = 1}'], "is no inline table of TOML: "),
         (["--contact-law", '{name = "isotropic-coulomb", mu = -1}'], "contact.law.mu = -1: must be >= 0"),
         (["--fundamental-solution", "isotropic"], "isotropic: formulation: fundamental solution isotropic: "),
+        (["--solver", "newton", "--solver", '{name = "newtn"}'], ": newtn: solver.name: unknown solver 'newtn'"),
+        (
+            ["--formulation", "dense-bem", "--formulation", NESTED],
+            "formulation.fundamental_solution.name: unknown fundamental solution 'reside'; did you mean 'residue'?",
+        ),
+        (["--solver", "newton", "--solver", "uzawa", "--contact-law", "tresca"], ": tresca, newton: contact.law.limit"),
     ],
 )
 def test_bad_choices_are_told_before_anything_is_computed(dragged, tmp_path, reductions, arguments, message):
@@ -230,6 +238,25 @@ class Slowing(IsotropicCoulomb):
 
 
 @dataclass(frozen=True)
+class Timed(Signorini):
+    """A law that needs to know how long a load step takes."""
+
+    needs_duration: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Unbounded(Formulation):
+    """A formulation for half spaces alone."""
+
+    def check(self, body):
+        if not body.mesh.semi_infinite:
+            raise MeshError("the mesh bounds a finite body")
+
+    def reduce(self, body, progress=silent):
+        raise AssertionError("nothing is computed of a body that was refused")
+
+
+@dataclass(frozen=True)
 class Air(ConductivityLaw):
     """A layer of air as thick as the gap, and a micrometre in contact."""
 
@@ -242,9 +269,13 @@ class Air(ConductivityLaw):
 
 @pytest.fixture
 def laws(registry):
-    """All that is installed, springs, and a law of each class."""
-    contact = {"sticky": Sticky, "soft": Soft, "slowing": Slowing}
-    new = [(Kind.CONTACT_LAW, name, law) for name, law in contact.items()] + [(Kind.CONDUCTIVITY_LAW, "air", Air)]
+    """All that is installed, springs, a law of each class, and a formulation that does not take finite bodies."""
+    contact = {"sticky": Sticky, "soft": Soft, "slowing": Slowing, "timed": Timed}
+    new = [
+        *((Kind.CONTACT_LAW, name, law) for name, law in contact.items()),
+        (Kind.CONDUCTIVITY_LAW, "air", Air),
+        (Kind.FORMULATION, "unbounded", Unbounded),
+    ]
     entries = [Entry(kind, Record(name, law, "for tests", "none"), Provider("tests", "0")) for kind, name, law in new]
     return replace(registry, entries=(*registry.entries, *entries))
 
@@ -320,6 +351,29 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
     assert [run.status for run in made.runs] == ["converged"] * 3
     with pytest.raises(CaseError, match="--fundamental-solution: the formulation takes none"):
         compare(write_case(), {"fundamental-solution": ["residue"]}, tmp_path / "none", registry=laws)
+
+
+@pytest.mark.parametrize(
+    ("option", "values", "refusal"),
+    [
+        ("contact-law", ["timed", "signorini"], "load step 1 has no duration, which the contact law Timed needs"),
+        ("formulation", ["winkler", "unbounded"], "mesh: the mesh bounds a finite body"),
+        ("contact-law", ["signorini", "orthotropic-coulomb"], "contact.law.mu1: missing key"),
+        ("contact-law", ["signorini", COULOMB.replace("0.2", "-1")], "contact.law.mu = -1: must be >= 0"),
+    ],
+)
+def test_choices_that_do_not_fit_are_told_and_the_others_go_on(write_case, laws, tmp_path, option, values, refusal):
+    made = compare(write_case(), {option: values, "solver": ["newton", "uzawa"]}, tmp_path / "o", registry=laws)
+    refused = {"refused": 2, "converged": 2}
+    assert {status: [run.status for run in made.runs].count(status) for status in refused} == refused
+    for run, number in zip(made.runs, numbers(tmp_path / "o"), strict=True):
+        assert (run.status, run.choices) == (number["status"], number["choices"])
+        assert run.status == "converged" or refusal in run.refusal == number["message"]
+        assert len(number["points"]) == 25
+    single = meeframe.solve_case(load_case(write_case(), laws))
+    for run in made.runs:
+        for step in run.steps:
+            np.testing.assert_allclose(step.traction[:, 2], single.steps[0].traction[:, 2], rtol=1e-7, atol=1e-3)
 
 
 def test_what_a_formulation_refuses_is_told_and_the_others_go_on(write_case, laws, tmp_path, monkeypatch):
