@@ -17,6 +17,7 @@ from meeframe.core.law import ConductivityLaw
 from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import Limits, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.interfaces import GapConductivity, SoftAttractedContact
 from meeframe.testing.requirements import check_frozen, require
 from meeframe.testing.search import search_for
 from meeframe.testing.violations import violations
@@ -47,13 +48,14 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 
 
 def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
-    """Frozen; pure; converges on insulated, conducting and frictional indentation, under given motions and under
-    prescribed resultants, and to the right answer.
+    """Frozen; pure; converges on insulated, conducting and frictional indentation, across a gap that conducts, between
+    surfaces that are soft, attract each other and wear smooth by slip, under given motions and under prescribed
+    resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
     Beside these hypothesis looks for small indentations that break it: no contact, full contact, cylinders.
-    friction: False for a solver that takes frictionless problems only.
+    friction: False for a solver that takes frictionless contact of hard surfaces only.
     """
     check_frozen(solver)
     limits = limits or Limits()
@@ -86,9 +88,9 @@ def exact_pressure(problem: ContactProblem) -> Array:
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
     """The same problem in other units: displacements and loads multiplied by factors (5,), alike in the first three.
 
-    For dense systems and step conductivities (or laws without fields). Lengths, moduli and potentials in other units,
-    or bodies of other size and stiffness, are special cases. Motions of freedoms keep their numbers, the unit of each
-    being another.
+    For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
+    Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
+    freedoms keep their numbers, the unit of each being another.
     """
     system = problem.system
     if not isinstance(system, DenseSystem):
@@ -100,8 +102,11 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
             offset=system.offset * displacement,
             matrix=system.matrix * displacement[:, None, None] / load,
         ),
-        electric_law=_rescaled_law(problem.electric_law, load[3] / displacement[3]),
-        magnetic_law=_rescaled_law(problem.magnetic_law, load[4] / displacement[4]),
+        contact_law=problem.contact_law.rescaled(displacement[2], load[2])
+        if isinstance(problem.contact_law, SoftAttractedContact)
+        else problem.contact_law,
+        electric_law=_rescaled_law(problem.electric_law, displacement[2], displacement[3], load[3]),
+        magnetic_law=_rescaled_law(problem.magnetic_law, displacement[2], displacement[4], load[4]),
         gap=problem.gap * displacement[2],
         translation=problem.translation * displacement[0],
         potentials=problem.potentials * displacement[3:],
@@ -109,8 +114,10 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
     )
 
 
-def _rescaled_law(law: ConductivityLaw, factor: float) -> ConductivityLaw:
-    return StepConductivity(law.kappa * factor) if isinstance(law, StepConductivity) else law
+def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: float) -> ConductivityLaw:
+    if isinstance(law, GapConductivity):
+        return law.rescaled(length, potential, flux)
+    return StepConductivity(law.kappa * flux / potential) if isinstance(law, StepConductivity) else law
 
 
 def _rescaled_freedom(freedom: Freedom, displacement: Array, load: Array) -> Freedom:
@@ -153,9 +160,14 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
         "conducting": indentation_problem(prestressed, height, 5e-5, Signorini(), perfect, (1e4, -20.0)),
         "resistive": indentation_problem(system, height, 5e-5, Signorini(), finite),
     }
+    across = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
+    conducting = problems["conducting"]
+    problems["across the gap"] = replace(conducting, electric_law=across[0], magnetic_law=across[1])
     if friction:
         law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
         problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)
+        soft = SoftAttractedContact(1e9, 1e-5, 0.3, 0.05)
+        problems["soft surfaces"] = indentation_problem(system, height, 5e-5, soft, translation=drag)
     moved = problems["friction" if friction else "conducting"]
     push, pull, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
     freedoms = (push, pull, charge) if friction else (push, charge)

@@ -11,7 +11,7 @@ import pytest
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, augmented_traction
+from meeframe.core.law import ConductivityLaw, ContactLaw, StepLengths, augmented_traction
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
 from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, Uzawa, solve
 from meeframe.testing.contact import check_solver
@@ -163,6 +163,72 @@ class Pulling(ContactLaw):
 
 def with_tension(problem: ContactProblem) -> ContactProblem:
     return replace(problem, contact_law=Pulling(problem.contact_law))
+
+
+@dataclass(frozen=True)
+class ProjectionOf(ContactLaw):
+    """Nothing but a law's projection."""
+
+    law: ContactLaw
+
+    def project(self, trial: Array) -> Array:
+        return self.law.project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return self.law.tangential_scaling()
+
+
+def with_projection_only(problem: ContactProblem) -> ContactProblem:
+    return replace(problem, contact_law=ProjectionOf(problem.contact_law))
+
+
+@dataclass(frozen=True)
+class WithoutAttraction(ProjectionOf):
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        return self.law.resolve(trial, gap, r)
+
+
+def without_attraction(problem: ContactProblem) -> ContactProblem:
+    return replace(problem, contact_law=WithoutAttraction(problem.contact_law))
+
+
+@dataclass(frozen=True)
+class WithoutSlip(WithoutAttraction):
+    """A friction limit as if nothing had slipped."""
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        return self.law.resolve(trial, gap * [0.0, 0.0, 1.0], r)
+
+    def adhesion(self, gap: Array) -> Array:
+        return self.law.adhesion(gap)
+
+
+def without_slip(problem: ContactProblem) -> ContactProblem:
+    return replace(problem, contact_law=WithoutSlip(problem.contact_law))
+
+
+@dataclass(frozen=True)
+class PartOfConductivity(ConductivityLaw):
+    """A law that sees a part of gap and drop."""
+
+    across_gap: ClassVar[bool] = True
+
+    law: ConductivityLaw
+    gap: float = 1.0
+    drop: float = 1.0
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        return self.law.conductivity(normal_traction, self.gap * gap, self.drop * drop)
+
+
+def without_drop(problem: ContactProblem) -> ContactProblem:
+    electric, magnetic = (PartOfConductivity(law, drop=0.0) for law in (problem.electric_law, problem.magnetic_law))
+    return replace(problem, electric_law=electric, magnetic_law=magnetic)
+
+
+def without_gap_of_conduction(problem: ContactProblem) -> ContactProblem:
+    electric, magnetic = (PartOfConductivity(law, gap=0.0) for law in (problem.electric_law, problem.magnetic_law))
+    return replace(problem, electric_law=electric, magnetic_law=magnetic)
 
 
 def with_smaller_resultants(problem: ContactProblem) -> ContactProblem:
@@ -331,6 +397,14 @@ FRICTION = r"the worst condition is '(friction limit|slip)'"
         another(without_angle, f"^friction: .*{FRICTION}"),
         another(without_metric, f"^friction: .*{FRICTION}"),
         another(with_stale_pressure, f"^friction: .*{FRICTION}"),
+        another(with_projection_only, "^soft surfaces: .*the worst condition is '(penetration|pressure or gap)'"),
+        another(
+            without_attraction,
+            "^soft surfaces: .*the worst condition is '(tension|penetration|pressure or gap|closed fraction)'",
+        ),
+        another(without_slip, f"^soft surfaces: .*{FRICTION}"),
+        another(without_drop, f"^across the gap: .*{FLUX}"),
+        another(without_gap_of_conduction, f"^across the gap: .*{FLUX}"),
         another(with_smaller_resultants, "^resultants: .*the worst condition is 'prescribed resultant'"),
         reports(closed_everywhere, "^insulated: .*the worst condition is 'closed fraction'"),
         reports(open_everywhere, "^insulated: .*the worst condition is 'closed fraction'"),

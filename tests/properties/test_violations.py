@@ -7,11 +7,12 @@ import pytest
 
 from meeframe.core.contact import ContactProblem, ContactState, Status
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.core.law import ContactLaw, StepLengths
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers import Uzawa, solve
+from meeframe.solvers import Uzawa, residual, solve
 from meeframe.testing.contact import violations
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.interfaces import GapConductivity, SoftAttractedContact
 
 FAR = 1e-3
 """Farther than friction takes the body along [m]."""
@@ -107,3 +108,74 @@ def test_laws_that_are_not_associated() -> None:
     for wrong in (np.zeros(2), 0.9 * share, -share):
         assert slip_violation(problem, normal, wrong, associated=False) > 1e-2
     assert slip_violation(replace(problem, contact_law=Signorini()), normal, np.zeros(2), associated=False) < 1e-9
+
+
+SOFT = SoftAttractedContact(pressure=1e9, closure=5e-6, mu=0.4, pull=0.3)
+ACROSS = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
+
+
+def manufactured() -> tuple[ContactProblem, ContactState]:
+    """A state chosen first, from overlaps, gaps, slips and drops, and the problem that it solves, written out anew."""
+    random = np.random.default_rng(7)
+    system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 6)
+    n = len(system.points)
+    gap = SOFT.closure * random.uniform(-2.0, 2.0, n)
+    slip = SOFT.closure * random.normal(size=(n, 2))
+    drop = random.normal(size=(n, 2)) * [8e3, 20.0]
+    pressed = SOFT.pressure * np.maximum(-gap, 0.0) / SOFT.closure
+    size = np.linalg.norm(slip, axis=1)
+    limit = SOFT.mu * (0.5 + 0.5 * np.exp(-size / SOFT.closure)) * pressed
+    load = np.zeros((n, 5))
+    load[:, :2] = (limit / size)[:, None] * slip
+    load[:, 2] = SOFT.pull * SOFT.pressure * np.exp(-np.maximum(gap, 0.0) / SOFT.closure) - pressed
+    for k, law in enumerate(ACROSS):
+        square = (drop[:, k] / law.strength) ** 2
+        distance = np.maximum(gap, 0.0) + law.residual
+        load[:, 3 + k] = law.constant / distance * (1.0 + 2.0 * square) / (1.0 + square) * drop[:, k]
+    displacement = system.apply(load)
+    position = displacement + np.column_stack([slip, gap, drop])
+    problem = ContactProblem(system, SOFT, *ACROSS, position[:, 2], position[:, :2], -position[:, 3:])
+    return problem, ContactState(load, displacement, (gap < 0.0).astype(float))
+
+
+def test_soft_attracted_and_conducting_surfaces() -> None:
+    """Right as manufactured; wrong as soon as a law is another one by a hundredth."""
+    problem, state = manufactured()
+    found = violations(problem, state)
+    assert max(found.values()) < 1e-9, found
+    assert residual(problem, state) < 1e-9
+    for change, worse in (
+        ({"pressure": 1.01e9}, {"pressure or gap", "penetration", "friction limit", "slip"}),
+        ({"mu": 0.404}, {"slip"}),
+        ({"mu": 0.396}, {"friction limit"}),
+        ({"pull": 0.303}, {"pressure or gap", "penetration", "friction limit", "slip", "tension"}),
+    ):
+        other = violations(replace(problem, contact_law=replace(SOFT, **change)), state)
+        wrong = {name for name, value in other.items() if value > 1e-6}
+        assert wrong & worse, change
+        assert wrong <= worse | {"closed fraction"}, change
+    for k, name in enumerate(("electric", "magnetic")):
+        for change in ({"constant": 1.01}, {"residual": 1.01}, {"strength": 1.01}):
+            law = replace(ACROSS[k], **{key: value * getattr(ACROSS[k], key) for key, value in change.items()})
+            other = violations(replace(problem, **{f"{name}_law": law}), state)
+            assert {key for key, value in other.items() if value > 1e-6} == {f"{name} flux"}
+
+
+@dataclass(frozen=True)
+class Rubbery(ContactLaw):
+    """Sticks by springs."""
+
+    def project(self, trial: Array) -> Array:
+        return IsotropicCoulomb(0.3).project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return np.eye(2)
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        return self.project(trial / [1.0 + r[1] * 1e-12, 1.0 + r[1] * 1e-12, 1.0])
+
+
+def test_what_cannot_be_judged_is_refused() -> None:
+    problem, normal = dragged(Rubbery(), (FAR, 0.0))
+    with pytest.raises(ValueError, match="violations cannot judge Rubbery: its own gap has a tangential part"):
+        violations(problem, state_of(problem, normal, np.array([0.3, 0.0])))
