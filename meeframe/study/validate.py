@@ -1,7 +1,7 @@
 """Validation: the cases of a folder, run one after the other, with table, numbers and report written as they come.
 
 A case is a folder with a module checks.py: TITLE, SOURCE (where the references are published) and a generator
-`run(quick)` of what the records below can hold. It imports modules beside it, and those beside its folder, by name.
+`run(quick)` of the records below. At its top it may import modules beside it, and those beside its folder, by name.
 """
 
 import importlib.util
@@ -133,7 +133,7 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
 
 
 def _import(file: Path) -> ModuleType:
-    """A module by its path. Modules beside it keep their plain names for as long as this takes."""
+    """A module by its path, under a name of its own."""
     with _importable(file.parent.resolve()):
         name = f"meeframe_validation_{file.parent.name}"
         spec = importlib.util.spec_from_file_location(name, file)
@@ -147,19 +147,22 @@ def _import(file: Path) -> ModuleType:
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """Puts a case's folder and the one above on the path; every case may have a study.py, so no trace is left."""
-    added = [str(folder), str(folder.parent)]
-    before = set(sys.modules)
-    sys.path[:0] = added
+    """Lets a module import those of its folder and of the one above by their plain names, for as long as this takes.
+
+    Every case may have a study.py: modules of these names are set aside before, and no trace is left after.
+    """
+    places = (folder, folder.parent)
+    names = {file.stem for place in places for file in place.glob("*.py")}
+    others = {name: sys.modules.pop(name) for name in names & set(sys.modules)}
+    sys.path[:0] = map(str, places)
     try:
         yield
     finally:
-        for path in added:
-            sys.path.remove(path)
-        for name in set(sys.modules) - before:
-            place = getattr(sys.modules[name], "__file__", None)
-            if place and str(Path(place).resolve()).startswith(str(folder.parent)) and "meeframe" not in name:
-                del sys.modules[name]
+        for place in places:
+            sys.path.remove(str(place))
+        for name in names:
+            sys.modules.pop(name, None)
+        sys.modules.update(others)
 
 
 def _versions() -> dict[str, str]:

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -153,11 +154,16 @@ def test_the_example_of_the_page_is_a_case(tmp_path):
     assert len(found.cases[0].figures) == 1
 
 
-def test_modules_of_one_case_are_not_those_of_another(tmp_path):
+def test_modules_of_one_case_are_not_those_of_another(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "beside", "of somebody else")
+    path = list(sys.path)
     cases = make_case(tmp_path / "cases", "a", value="1.001")
     make_case(cases, "b", value="1.002")
     found = validate(cases, tmp_path / "out")
     assert [case.rows[0].found.computed for case in found.cases] == [1.001, 1.002]
+    assert sys.modules["beside"] == "of somebody else"
+    assert "shared" not in sys.modules
+    assert sys.path == path
 
 
 def test_bad_input_names_what_is_allowed(tmp_path):
@@ -172,7 +178,7 @@ def test_bad_input_names_what_is_allowed(tmp_path):
 
 
 def test_without_plotly_the_message_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "plotly.offline", None)
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
     status, _, err = command("--validation", make_case(tmp_path / "cases"), "--out", tmp_path / "out")
     assert status == 2
     assert "install meeframe[validation]" in err
