@@ -122,13 +122,13 @@ class AcrossGap(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Breakdown(ConductivityLaw):
-    """As AcrossGap, but the field |drop| / g, g = gap + residual_gap, is limited by discharge.
+    """As AcrossGap, and beyond a breakdown field discharge conducts besides, in parallel to the capacitor.
 
-    flux = gap_constant / g min(|drop|, breakdown_field g) + breakdown_conductivity max(|drop| - breakdown_field g, 0),
-    with the sign of the drop; kappa = flux / drop is continuous. The larger the conductivity of the discharge, the less
-    the field exceeds the breakdown field. Where there is pressure contact_conductivity is added. Source: discharge in
-    cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291; about 3 MV/m in air between plates far apart, more in gaps of
-    micrometres (Paschen, Ann. Phys. 273 (1889) 69).
+    flux = gap_constant / g |drop| + breakdown_conductivity max(|drop| - breakdown_field g, 0), g = gap + residual_gap,
+    with the sign of the drop; kappa = flux / drop is continuous and never below that of AcrossGap. The larger the
+    conductivity of the discharge, the less the field |drop| / g exceeds the breakdown field. Where there is pressure
+    contact_conductivity is added. Source: discharge in cracks, Landis, Int. J. Solids Struct. 41 (2004) 6291; about
+    3 MV/m in air between plates far apart, more in gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
 
     gap_constant, contact_conductivity, residual_gap: see AcrossGap; breakdown_field: V/m (electric) or A/m (magnetic);
     breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError if one is out of bounds.
@@ -149,11 +149,9 @@ class Breakdown(ConductivityLaw):
         """kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
         spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
         plates, size = gap + self.residual_gap, np.abs(drop)
-        excess = size - self.breakdown_field * plates
-        discharge = excess > 0.0
-        flux = self.gap_constant * self.breakdown_field + self.breakdown_conductivity * excess
-        across = np.where(discharge, flux / np.where(discharge, size, 1.0), _plates(self.gap_constant, plates))
-        return np.asarray(spots + across)
+        excess = np.maximum(size - self.breakdown_field * plates, 0.0)
+        discharge = self.breakdown_conductivity * (excess / np.where(excess > 0.0, size, 1.0))
+        return np.asarray(spots + discharge + _plates(self.gap_constant, plates))
 
 
 @final
@@ -219,7 +217,7 @@ RECORDS: list[Record[ConductivityLaw]] = [
     Record(
         "breakdown",
         Breakdown,
-        "as across-gap, the field in the gap limited by breakdown",
+        "as across-gap, and beyond a breakdown field discharge conducts besides, in parallel",
         "Landis, Int. J. Solids Struct. 41 (2004) 6291-6315 (discharge); Paschen, Ann. Phys. 273 (1889) 69-96",
     ),
     Record(

@@ -138,7 +138,7 @@ def breakdown(formula: Any, contact: Any) -> None:
         fields = np.abs(-state.displacement[row, 3] - volts) / apart
         contact.semilogy(x, np.where(state.load[row, 2] == 0.0, fields, np.nan) / 1e6, color=COLOURS[number])
     contact.axhline(field / 1e6, **DASHED, label="breakdown_field")
-    formula.legend(fontsize=7.5, frameon=False, loc=(0.46, 0.2))
+    formula.legend(fontsize=7, frameon=False, loc=(0.43, 0.2))
     formula.set(xlabel="drop across 10 µm [V]", ylabel="charge density [mC/m²]", ylim=(-0.1, 5.0))
     contact.set(xlabel="x [mm], y = 0", ylabel="field in the gap [MV/m]", xlim=(-3.4, 3.4))
 

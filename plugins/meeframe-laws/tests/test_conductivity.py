@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from meeframe_laws.conductivity import RECORDS, AcrossGap, Breakdown, PowerLaw, Robin, Saturating, Thresholded
 
 from meeframe import load_case
@@ -65,11 +67,22 @@ def test_values_across_the_gap() -> None:
     assert law.conductivity(apart, gap, drop) == pytest.approx([AIR / 1e-6, AIR / 2e-6, AIR / 4e-6], rel=1e-14)
     assert law.conductivity(pressed, 0.0 * gap, drop) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
     assert AcrossGap(AIR).conductivity(apart, gap, drop)[0] == math.inf
-    # at 4 V/um: 4, 8 and 16 V are the most that the gaps bear; beyond, 1 mF/m^2 on what exceeds them
+    # at 4 V/um the gaps bear 4, 8 and 16 V; 1 mF/m^2 besides on what exceeds them
     sparking = Breakdown(AIR, 4e6, 1e-3, 7.0, 1e-6)
-    flux = np.array([2.0 * AIR / 1e-6, 4e6 * AIR + 12e-3, -(4e6 * AIR + 4e-3)])
+    flux = np.array([2.0 * AIR / 1e-6, 20.0 * AIR / 2e-6 + 12e-3, -(20.0 * AIR / 4e-6 + 4e-3)])
     assert sparking.conductivity(apart, gap, drop) * drop == pytest.approx(flux, rel=1e-14)
     assert sparking.conductivity(pressed[:1], gap[:1], drop[:1]) == pytest.approx(7.0 + AIR / 1e-6, rel=1e-14)
+
+
+@settings(deadline=None, max_examples=100)
+@given(gap=st.floats(0.0, 1e-3), drop=st.floats(-1e5, 1e5), pressed=st.booleans(), discharge=st.floats(0.0, 1e3))
+def test_breakdown_never_conducts_less_than_the_gap(gap, drop, pressed, discharge) -> None:
+    """Discharge is besides the capacitor; without it nothing is left but the capacitor, to the last digit."""
+    state = (np.array([-1.0 if pressed else 0.0]), np.array([0.0 if pressed else gap]), np.array([drop]))
+    for residual_gap, contact in ((0.0, math.inf), (1e-7, 1e-3)):
+        across = AcrossGap(AIR, contact, residual_gap).conductivity(*state)
+        assert Breakdown(AIR, 3e6, discharge, contact, residual_gap).conductivity(*state) >= across
+        assert Breakdown(AIR, 3e6, 0.0, contact, residual_gap).conductivity(*state) == across
 
 
 def case(electric, magnetic=None, law=None, cells: int = 8):
@@ -256,8 +269,8 @@ def test_example_case_is_valid(record) -> None:
 
 def test_a_unit_of_the_other_field_is_refused(tmp_path) -> None:
     text = (CASES / "across-gap.toml").read_text()
-    for given, other in (("1 vacuum_permittivity", "1 vacuum_permeability"), ("20 H/m^2", "20 F/m^2")):
+    for own, other in (("1 vacuum_permittivity", "1 vacuum_permeability"), ("20 H/m^2", "20 F/m^2")):
         path = tmp_path / "case.toml"
-        path.write_text(text.replace(given, other))
+        path.write_text(text.replace(own, other))
         with pytest.raises(CaseError, match="has the wrong unit"):
             load_case(path)
