@@ -80,7 +80,7 @@ def theirs(tamaas: Any, heights: Array, mean: float, constraint: str) -> Contact
     model.E, model.nu = YOUNG, POISSON
     top = np.ascontiguousarray(-heights)
     kind = getattr(tamaas.PolonskyKeerRey, constraint)
-    solver = tamaas.PolonskyKeerRey(model, top, 1e-12, kind, kind)
+    solver = tamaas.PolonskyKeerRey(model, top, 1e-10, kind, kind)
     solver.max_iter = 10_000
     solver.solve(mean)
     pressure = np.array(model.traction, float).reshape(heights.shape)
