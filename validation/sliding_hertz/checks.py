@@ -22,7 +22,7 @@ FRICTION, ZONE = 0.5, 2.1
 
 def run(quick: bool) -> Iterator[Item]:
     """Just before and well after the onset of sliding."""
-    cells = 24 if quick else 40
+    cells = 24 if quick else 32
     exact, a = PartialSlip(HERTZ, FRICTION), HERTZ.contact_radius
     system = elastic_half_space(HERTZ.young, HERTZ.poisson, ZONE * a, cells, goodman=True)
     x, y, _ = system.points.T
