@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, final
 
 import numpy as np
 
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw
 from meeframe.core.quantities import Quantity, check_quantities
@@ -96,12 +97,14 @@ class AcrossGap(ConductivityLaw):
     The field in a narrow gap is uniform across it: at each point a capacitor of parallel plates (semi-permeable
     condition of cracks: Hao & Shen, Eng. Fract. Mech. 47 (1994) 793). Where surfaces touch, the spots of contact and
     the gap that roughness leaves beside them conduct in parallel, so that contact never conducts less than a gap.
-    Without a residual gap the conductivity grows beyond all bounds while the gap closes. The pull of the field on the
-    surfaces is not in it.
+    Without a residual gap the conductivity grows beyond all bounds while the gap closes, so that contact conducts
+    perfectly: a finite contact_conductivity asks for a residual gap. The pull of the field on the surfaces is not in
+    it.
 
     gap_constant: permittivity [F/m] (electric) or permeability [H/m] (magnetic) of what fills the gap;
     contact_conductivity: F/m^2 or H/m^2, of the spots of contact, may be inf; residual_gap: what roughness leaves
-    between surfaces that touch [m]. Raises CaseError if one is out of bounds.
+    between surfaces that touch [m]. Raises CaseError if one is out of bounds, or if contact_conductivity is finite and
+    residual_gap zero (but for gap_constant zero).
     """
 
     across_gap: ClassVar[bool] = True
@@ -112,6 +115,7 @@ class AcrossGap(ConductivityLaw):
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        _check_residual_gap(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa (n,) of normal tractions (n,) [Pa], < 0 in contact, and normal gaps (n,) >= 0 [m]."""
@@ -131,7 +135,7 @@ class Breakdown(ConductivityLaw):
     3 MV/m in air between plates far apart, more in gaps of micrometres (Paschen, Ann. Phys. 273 (1889) 69).
 
     gap_constant, contact_conductivity, residual_gap: see AcrossGap; breakdown_field: V/m (electric) or A/m (magnetic);
-    breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError if one is out of bounds.
+    breakdown_conductivity: F/m^2 or H/m^2. Raises CaseError as AcrossGap does.
     """
 
     across_gap: ClassVar[bool] = True
@@ -144,6 +148,7 @@ class Breakdown(ConductivityLaw):
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        _check_residual_gap(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
@@ -176,6 +181,16 @@ class Robin(ConductivityLaw):
         return np.full_like(normal_traction, self.kappa)
 
 
+def _check_residual_gap(law: AcrossGap | Breakdown) -> None:
+    """Raises CaseError where contact_conductivity would be ignored: a gap that closes altogether conducts perfectly."""
+    if law.residual_gap == 0.0 < law.gap_constant and law.contact_conductivity < math.inf:
+        raise CaseError(
+            f"{type(law).__name__}: contact_conductivity = {law.contact_conductivity:g} with residual_gap = 0 has no "
+            "effect, as a gap that closes altogether conducts perfectly; allowed: residual_gap > 0, or "
+            "contact_conductivity = inf (the default), or gap_constant = 0"
+        )
+
+
 def _pressure(normal_traction: Array, unit: float) -> Array:
     """Contact pressure (n,) in units of one [Pa], zero where nothing presses."""
     return np.asarray(np.maximum(-normal_traction, 0.0) / unit)
@@ -185,7 +200,8 @@ def _plates(constant: float, distance: Array) -> Array:
     """Conductivity (n,) of a gap as that of parallel plates at distances (n,) >= 0 [m]; inf at zero."""
     if constant == 0.0:
         return np.zeros_like(distance)
-    return np.divide(constant, distance, out=np.full_like(distance, np.inf), where=distance > 0.0)
+    with np.errstate(over="ignore"):  # a gap that is all but closed conducts as a closed one
+        return np.divide(constant, distance, out=np.full_like(distance, np.inf), where=distance > 0.0)
 
 
 RECORDS: list[Record[ConductivityLaw]] = [

@@ -36,7 +36,7 @@ LAWS = [
     AcrossGap(0.0, 1.0),
     Breakdown(AIR, 3e6, 1e-3),
     Breakdown(AIR, 3e8, 1.0, 0.0, 1e-7),
-    Breakdown(AIR, 3e6, 0.0, 1.0),
+    Breakdown(AIR, 3e6, 0.0, 1.0, 1e-7),
     Robin(0.0),
     Robin(2e-3),
     Robin(math.inf),
@@ -256,6 +256,24 @@ def test_bad_values_are_refused_with_their_key(factory, good, key, value) -> Non
     table = {"name": record.name, **dict(zip(names, good, strict=False)), key: value}
     with pytest.raises(CaseError, match=key):
         load().create(Kind.CONDUCTIVITY_LAW, table)
+
+
+@pytest.mark.parametrize(
+    ("factory", "others"), [(AcrossGap, {}), (Breakdown, {"breakdown_field": 3e6, "breakdown_conductivity": 1e-3})]
+)
+def test_contact_conductivity_without_residual_gap_is_refused(factory, others) -> None:
+    """The gap that closes conducts perfectly, whatever the spots of contact do; with nothing in it they alone do."""
+    for kappa in (0.0, 1.0):
+        with pytest.raises(CaseError, match=r"contact_conductivity = .* residual_gap = 0 .* allowed: residual_gap > 0"):
+            factory(AIR, **others, contact_conductivity=kappa)
+    record = next(record for record in RECORDS if record.factory is factory)
+    table = {"name": record.name, "gap_constant": AIR, **others, "contact_conductivity": 1.0}
+    with pytest.raises(CaseError, match="residual_gap > 0"):
+        load().create(Kind.CONDUCTIVITY_LAW, table)
+    pressed = (np.array([-1.0]), np.zeros(1), np.ones(1))
+    assert load().create(Kind.CONDUCTIVITY_LAW, {**table, "residual_gap": 1e-6}).conductivity(*pressed) > 1.0
+    assert load().create(Kind.CONDUCTIVITY_LAW, {**table, "gap_constant": 0.0}).conductivity(*pressed) >= 1.0
+    assert factory(AIR, **others).conductivity(*pressed) == math.inf
 
 
 CASES = Path(__file__).parents[1] / "cases"

@@ -51,7 +51,7 @@ def one_node(problem):
 @pytest.mark.parametrize("part", [0.2, -0.5])
 def test_one_node_across_the_gap(residual_gap, part) -> None:
     """A flux that bends the surface up by a part of the gap needs the potential that drives it across the rest."""
-    law = AcrossGap(300.0 * AIR, 1.0, residual_gap)
+    law = AcrossGap(300.0 * AIR, math.inf, residual_gap)
     block = plates(law).system.diagonal_blocks()[0]
     expected = part * DISTANCE / block[2, 3]
     left = (1.0 - part) * DISTANCE
@@ -85,7 +85,7 @@ def test_lifted_punch_is_a_plate_capacitor() -> None:
     cells, side = 9, 1e-3
     charges = []
     for part in (1e-2, 1e-4):
-        problem = plates(AcrossGap(AIR, 1.0, 0.0), part * np.diag(np.diag(XI)), cells, side)
+        problem = plates(AcrossGap(AIR), part * np.diag(np.diag(XI)), cells, side)
         # a round punch: nothing is above the corners
         beside = np.hypot(*problem.system.points[:, :2].T) > 0.5 * side
         problem.gap[beside] = np.inf
