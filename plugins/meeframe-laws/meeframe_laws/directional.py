@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Final, final
+from typing import Annotated, final
 
 import numpy as np
 
@@ -10,11 +10,8 @@ from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw, StepLengths
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.laws import OrthotropicCoulomb
-from meeframe_laws.limits import pressing
-
-_ROUNDS: Final = 100
-"""Of Newton's method, bisection included; enough to halve an interval down to round-off."""
-_ROUND_OFF: Final = 4.0 * float(np.finfo(float).eps)
+from meeframe.laws.coulomb import LARGEST_RATIO
+from meeframe_laws.limits import ROUND_OFF, ROUNDS, pressing
 
 
 @final
@@ -23,10 +20,10 @@ class NonAssociatedCoulomb(ContactLaw):
     """Traction on one ellipse, slip along the normal of another: g = lambda K^-2 t, ||t||_mu = |p_nu| where it slips.
 
     mu1, mu2: half-axes of the friction limit over |p_nu|, > 0, finite; angle: of its first axis from e1 towards e2
-    [rad]; slip_ratio: second over first half-axis of the ellipse t . K^-2 t = constant that slip is normal to, > 0; 1
-    makes traction opposite to slip whatever mu1 and mu2; slip_angle: of its first axis [rad]. With slip_ratio =
-    mu2/mu1 and equal angles orthotropic Coulomb friction. Slip always dissipates, but not the most that the limit
-    allows. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
+    [rad]; slip_ratio: second over first half-axis of the ellipse t . K^-2 t = constant that slip is normal to, from
+    1/1000 to 1000; 1 makes traction and slip parallel whatever mu1 and mu2; slip_angle: of its first axis [rad]. With
+    slip_ratio = mu2/mu1 and equal angles orthotropic Coulomb friction. Slip always dissipates, but not the most that
+    the limit allows. Raises CaseError if one of them is out of bounds or as OrthotropicCoulomb.
 
     The step is that of the limit's own metric, S = M^2/max(mu)^2, so that t + r S g = trial reads, in y = M^-1 t,
     (1 + c M K^-2 M) y = M^-1 trial with |y| = |p_nu|: a secular equation for c >= 0.
@@ -36,7 +33,7 @@ class NonAssociatedCoulomb(ContactLaw):
 
     mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
     mu2: Annotated[float, Quantity("", gt=0, lt=math.inf)]
-    slip_ratio: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
+    slip_ratio: Annotated[float, Quantity("", ge=1.0 / LARGEST_RATIO, le=LARGEST_RATIO)] = 1.0
     angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
     slip_angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
 
@@ -55,7 +52,9 @@ class NonAssociatedCoulomb(ContactLaw):
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """The traction with t + r_tau S g(t) = trial, (n, 3) [Pa], whatever r."""
         limit = _half_axes(self.mu1, self.mu2, self.angle)
-        growth, basis = np.linalg.eigh(limit @ np.linalg.inv(self.slip_metric()) @ limit)
+        # M K^-2 M by its root, as it may be too distorted for eigenvalues
+        _, size, turn = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
+        growth, basis = (size / size[0]) ** 2, turn.T
         pressure = pressing(trial)
         traction = np.column_stack([trial[:, :2], -pressure])
         traction[pressure == 0.0, :2] = 0.0
@@ -64,11 +63,6 @@ class NonAssociatedCoulomb(ContactLaw):
         slips = np.linalg.norm(point, axis=1) > pressure
         traction[slips, :2] = shrunk_to_circle(point[slips], growth, pressure[slips]) @ unit.T
         return traction
-
-    def slip_metric(self) -> Array:
-        """K^2 (2, 2), half-axes 1 and slip_ratio: slip is along K^-2 t."""
-        root = _half_axes(1.0, self.slip_ratio, self.slip_angle)
-        return root @ root
 
     def _associated(self) -> OrthotropicCoulomb:
         return OrthotropicCoulomb(self.mu1, self.mu2, self.angle)
@@ -119,12 +113,12 @@ def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
     """
     point, rate = point / radius[:, None], growth / growth.max()
     c = np.zeros(len(point))
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         y = point / (1.0 + c[:, None] * rate)
         size = np.linalg.norm(y, axis=1)
         step = size**2 * (size - 1.0) / (y**2 * rate / (1.0 + c[:, None] * rate)).sum(axis=1)
         c = c + np.maximum(step, 0.0)
-        if (step <= _ROUND_OFF * (1.0 + c)).all():
+        if (step <= ROUND_OFF * (1.0 + c)).all():
             break
     y = point / (1.0 + c[:, None] * rate)
     on_circle: Array = y * (radius / np.linalg.norm(y, axis=1))[:, None]
@@ -150,7 +144,7 @@ def nearest_on_lame_curve(point: Array, n: float) -> Array:
     turned = np.abs(point[:, 1]) > np.abs(point[:, 0])
     b, a = np.sort(np.abs(point), axis=1).T
     low, high, u, step = np.zeros_like(a), np.ones_like(a), np.divide(b, a), np.ones_like(a)
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         with np.errstate(divide="ignore", invalid="ignore"):
             power = u ** (n - 1.0)
             x = (1.0 + u * power) ** (-1.0 / n)
@@ -158,10 +152,10 @@ def nearest_on_lame_curve(point: Array, n: float) -> Array:
             falling = x * power / (1.0 + u * power)  # -dx/du
             newton = h / (falling * (power - u) + (a - x) * (n - 1.0) * power / u + x)
         low, high = np.where(h < 0.0, u, low), np.where(h > 0.0, u, high)
-        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step) + _ROUND_OFF)
+        lawful = (u - newton >= low) & (u - newton <= high) & (np.abs(newton) <= 0.5 * np.abs(step) + ROUND_OFF)
         step = np.where(lawful, newton, u - 0.5 * (low + high))
         u = u - step
-        if (np.abs(step) <= _ROUND_OFF).all():
+        if (np.abs(step) <= ROUND_OFF).all():
             break
     x = (1.0 + u**n) ** (-1.0 / n)
     nearest = np.column_stack([x, u * x])

@@ -42,7 +42,7 @@ class SlipWeakening(ContactLaw):
 
     def coefficient(self, slip_path: Array) -> Array:
         """mu (n,) after slip paths (n,) [m]."""
-        strength = np.maximum(1.0 - slip_path / self.slip_distance, 0.0)
+        strength = np.maximum(self.slip_distance - slip_path, 0.0) / self.slip_distance
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * strength
         return mu
 
@@ -71,8 +71,12 @@ class RateAndPressure(ContactLaw):
     The speed v is the slip of the increment over its duration. mu_static, mu_kinetic: coefficients >= 0 of infinitely
     slow and fast slip at the reference pressure; either may be the larger; reference_speed: v_s [m/s], > 0;
     speed_exponent: d, > 0 (1: exponential, 2: Gaussian); reference_pressure: p_0 [Pa], > 0; pressure_exponent: n in
-    (0, 1], 1 for Coulomb's proportionality, 2/3 for a single elastic asperity. Raises CaseError if one of them is out
-    of bounds, for_increment if it is told no duration.
+    (0, 1], 1 for Coulomb's proportionality, 2/3 for a single elastic asperity. The limit follows the speed as the
+    iteration finds it: where it falls more steeply, in Pa per metre of slip, than the surrounding stiffness there are
+    several solutions, and sliding sets in with a jump. At the reference pressure it nowhere falls more steeply than
+    (mu_static - mu_kinetic) p_0 / (v_s duration) if d is from 1 to 2; infinitely so at v = 0 if d < 1, whatever the
+    stiffness.
+    Raises CaseError if one of them is out of bounds, for_increment if it is told no duration.
     Source: Bo and Pavelescu, Wear 82 (1982) 277, for mu(v) after Stribeck; Archard, Proc. R. Soc. A 243 (1957) 190, for
     the area of contact of elastic asperities, which goes with the load to the power of 2/3 to 1.
     """
@@ -91,15 +95,16 @@ class RateAndPressure(ContactLaw):
 
     def coefficient(self, speed: Array) -> Array:
         """mu(v) (n,) at speeds (n,) >= 0 [m/s]."""
-        static = np.exp(-((speed / self.reference_speed) ** self.speed_exponent))
+        with np.errstate(over="ignore"):  # infinitely fast it is then
+            static = np.exp(-((speed / self.reference_speed) ** self.speed_exponent))
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * static
         return mu
 
     def limit(self, trial: Array, mu: Array | float) -> Array:
         """Largest tangential traction (n,) [Pa] at the pressure of trials (n, 3) and coefficients mu (n,)."""
         pressure = pressing(trial)
-        share = pressure / self.reference_pressure
-        limit: Array = mu * self.reference_pressure * share**self.pressure_exponent
+        n = self.pressure_exponent
+        limit: Array = mu * self.reference_pressure ** (1.0 - n) * pressure**n
         return limit
 
     def project(self, trial: Array) -> Array:

@@ -12,11 +12,9 @@ from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.plugin.hookspecs import Record
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
-from meeframe_laws.limits import along, isotropic_scaling, pressing, returned_to_disc, sheared
+from meeframe_laws.limits import ROUND_OFF, ROUNDS, along, isotropic_scaling, pressing, returned_to_disc, sheared
 
-_ROUNDS: Final = 100
-"""Of Newton's method; it needs a dozen."""
-_ROUND_OFF: Final = float(np.finfo(float).eps)
+_FLOATS: Final = np.finfo(float)
 
 
 @final
@@ -100,25 +98,26 @@ class RegularisedCoulomb(ContactLaw):
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
         """The traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip that causes it."""
-        limit = self.mu * pressing(trial)
-        x = smoothed_slip(sheared(trial), limit, r[1] * self.slip_length)
-        return along(trial, limit * x / np.hypot(1.0, x))
+        limit, width = self.mu * pressing(trial), r[1] * self.slip_length
+        return along(trial, smoothed_friction(sheared(trial), limit, min(max(width, _FLOATS.tiny), _FLOATS.max)))
 
 
-def smoothed_slip(trial: Array, limit: Array, stiffness: float) -> Array:
-    """x >= 0, (n,), with limit x / sqrt(1 + x^2) + stiffness x = trial; trial, limit: (n,) >= 0 [Pa].
+def smoothed_friction(trial: Array, limit: Array, width: float) -> Array:
+    """limit x / sqrt(width^2 + x^2), (n,) [Pa], of the x with limit x / sqrt(width^2 + x^2) + x = trial.
 
-    stiffness > 0 [Pa]. The left side is concave, and at most (limit + stiffness) x and limit + stiffness x: Newton's
-    method rises to the root from where the larger of these reaches the trial.
+    trial, limit: (n,) >= 0 [Pa]; width: > 0 [Pa]. The left side is concave, and at most limit x / width + x and
+    limit + x: Newton's method rises to the root from where the smaller of these reaches the trial.
     """
-    x: Array = np.maximum(trial / (limit + stiffness), (trial - limit) / stiffness)
-    for _ in range(_ROUNDS):
-        root = np.hypot(1.0, x)
-        step = (trial - limit * x / root - stiffness * x) / (limit / root**3 + stiffness)
+    x = np.maximum(trial * (width / (limit + width)), trial - limit)
+    for _ in range(ROUNDS):
+        root = np.hypot(width, x)
+        # times the root, as the slope at x = 0 may be beyond all floats
+        step = ((trial - x) * root - limit * x) / (limit * (width / root) ** 2 + root)
         x = x + np.maximum(step, 0.0)
-        if (step <= _ROUND_OFF * x).all():
+        if (step <= ROUND_OFF * x).all():
             break
-    return x
+    friction: Array = limit * (x / np.hypot(width, x))
+    return friction
 
 
 RECORDS: list[Record[ContactLaw]] = [

@@ -1,8 +1,15 @@
 """What the friction laws share: pressures, and the way back to a limit of the tangential traction."""
 
+from typing import Final
+
 import numpy as np
 
 from meeframe.core.fields import Array
+
+ROUNDS: Final = 100
+"""Of Newton's method, bisection included; it needs a dozen, to halve an interval down to round-off half of them."""
+ROUND_OFF: Final = 4.0 * float(np.finfo(float).eps)
+"""Smallest step of Newton's method, as a fraction."""
 
 
 def pressing(trial: Array) -> Array:

@@ -122,16 +122,17 @@ def test_rate_and_pressure_by_hand():
 
 @pytest.mark.parametrize("coefficients", [(0.4, 0.2), (0.2, 0.4)], ids=["falls with speed", "rises with speed"])
 @pytest.mark.parametrize("duration", [0.1, 10.0])
-def test_steady_sliding_bears_mu_of_the_speed(coefficients, duration):
+@pytest.mark.parametrize("exponent", [0.5, 1.5, 3.0])
+def test_steady_sliding_bears_mu_of_the_speed(coefficients, duration, exponent):
     """Once all slips, the surface stands still under the indenter: slip is its motion, T = mu(v) P."""
-    law = RateAndPressure(*coefficients, reference_speed=1e-3, speed_exponent=1.5)
+    law = RateAndPressure(*coefficients, reference_speed=1e-3, speed_exponent=exponent)
     system = elastic_half_space(1e11, 0.3, 2e-2, 12, goodman=True)
     height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 2.0
     advance = 1e-3
     path = advance * np.outer(np.arange(1, 5), [0.8, -0.6])
     *_, (state, slip) = follow(system, law, height - 2.5e-5, path, duration)
     speed = advance / duration
-    mu = coefficients[1] + (coefficients[0] - coefficients[1]) * np.exp(-((speed / 1e-3) ** 1.5))
+    mu = coefficients[1] + (coefficients[0] - coefficients[1]) * np.exp(-((speed / 1e-3) ** exponent))
     force = system.weights @ state.load[:, :3]
     np.testing.assert_allclose(force[:2], mu * -force[2] * np.array([0.8, -0.6]), rtol=1e-9)
     np.testing.assert_allclose(
