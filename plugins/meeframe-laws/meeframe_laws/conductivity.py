@@ -18,9 +18,11 @@ from meeframe.plugin.hookspecs import Record
 class PowerLaw(ConductivityLaw):
     """kappa(p) = reference_conductivity * (|p| / reference_pressure)^exponent in contact, 0 where the contact is open.
 
-    The conductance of two rough surfaces grows nearly in proportion to the area that truly touches. The exponent 0.95
-    is that of plastically deforming asperities (Cooper, Mikic & Yovanovich 1969, thermal contact conductance); an
-    electric or magnetic contact is governed by the same potential problem.
+    The conductance of two rough surfaces grows nearly in proportion to the area that truly touches. For asperities that
+    deform plastically, with heat for charge, Cooper, Mikic & Yovanovich (Int. J. Heat Mass Transfer 12 (1969) 279)
+    found about pressure^0.985; the exponent 0.95 is that of a later correlation of their theory, conductance =
+    1.25 (slope / roughness) conductivity (pressure / hardness)^0.95 (Yovanovich, Thermal contact correlations, Prog.
+    Astronaut. Aeronaut. 83, 1982). An electric or magnetic contact is governed by the same potential problem.
 
     reference_conductivity: kappa at the reference pressure, F/m^2 (electric) or H/m^2 (magnetic); reference_pressure
     [Pa]; exponent: dimensionless. Raises CaseError if one is out of bounds.
@@ -209,7 +211,8 @@ RECORDS: list[Record[ConductivityLaw]] = [
         "power-law",
         PowerLaw,
         "kappa_0 (|p| / p_0)^exponent in contact, growing with pressure like the real contact area",
-        "Cooper, Mikic & Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279-300 (exponent 0.95)",
+        "Cooper, Mikic & Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279-300 (exponent 0.985); Yovanovich, Prog. "
+        "Astronaut. Aeronaut. 83 (1982) (0.95)",
     ),
     Record(
         "saturating",
