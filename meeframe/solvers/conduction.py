@@ -27,8 +27,8 @@ GAIN_GROWTH: Final = 1.1
 GAIN_FALL: Final = 0.75
 GAIN_LIMITS: Final = (1e-3, 1e12)
 ROOT_OFF: Final = 1e-15
-"""Of the drop that is left at a node, as a fraction."""
-ROOT_STEPS: Final = 60
+"""Of the drop that is left at a node, as a fraction of the one without flux, and of itself."""
+ROOT_STEPS: Final = 180
 TOUCHING: Final = -float(np.finfo(float).tiny)
 """A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
 
@@ -125,7 +125,8 @@ def _resistance(
 def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array, own: Array) -> Array:
     """kappa (n,) at what is left of a drop without flux: the fraction x of it with x (1 + own kappa(x drop)) = 1.
 
-    By regula falsi (Illinois). Where kappa jumps there it is the value in between that lets x be the root.
+    By regula falsi (Illinois), which creeps where a flat piece meets a steep one: every third turn halves the bracket.
+    Where kappa jumps there it is the value in between that lets x be the root.
     """
     kappa = law.conductivity(normal_traction, gap, drop)
     if not law.across_gap:
@@ -141,12 +142,13 @@ def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array
         simple = np.abs(value) <= ROOT_OFF
         other = np.where(value < 0.0, 1.0, 0.0)
         beyond = np.where(value < 0.0, own * kappa, -1.0)
-        for _ in range(ROOT_STEPS):
-            found = np.abs(value) <= ROOT_OFF
+        for turn in range(ROOT_STEPS):
+            found = (np.abs(value) <= ROOT_OFF) | (np.abs(here - other) <= ROOT_OFF * here)
             if found.all():
                 break
             secant = here - value * (here - other) / (value - beyond)
-            following = np.where(np.isfinite(secant), secant, 0.5 * (here + other))
+            halved = 0.5 * (here + other)
+            following = np.where(np.isfinite(secant) & (turn % 3 < 2), secant, halved)
             following = np.where(found, here, following)
             change = excess(following)
             crossed = change * value < 0.0

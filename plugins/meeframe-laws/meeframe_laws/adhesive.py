@@ -19,7 +19,8 @@ class DMT(CoulombContact):
     """Hard contact and the van der Waals attraction sigma(g) = (2 w / z_0) (1 + g / z_0)^-3 across the gap g.
 
     Its work from contact to infinity is w. In contact the surfaces press on each other with |p_nu| = -t_nu + sigma(0),
-    and friction is Coulomb's of that pressure: |t_tau| <= mu (-t_nu + 2 w / z_0).
+    and friction is Coulomb's of that pressure: |t_tau| <= mu (-t_nu + 2 w / z_0). The DMT theory is the limit for stiff
+    bodies (small Tabor parameter); soft ones jump as in the JKR theory.
 
     work_of_adhesion w [J/m^2 = N/m], >= 0; equilibrium_distance z_0 [m], > 0; mu: friction coefficient, inf allowed.
     Raises CaseError if one is out of bounds.
@@ -68,7 +69,8 @@ class DMTCoulomb(ContactLaw):
     """Signorini's contact with the friction limit mu (|p_nu| + p_adh) where the surfaces touch.
 
     The attraction acts in the contact alone and is left out of the normal traction, as in the DMT theory, which adds
-    its resultant to the load: surfaces slide over each other as if they were pressed by p_adh besides.
+    its resultant to the load: surfaces slide over each other as if they were pressed by p_adh besides. The limit jumps
+    where contact begins: a node at the edge that shear lifts off, and that would touch without it, has no state.
 
     mu: friction coefficient, adhesive_pressure p_adh [Pa]: >= 0, finite. Raises CaseError if one is out of bounds.
     Source: Derjaguin, Z. Phys. 88 (1934) 661.

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from meeframe_laws.adhesion_theory import Maugis, bradley_force, quarter_half_space
 from meeframe_laws.interface import DMT, Compliant, DMTCoulomb, Dugdale, SignoriniGap
 
 from meeframe.core.contact import ContactProblem, ContactState, Status
@@ -22,6 +21,7 @@ from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.testing.closed_forms_adhesion import Maugis, bradley_force, quarter_half_space
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.half_space import indentation_problem
 

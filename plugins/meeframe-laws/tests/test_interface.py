@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from meeframe_laws.adhesion_theory import quarter_half_space
 from meeframe_laws.interface import DMT, RECORDS, Compliant, DMTCoulomb, Dugdale, SignoriniGap
 
 from meeframe.case.load import load_case
@@ -17,6 +16,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
 from meeframe.materials import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import Auto, SemismoothNewton, Uzawa
+from meeframe.testing.closed_forms_adhesion import quarter_half_space
 from meeframe.testing.contact import check_contact_law, check_isotropic
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released

@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from meeframe_laws.adhesion_theory import Maugis, bradley_force, hertz_gap, quarter_half_space, weak_attraction
 from meeframe_laws.interface import DMT, DMTCoulomb, Dugdale
 from scipy.integrate import quad
 
@@ -13,6 +12,7 @@ from meeframe.core.contact import ContactState, Status, contact_gap, resultant
 from meeframe.solvers import Auto, SemismoothNewton, solve
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.testing.closed_forms import Sphere, indent
+from meeframe.testing.closed_forms_adhesion import Maugis, bradley_force, hertz_gap, quarter_half_space, weak_attraction
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.force_control import PRESS, balanced_solution, check_same, freedom
 from meeframe.testing.half_space import half_space_system, indentation_problem

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from meeframe_laws.adhesion_theory import quarter_half_space
 from meeframe_laws.interface import Compliant
 from scipy.optimize import brentq
 
@@ -14,6 +13,7 @@ from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.testing.closed_forms_adhesion import quarter_half_space
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.force_control import balanced_solution, check_same
 from meeframe.testing.half_space import indentation_problem

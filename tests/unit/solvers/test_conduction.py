@@ -1,10 +1,14 @@
 """The step law that switches edge nodes for ever (notes section 7), and how it is resolved."""
 
+from dataclasses import dataclass, replace
+from typing import ClassVar, final
+
 import numpy as np
 import pytest
 
 from meeframe.core.contact import ContactProblem, Status, contact_gap, resultant
-from meeframe.core.law import contact_conductivity
+from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw, contact_conductivity
 from meeframe.laws import StepConductivity
 from meeframe.materials import library_material
 from meeframe.materials.half_space import axisymmetric_compliance
@@ -119,3 +123,35 @@ def test_a_contact_that_the_indenter_pushes_open(potential: float, coupling: flo
     solution = solve(case, solver)
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.state.load[:, 2].min() < 0.0
+
+
+@final
+@dataclass(frozen=True)
+class Discharge(ConductivityLaw):
+    """kappa `low`, and beyond a drop of one `high` on the excess besides."""
+
+    across_gap: ClassVar[bool] = True
+
+    low: float
+    high: float
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        size = np.abs(drop)
+        excess = np.maximum(size - 1.0, 0.0)
+        return self.low + self.high * np.divide(excess, size, out=np.zeros_like(size), where=size > 0.0)
+
+
+@pytest.mark.parametrize("steepness", [1.0, 1e3, 1e6, 1e9])
+def test_drop_is_found_together_with_its_conductivity(steepness: float) -> None:
+    """A law that conducts hardly below a drop and steeply above it: the root of each piece in closed form."""
+    case = problem(0.0, cells=8)
+    n, own = len(case.gap), conduction.own_response(case)
+    laws = [Discharge(0.3 / size, steepness / size) for size in own[0]]
+    case = replace(case, electric_law=laws[0], magnetic_law=laws[1], gap=np.full(n, 1e-6))
+    alone = np.logspace(-3, 5, n)
+    ahead = np.zeros((n, 5))
+    ahead[:, 3:] = alone[:, None]
+    resistance = conduction.resistances(case, np.zeros(n), np.zeros(n), own, ahead) / own
+    left = np.where(alone < 1.3, alone / 1.3, (alone + steepness) / (1.3 + steepness))
+    for column in resistance.T:
+        np.testing.assert_allclose(alone * column / (1.0 + column), left, rtol=1e-9)
