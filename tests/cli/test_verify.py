@@ -1,0 +1,260 @@
+"""`meeframe verify`: what agrees is found to agree, what is wrong by 2 % is found out, and what fails is told."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from meeframe.cli import app
+from meeframe.core.errors import CaseError
+from meeframe.core.quantities import unit_registry
+from meeframe.report.extrapolation import Basis
+from meeframe.report.verified import Verdict
+from meeframe.report.verify import unit_of, verification_figure, verification_json
+from meeframe.study import verify as study
+from meeframe.study.verify import Meshes, verify
+
+HALF_SPACE = """
+title = "half space"
+[material]
+name = "batio3-cofe2o4"
+[mesh]
+type = "half-space"
+half_width = "100 mm"
+contact_width = "5 mm"
+divisions = 12
+rings = 6
+[conductivity]
+electric = { name = "step", kappa = inf }
+[indenter]
+name = "sphere"
+radius = "100 mm"
+[[steps]]
+approach = "50 um"
+"""
+
+STIFFER = '''
+"""A half space that is wrong: 2 % too stiff."""
+
+from dataclasses import dataclass, replace
+
+from meeframe.plugin import Formulation, Record, hookimpl, silent
+from meeframe_halfspace import HalfSpace
+
+
+@dataclass(frozen=True)
+class Stiffer(Formulation):
+    """Compliance of a half space over 1.02."""
+
+    def check(self, body):
+        HalfSpace().check(body)
+
+    def reduce(self, body, progress=silent):
+        system = HalfSpace().reduce(body, progress)
+        return replace(system, matrix=system.matrix / 1.02)
+
+
+@hookimpl
+def meeframe_formulations():
+    return [Record("stiffer", Stiffer, "half space, 2 % too stiff", "tests")]
+'''
+
+
+def invoke(*arguments):
+    """Exit status, standard output, standard error."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def numbers(folder):
+    return json.loads((folder / "verify.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def half_space(tmp_path):
+    path = tmp_path / "half-space.toml"
+    path.write_text(HALF_SPACE, encoding="utf-8")
+    return path
+
+
+def test_a_half_space_by_all_that_take_it(half_space, tmp_path):
+    """Boundary elements and Fourier transforms agree; finite elements refuse it; the limit is the closed form."""
+    status, out, _ = invoke("verify", half_space, "--out", tmp_path / "out")
+    assert status == 0
+    assert "skfem does not take this case: mesh: a semi-infinite body has no volume mesh" in out
+    assert "verdict: agree" in out
+    found = numbers(tmp_path / "out")
+    assert found["verdict"] == "agree"
+    assert found["case"] == HALF_SPACE
+    assert list(found["refused"]) == ["skfem"]
+    assert [(run["formulation"], round(1 / run["size"])) for run in found["runs"]] == [
+        (name, divisions) for divisions in (5, 8, 12) for name in ("dense-bem", "half-space")
+    ]
+    pairs = {pair["quantity"]: pair for pair in found["agreements"]}
+    assert {"force", "charge", "contact_area", "max_pressure", "max_magnetic_potential"} <= pairs.keys()
+    assert not pairs.keys() & {"force_x", "torque", "magnetic_flux", "max_electric_potential"}, "zero, or nearly"
+    for name in ("force", "charge"):
+        assert abs(pairs[name]["difference"]) < 0.005 * pairs[name]["scale"]
+        assert pairs[name]["verdict"] == "agree"
+    exact = 21896.1  # notes, section 4, ECMII
+    for estimate in found["estimates"]:
+        if estimate["quantity"] == "force":
+            assert estimate["extrapolated"] == pytest.approx(exact, abs=estimate["error"])
+            assert estimate["error"] < 0.01 * exact
+    assert (tmp_path / "out" / "convergence.png").stat().st_size > 10_000
+
+
+def test_a_formulation_that_is_2_per_cent_too_stiff_is_caught(half_space, tmp_path):
+    plugin = tmp_path / "stiffer.py"
+    plugin.write_text(STIFFER, encoding="utf-8")
+    both = ["--formulation", "half-space", "--formulation", "stiffer", "--plugin", plugin]
+    status, out, _ = invoke("verify", half_space, *both, "--out", tmp_path / "out")
+    assert status == 1
+    assert "verdict: disagree" in out
+    pairs = {pair["quantity"]: pair for pair in numbers(tmp_path / "out")["agreements"]}
+    assert pairs["force"]["verdict"] == "disagree"
+    assert pairs["force"]["difference"] == pytest.approx(0.02 * pairs["force"]["scale"], rel=0.02)
+    right = ["--formulation", "half-space", "--formulation", '{name = "half-space", matrix_up_to = 0}']
+    assert invoke("verify", half_space, *right, "--out", tmp_path / "right")[0] == 0
+
+
+SPRINGS = ("winkler", '{name = "winkler", stiffness = "1e14 Pa/m"}')
+FINE = ("divisions = 4", "divisions = 16")
+
+
+def verified(path, registry, out, formulations=SPRINGS, **options):
+    return verify(path, out, formulations, registry=registry, **options)
+
+
+def test_springs_have_their_closed_form(write_case, registry, tmp_path):
+    """Pressure k w on the overlap of a paraboloid: P = pi k R g^2, A = 2 pi R g."""
+    stiffer = '{name = "winkler", stiffness = "1.05e14 Pa/m"}'
+    found = verified(write_case(FINE), registry, tmp_path / "o", ("winkler", stiffer))
+    assert found.verdict is Verdict.DISAGREE
+    force = next(estimate for estimate in found.estimates if estimate.quantity == "force")
+    assert force.limit.value == pytest.approx(np.pi * 1e14 * 0.1 * 1e-5**2, abs=force.limit.error)
+    area = next(estimate for estimate in found.estimates if estimate.quantity == "contact_area")
+    assert area.limit.value == pytest.approx(2 * np.pi * 0.1 * 1e-5, abs=area.limit.error)
+    assert area.limit.basis is Basis.FINEST
+
+
+def test_what_is_prescribed_is_not_compared_but_what_is_found(write_case, registry, tmp_path):
+    """A force that springs carry at 10 um; the approach follows."""
+    force = f'normal_force = "{np.pi * 1e14 * 0.1 * 1e-5**2} N"'
+    found = verified(write_case(FINE, ('approach = "10 um"', force)), registry, tmp_path / "o")
+    names = {estimate.quantity for estimate in found.estimates}
+    assert "approach" in names
+    assert "force" not in names
+    approach = next(estimate for estimate in found.estimates if estimate.quantity == "approach")
+    assert approach.limit.value == pytest.approx(1e-5, abs=approach.limit.error)
+    assert approach.limit.error < 5e-7
+
+
+def test_the_last_step_or_every_step(write_case, registry, tmp_path):
+    path = write_case(FINE, more='\n[[steps]]\napproach = "5 um"\nincrements = 2\n')
+    last = verified(path, registry, tmp_path / "last")
+    every = verified(path, registry, tmp_path / "every", every_step=True)
+    assert {estimate.step for estimate in last.estimates} == {2}
+    assert {estimate.step for estimate in every.estimates} == {1, 2}
+    forces = {e.step: e.limit.value for e in every.estimates if (e.quantity, e.formulation) == ("force", "winkler")}
+    assert forces[1] == pytest.approx(4 * forces[2], rel=0.02)
+
+
+def test_more_levels_and_other_factors(write_case, registry, tmp_path):
+    found = verified(write_case(FINE), registry, tmp_path / "o", meshes=Meshes(levels=4, factor=2.0))
+    assert [round(1 / size) for size in found.estimates[0].sizes] == [2, 4, 8, 16]
+    assert len(found.runs) == 8
+
+
+def test_runs_that_do_not_converge(write_case, registry, tmp_path):
+    path = write_case(FINE, ("[[steps]]", '[solver]\nname = "uzawa"\nmax_iterations = 1\n\n[[steps]]'))
+    found = verified(path, registry, tmp_path / "o")
+    assert found.verdict is Verdict.NOT_CONVERGED
+    assert {run.status for run in found.runs} == {"iteration-limit"}
+    assert found.estimates == ()
+    assert verification_figure(found) is None
+    assert json.loads(verification_json(found))["verdict"] == "not-converged"
+
+
+def test_what_a_solver_refuses_is_told(write_case, registry, tmp_path):
+    path = write_case(
+        FINE, ("[[steps]]", '[solver]\nname = "projected-cg"\n\n[[steps]]'),
+        more='\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.1}\n',
+    )  # fmt: skip
+    found = verified(path, registry, tmp_path / "o")
+    assert found.verdict is Verdict.NOT_CONVERGED
+    assert all("frictionless" in run.message for run in found.runs)
+
+
+def test_the_numbers_so_far_are_kept_if_it_is_stopped(write_case, registry, tmp_path, monkeypatch):
+    solve, count = study.solve_steps, iter(range(10))
+
+    def stopping(*arguments, **options):
+        if next(count) == 3:
+            raise KeyboardInterrupt
+        return solve(*arguments, **options)
+
+    monkeypatch.setattr(study, "solve_steps", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        verified(write_case(FINE), registry, tmp_path / "o")
+    found = numbers(tmp_path / "o")
+    assert found["verdict"] == "unfinished"
+    assert [run["status"] for run in found["runs"]] == ["converged"] * 3
+    assert found["agreements"] == []
+
+
+def test_reduced_systems_are_found_again(write_case, registry, tmp_path):
+    path = write_case(FINE)
+    one, other = (verified(path, registry, tmp_path / name, cache=tmp_path / "cache") for name in "ab")
+    assert len(list((tmp_path / "cache").iterdir())) == 3
+    assert one.estimates == other.estimates
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        ([], {}, "mesh.divisions = 4: 3 meshes that differ by a factor of 1.1 would have 3, 4, 4"),
+        ([FINE], {"formulations": ["winkler"]}, "needs two formulations or more that take the case"),
+        ([FINE], {"formulations": ["winkler", "half-space"]}, "--formulation half-space: .*mesh bounds a finite body"),
+        ([FINE, ("rings = 2", "rings = 0")], {}, "mesh.rings = 0"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_told_before_anything_is_computed(write_case, registry, tmp_path, changes, options, message):
+    meshes = Meshes(factor=1.1) if not changes else None
+    with pytest.raises(CaseError, match=message):
+        verified(write_case(*changes), registry, tmp_path / "o", meshes=meshes, **options)
+    assert not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--levels", "2"], "levels = 2: allowed: 3 or more"),
+        (["--factor", "1"], "factor = 1: allowed: above 1"),
+        (["--order", "9"], "order = 9: allowed: 0.5 to 4"),
+    ],
+)
+def test_bad_options_are_status_2(half_space, tmp_path, arguments, message):
+    status, _, err = invoke("verify", half_space, *arguments, "--out", tmp_path / "o")
+    assert status == 2
+    assert message in err
+
+
+def test_results_are_not_overwritten_by_accident(half_space, tmp_path):
+    (tmp_path / "o").mkdir()
+    (tmp_path / "o" / "mine").write_text("mine")
+    status, _, err = invoke("verify", half_space, "--out", tmp_path / "o")
+    assert status == 2
+    assert "is not empty" in err
+
+
+def test_units_are_units(write_case, registry, tmp_path):
+    found = verified(write_case(FINE), registry, tmp_path / "o")
+    for estimate in found.estimates:
+        unit_registry().Unit(unit_of(estimate.quantity))
+        assert unit_of(estimate.quantity)
+    assert replace(found, runs=()).verdict is Verdict.UNFINISHED
