@@ -165,9 +165,9 @@ def test_a_case_counts_the_gap_of_the_law_from_first_touch():
     case = load_case(Path(__file__).parents[1] / "cases" / "signorini-gap.toml")
     points = 1e-3 * np.array([[x, y, 0.0] for x in (-2.0, -1.0, 0.0, 0.6, 2.0) for y in (-1.0, 0.0)])
     flat = replace(quarter_half_space(1e11, 1e-3, 2), points=points, frames=np.tile(np.eye(3), (len(points), 1, 1)))
-    expected = 2e-6 * (1.0 - np.cos(2.0 * np.pi * points[:, 0] / 2.5e-3))
+    expected = 2e-6 * (1.0 - np.cos(2.0 * np.pi * points[:, 0] / case.contact_law.wavelength_1))
     np.testing.assert_allclose(Mechanism(case, flat).touching_gap, expected, atol=1e-12)
     trough = replace(case, contact_law=replace(case.contact_law, phase_1=np.pi))
-    nearest = 2e-6 * (1.0 + np.cos(2.0 * np.pi * points[:, 0] / 2.5e-3))
+    nearest = 2e-6 * (1.0 + np.cos(2.0 * np.pi * points[:, 0] / case.contact_law.wavelength_1))
     assert nearest.min() > 1e-7
     np.testing.assert_allclose(Mechanism(trough, flat).touching_gap, nearest - nearest.min(), atol=1e-12)
