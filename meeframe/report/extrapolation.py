@@ -13,7 +13,7 @@ from meeframe.core.errors import CaseError
 MESHES: Final = 3
 SECOND: Final = 2.0
 """Order of totals in smooth contact; the outline of a contact with sharp edges leaves first order."""
-_BOUNDS: Final = (0.5, 1.1)
+_BOUNDS: Final = (0.75, 1.1)
 """Of observed orders, over the theoretical one: below, meshes are too coarse for any order and extrapolation would
 exaggerate; above, it is luck and would make errors look small."""
 _SAME: Final = 1e-9
@@ -53,7 +53,7 @@ def richardson(
 
     sizes: of the elements, falling, in any unit; noise: what the finest value may be off where values follow no
     order, as areas counted by elements.
-    The order p is that of the differences where they have one sign and it lies between half and 1.1 times the
+    The order p is that of the differences where they have one sign and it lies between 0.75 and 1.1 times the
     theoretical one; where they have one sign and it does not, the theoretical one. The finest value stands where
     differences change their sign, the last one is zero or there is noise. The error is how far the limit is from those
     that the theoretical order has on the last two meshes and on the two before, and from the finest value, whatever is
