@@ -279,12 +279,6 @@ def test_contact_conductivity_without_residual_gap_is_refused(factory, others) -
 CASES = Path(__file__).parents[1] / "cases"
 
 
-@pytest.mark.parametrize("record", RECORDS, ids=lambda record: record.name)
-def test_example_case_is_valid(record) -> None:
-    case = load_case(CASES / f"{record.name}.toml")
-    assert isinstance(case.electric_law, record.factory)
-
-
 def test_a_unit_of_the_other_field_is_refused(tmp_path) -> None:
     text = (CASES / "across-gap.toml").read_text()
     for own, other in (("1 vacuum_permittivity", "1 vacuum_permeability"), ("20 H/m^2", "20 F/m^2")):
