@@ -33,8 +33,8 @@ FINEST, EXTRAPOLATED = 0.01, 0.003
 
 
 COUPLED = (
-    "Table 3 couples so strongly (largest q^2 over c mu: 14) that linear finite elements are 8 % off on the finest mesh, "
-    "and limits are as uncertain as allowed"
+    "Table 3 couples so strongly (largest q^2 over c mu: 14) that linear finite elements are 8 % off on the "
+    "finest mesh, and limits are as uncertain as allowed"
 )
 
 
@@ -73,15 +73,15 @@ class Family(NamedTuple):
 
 # quadratic elements are the accurate ones, nine-node ones: the corners of eight-node ones have negative weights, for
 # which a pressure at a node means nothing. Errors of linear ones are larger, and smooth enough to be extrapolated
-QUADRATIC = Family("quad9", 6, 3, 2.0, 1.5)
+QUADRATIC = Family("quad9", 8, 4, 1.73, 2.0**0.5)
 LINEAR = Family("quad4", 13, 6, 1.5, 13 / 9)
 QUICK = Family("quad4", 6, 3, 2.25, 1.4)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """In full all sections; quick: one, on meshes too coarse for the tolerances, by their own errors alone."""
+    """In full all; quick: a section on meshes too coarse for the tolerances, judged by its errors, and the blocks."""
     with TemporaryDirectory() as scratch:
-        for section in SECTIONS[1:2] if quick else SECTIONS:
+        for section in SECTIONS[:1] if quick else SECTIONS:
             for family in (QUICK,) if quick else (QUADRATIC, LINEAR):
                 found = blocks(section, Path(scratch), family)
                 yield from judged(f"section {section.name}, {family.element}", found, section.explained)
@@ -89,10 +89,9 @@ def run(quick: bool) -> Iterator[Item]:
                     yield from finest(section.name, found, section.explained)
                 elif family is LINEAR:
                     yield from extrapolated(section.name, found, section.explained)
-        case, meshes = HERE / "half_space.toml", Meshes(factor=1.5 if quick else 2.0)
-        found = verify(case, Path(scratch) / "half-space", meshes=meshes)
-        yield from judged("half space", found)
         if not quick:
+            found = verify(HERE / "half_space.toml", Path(scratch) / "half-space", meshes=Meshes(factor=2.0))
+            yield from judged("half space", found)
             yield from finest("half space", found)
             yield from extrapolated("half space", found)
     yield from large_blocks(quick)
@@ -181,7 +180,7 @@ def large_blocks(quick: bool) -> Iterator[Item]:
     Both have the same nodes in the contact zone, which so has no part in the difference.
     """
     case = load_case(HERE / "half_space.toml")
-    divisions, first = (8, 8) if quick else (12, 10)
+    divisions, first = (6, 5) if quick else (12, 10)
     zone = half_space_mesh(0.1, 0.005, divisions, 1, Quad4())
     exact = _totals(replace(case, mesh=zone, formulation=HalfSpace()))
     sizes = np.array([1.0, 2.0, 4.0])
