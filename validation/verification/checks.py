@@ -33,10 +33,13 @@ FINEST, EXTRAPOLATED = 0.01, 0.003
 
 
 COUPLED = (
-    "Table 3 couples so strongly (largest q^2 over c mu: 14) that linear finite elements are 8 % off on the finest mesh: "
-    "a limit extrapolated over so far is known to half a per cent only"
+    "Table 3 couples so strongly (largest q^2 over c mu: 14) that linear finite elements are 8 % off on the finest "
+    "mesh: a limit extrapolated over so far is known to half a per cent only"
 )
-NODAL = "a maximum or an area over nodes scatters with where they lie, and estimates from three meshes may miss it by a little"
+NODAL = (
+    "a maximum or an area over nodes scatters with where they lie, and estimates from three meshes may miss it by "
+    "a little"
+)
 COUNTED = ("max_", "contact_area")
 
 
