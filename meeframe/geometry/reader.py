@@ -41,7 +41,7 @@ def read_mesh(
     try:
         if not (np.isfinite(length_unit) and length_unit > 0):
             raise MeshError(f"length_unit = {length_unit!r}: must be a positive number of metres")
-        data = _load(file)
+        data = read_any(file)
         mesh = drop_unused(_convert(data, elements, length_unit, group_data))
         if merge_tolerance is not None:
             mesh = merge_points(mesh, merge_tolerance)
@@ -53,8 +53,8 @@ def read_mesh(
     return mesh
 
 
-def _load(file: Path) -> Any:
-    """meshio's mesh; its printing and its exits become errors."""
+def read_any(file: Path) -> Any:
+    """meshio's mesh of a file; its printing and its exits become errors. Raises MeshError."""
     import meshio  # a quarter of a second to start: only for those who read files
 
     if not file.is_file():

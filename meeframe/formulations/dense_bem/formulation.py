@@ -8,9 +8,9 @@ from typing import Annotated, final
 import numpy as np
 
 from meeframe.core.body import Body
-from meeframe.core.dense_system import DenseSystem
+from meeframe.core.dense_system import in_local_frames
 from meeframe.core.errors import CaseError, MeshError
-from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, FieldScaling
+from meeframe.core.fields import N_FIELDS, Array, FieldScaling
 from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution, Kernel
 from meeframe.core.quantities import Quantity, check_quantities
@@ -63,19 +63,8 @@ class DenseBEM(Formulation):
         solution = self._solve(body, progress)
         zone = zone_frames(body.mesh, body.contact_group)
         offset, compliance = zone_relation(solution)
-        to_load = _local_axes(zone.frames)
-        to_displacement = to_load.copy()
-        to_displacement[:, ELECTRIC:] *= -1.0
-        matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
-        return DenseSystem(
-            points=zone.points,
-            frames=zone.frames,
-            weights=zone.weights,
-            cells=zone.cells,
-            offset=np.einsum("naj,nj->na", to_displacement, offset),
-            matrix=np.ascontiguousarray(matrix),
-            recovery=lambda load: solution.fields(np.einsum("naj,na->nj", to_load, load)),
-        )
+        parts = zone.points, zone.frames, zone.weights, zone.cells
+        return in_local_frames(*parts, offset, compliance, solution.fields)
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
         """Fields on the boundary of a body without contact zone. Raises as reduce."""
@@ -124,11 +113,3 @@ def _check_memory(body: Body) -> None:
             f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
             f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh"
         )
-
-
-def _local_axes(frames: Array) -> Array:
-    """(n, 5, 5) with rows: local components of an extended traction in global ones; frames (n, 3, 3)."""
-    rotation = np.zeros((len(frames), N_FIELDS, N_FIELDS))
-    rotation[:, MECHANICAL, MECHANICAL] = frames
-    rotation[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
-    return rotation

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 from meeframe_laws.friction import CappedCoulomb, RegularisedCoulomb, Tresca
+from sheet import draw_sheets
 
 from meeframe.core.contact import ContactProblem, ContactState, Status, contact_gap
 from meeframe.core.fields import Array
@@ -221,22 +220,5 @@ PICTURES: Final[dict[str, tuple[Callable[[Any, Any], None], str, str]]] = {
 }
 
 
-def main() -> None:
-    """Write all pictures."""
-    OUT.mkdir(parents=True, exist_ok=True)
-    for name, (draw, left, right) in PICTURES.items():
-        figure = Figure(figsize=(8.6, 3.3), layout="constrained")
-        FigureCanvasAgg(figure)
-        formula, contact = figure.subplots(1, 2)
-        draw(formula, contact)
-        for axes, title in ((formula, left), (contact, right)):
-            axes.set_title(title, fontsize=10)
-            axes.grid(alpha=0.3)
-            if axes.get_legend_handles_labels()[0]:
-                axes.legend(fontsize=7.5, frameon=False)
-        figure.savefig(OUT / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
-        print(name)
-
-
 if __name__ == "__main__":
-    main()
+    draw_sheets(PICTURES, OUT)

@@ -7,17 +7,18 @@ from typing import Annotated, final
 import numpy as np
 from pydantic import Field
 
+from meeframe.core.dense_system import in_local_frames
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, FieldScaling
+from meeframe.core.fields import FieldScaling
 from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.geometry import check_mesh
-from meeframe.plugin import Body, DenseSystem, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
+from meeframe.plugin import Body, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import box_volume
 from meeframe_skfem.matching import Matched, match
-from meeframe_skfem.system import FiniteElementSolution, local_axes, solve_body
+from meeframe_skfem.system import FiniteElementSolution, solve_body
 from meeframe_skfem.volume import VolumeMesh, read_volume
 
 
@@ -66,19 +67,8 @@ class FiniteElements(Formulation):
         solution = self.solve(body, progress)
         zone = solution.matched.zone
         offset, compliance = solution.zone_relation()
-        to_load = local_axes(zone.frames)
-        to_displacement = to_load.copy()
-        to_displacement[:, ELECTRIC:] *= -1.0
-        matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
-        return DenseSystem(
-            points=zone.points,
-            frames=zone.frames,
-            weights=zone.weights,
-            cells=zone.cells,
-            offset=np.einsum("naj,nj->na", to_displacement, offset),
-            matrix=np.ascontiguousarray(matrix),
-            recovery=lambda load: solution.fields(np.einsum("naj,na->nj", to_load, load)),
-        )
+        parts = zone.points, zone.frames, zone.weights, zone.cells
+        return in_local_frames(*parts, offset, compliance, solution.fields)
 
     def solve(self, body: Body, progress: Progress = silent) -> FiniteElementSolution:
         """The factorised system, which also gives the values in the volume. Raises as reduce."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import NodalFields, Progress
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe.geometry.measures import normal_vectors
@@ -131,14 +131,6 @@ def solve_body(
 
     mass = _zone_mass(matched, units.length)
     return FiniteElementSolution(matched, layout, units, mesh, stiffness, values, respond, flexibility, mass)
-
-
-def local_axes(frames: Array) -> Array:
-    """(n, 5, 5) with rows: local components of an extended traction in global ones; frames (n, 3, 3)."""
-    axes = np.zeros((len(frames), N_FIELDS, N_FIELDS))
-    axes[:, MECHANICAL, MECHANICAL] = frames
-    axes[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
-    return axes
 
 
 def _add_forces(forces: Array, matched: Matched, mesh: VolumeMesh, layout: Layout) -> None:

@@ -1,7 +1,5 @@
 """Volume meshes, their boundary faces, and reading them from files."""
 
-import contextlib
-import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
+from meeframe.geometry.reader import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
 FLAT: Final = 1e-6  # an element's Jacobian may nowhere fall below this part of its largest
@@ -63,7 +62,7 @@ def read_volume(path: Path, length_unit: float) -> VolumeMesh:
     cells or more than one type of them, cells inside out or folded, or several parts.
     """
     try:
-        mesh = _convert(_load(path), length_unit)
+        mesh = _convert(read_any(path), length_unit)
         check_volume(mesh)
         check_memory(len(mesh.points))
     except MeshError as error:
@@ -106,21 +105,6 @@ def check_memory(n_points: float) -> None:
 
 def _size(mesh: VolumeMesh) -> int:
     return len(mesh.cells) + len(mesh.points)
-
-
-def _load(file: Path) -> Any:
-    """meshio's mesh; its printing and its exits become errors."""
-    import meshio  # a quarter of a second to start: only for those who read files
-
-    if not file.is_file():
-        raise MeshError("no such file")
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(file)
-    except (Exception, SystemExit) as error:
-        text = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
-        raise MeshError(f"meshio cannot read it: {text}") from None
 
 
 def _convert(data: Any, length_unit: float) -> VolumeMesh:
