@@ -1,7 +1,7 @@
 """Contract of a formulation and of the reduced system it hands over: the seam between discretisation and contact."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from meeframe.core.body import Body
@@ -66,6 +66,31 @@ class ReducedSystem(ABC):
     @abstractmethod
     def recover(self, load: Array) -> NodalFields:
         """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """compliance(load) in the given fields alone, (n, len(fields)), where that is cheaper than all five."""
+        return self.apply(load)[:, list(fields)]
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """Loads (n, k) of the given k fields alone that roughly cause displacements (n, k) in them; None if unknown.
+
+        Linear. Solvers precondition with it: it changes how fast they are, never what they find.
+        """
+        return None
+
+    def coarser(self) -> "Coarsening | None":
+        """The same body on a coarser division of its zone, from which to start; None if there is none."""
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Coarsening:
+    """A coarser reduced system. kept: (m,) the nodes of the finer system that are its nodes, in its order;
+    prolong: gives nodal values (n, k) on the finer system for (m, k) on this one."""
+
+    system: ReducedSystem
+    kept: Indices
+    prolong: Callable[[Array], Array]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""Performance profile of the contact solvers: `uv run python benchmarks/solvers.py [--json FILE]`.
+"""Performance profile of the contact solvers: `uv run python validation/benchmarks/solvers.py [--json FILE]`.
 
-Every solver starts from zero on the problems of benchmarks/solver_cases.py, 16 x 16 nodes, and stops at a residual of
+Every solver starts from zero on the problems of validation/benchmarks/solver_cases.py, 16 x 16 nodes, and stops at a residual of
 1e-10. Then times at mu = 0.6 on 16 x 16 and 32 x 32 nodes, and Newton's steps under refinement. Times are of the
 processor, one thread. Where solvers converge to different forces, each is started again near the solution of every
 other. Exit status 1 if `auto` leaves a case without convergence, solvers disagree, or a limit of the issue is not kept.

@@ -1,4 +1,4 @@
-"""Time of the main job: `uv run python benchmarks/main_job.py [--json FILE] [--repeats N]`.
+"""Time of the main job: `uv run python validation/benchmarks/main_job.py [--json FILE] [--repeats N]`.
 
 Each run is a process of its own, as a user starts it: once with an empty numba cache (the cold first run), then
 repeatedly with a warm one. Medians, with the stages that summary.json reports.

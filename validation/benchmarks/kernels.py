@@ -1,4 +1,4 @@
-"""Time of the fundamental solutions: python benchmarks/kernels.py [--points N] [--repeats N] [--json FILE].
+"""Time of the fundamental solutions: python validation/benchmarks/kernels.py [--points N] [--repeats N] [--json FILE].
 
 A pair is U and T at one point, 50 component values. Times are medians over the repeats, in directions without order.
 Time on a core is processor time of all threads, which other load on the machine disturbs less than wall time.

@@ -1,0 +1,1 @@
+"""Boundary elements of meeframe by hierarchical matrices."""
