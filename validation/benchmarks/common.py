@@ -1,0 +1,115 @@
+"""What the benchmarks share: medians, threads, slopes, tables, log-log pictures, and their command line.
+
+A benchmark is a module beside this one with TITLE, `measure(quick)`, which gives a record that JSON can hold, and
+`section(record, pictures)`, which gives its part of docs/performance.md and draws its pictures. Run by itself,
+`uv run python validation/benchmarks/NAME.py [--quick] [--json FILE]` measures and prints that part.
+"""
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import tempfile
+import textwrap
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Record = dict[str, Any]
+WIDTH = 119
+
+
+def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -> dict[str, float]:
+    """Median wall and processor time [s] of an action, after one call that is not counted if `warm`."""
+    if warm:
+        action()
+    walls, processors = [], []
+    for _ in range(repeats):
+        wall, processor = time.perf_counter(), time.process_time()
+        action()
+        walls.append(time.perf_counter() - wall)
+        processors.append(time.process_time() - processor)
+    return {"wall": statistics.median(walls), "processor": statistics.median(processors)}
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Lets numba, BLAS and meeframe's transforms use so many threads."""
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(count)
+    try:
+        with threadpool_limits(count):
+            yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def slope(x: Sequence[float], y: Sequence[float]) -> float:
+    """Slope of the straight line through points in log-log axes, by least squares."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def machine() -> Record:
+    """What a measurement depends on: processor, cores, load average of the last minute."""
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line]
+        model = names[0] if names else model
+    return {"processor": model, "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+
+
+def prose(text: str) -> str:
+    """A paragraph of the page."""
+    return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of the page."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (heads, ["---"] * len(heads), *rows))
+
+
+def verdict(met: bool) -> str:
+    """A word for a demand."""
+    return "met" if met else "**not met**"
+
+
+def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> None:
+    """A picture of curves in log-log axes; the legend has the slope of each that has more than one point."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(7, 4.2), layout="constrained")
+    for label, (x, y) in series.items():
+        shown = f"{label}: slope {slope(x, y):.2f}" if len(x) > 1 else label
+        axis.loglog(x, y, "o-", label=shown)
+    axis.set(xlabel=xlabel, ylabel=ylabel)
+    axis.grid(which="both", alpha=0.25)
+    axis.legend(fontsize=8)
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def command_line(
+    about: str, measure: Callable[[bool], Record], section: Callable[[Record, Path], str], arguments: Any = None
+) -> None:
+    """Measure, print the section, keep the record if asked to."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small sizes, as the tests do")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the record to this file")
+    chosen = parser.parse_args(arguments)
+    record = {"machine": machine(), "quick": chosen.quick} | measure(chosen.quick)
+    if chosen.json:
+        chosen.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    with tempfile.TemporaryDirectory() as scratch:
+        print(section(record, Path(scratch)))
