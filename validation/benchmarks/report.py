@@ -47,7 +47,7 @@ def main() -> None:
         parser.error(f"unknown part {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
     RECORDS.mkdir(exist_ok=True)
     failed = [] if arguments.page else [name for name in arguments.parts or PARTS if not _measured(name)]
-    _page()
+    (DOCS / "performance.md").write_text(page(DOCS / "images"), encoding="utf-8")
     if failed:
         raise SystemExit(f"not measured, for the reasons above: {', '.join(failed)}")
 
@@ -59,7 +59,8 @@ def _measured(name: str) -> bool:
     return subprocess.run(command, check=False).returncode == 0
 
 
-def _page() -> None:
+def page(pictures: Path) -> str:
+    """The page of the records there are; its pictures go into a folder."""
     pieces = [HEAD]
     for name in PARTS:
         record_file = RECORDS / f"{name}.json"
@@ -74,9 +75,9 @@ def _page() -> None:
                 f"`validation/benchmarks/{name}.py`, on {where['cores']} cores of {where['processor']}; load average"
                 f" when it began: {where['load']:.1f}."
             ),
-            module.section(record, DOCS / "images"),
+            module.section(record, pictures),
         ]
-    (DOCS / "performance.md").write_text("\n\n".join(pieces) + "\n", encoding="utf-8")
+    return "\n\n".join(pieces) + "\n"
 
 
 if __name__ == "__main__":
