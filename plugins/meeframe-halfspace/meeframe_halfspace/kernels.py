@@ -142,48 +142,33 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule,
 
 @njit(cache=True, nogil=True)
 def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, even, odd, symbol):
-    """symbol[i, j] = Y(q)/|q| times the windows, (25,), for rows first..last - 1; zero at q = 0.
+    """symbol[:, i, j] = Y(q)/|q| times the windows, (25,), for rows first..last - 1; zero at q = 0.
 
     along, across: wave numbers (nx,), (ny // 2 + 1,); even, odd: series of Y in the angle of q. The highest wave number
     of an even count stands for both signs: the mean of the two is real where it must be.
     """
+    values = np.empty(N_VALUES)
     for i in range(first, last):
-        for j in range(symbol.shape[1]):
-            values = symbol[i, j]
+        for j in range(symbol.shape[2]):
             values[:] = 0.0
             k = np.sqrt(along[i] ** 2 + across[j] ** 2)
-            if k == 0.0:
-                continue
-            both_x, both_y = 2 * i == nx, 2 * j == ny
-            share = window_x[i] * window_y[j] / k / ((2.0 if both_x else 1.0) * (2.0 if both_y else 1.0))
-            for sign_x in (1.0, -1.0):
-                for sign_y in (1.0, -1.0):
-                    if (sign_x > 0.0 or both_x) and (sign_y > 0.0 or both_y):
-                        add_response(sign_x * along[i] / k, sign_y * across[j] / k, share, even, odd, values)
+            if k > 0.0:
+                both_x, both_y = 2 * i == nx, 2 * j == ny
+                share = window_x[i] * window_y[j] / k / ((2.0 if both_x else 1.0) * (2.0 if both_y else 1.0))
+                for sign_x in (1.0, -1.0):
+                    for sign_y in (1.0, -1.0):
+                        if (sign_x > 0.0 or both_x) and (sign_y > 0.0 or both_y):
+                            add_response(sign_x * along[i] / k, sign_y * across[j] / k, share, even, odd, values)
+            symbol[:, i, j] = values
 
 
 @njit(cache=True, nogil=True)
-def multiply(spectra, symbol):
-    """spectra (5, rows, columns) complex := symbol . spectra, in place.
-
-    symbol: (rows, columns, 25) real; the symmetric entries are the real part, the antisymmetric the imaginary part of
-    a Hermitian matrix.
-    """
-    u = np.empty(5, np.complex128)
-    for row in range(spectra.shape[1]):
-        for column in range(spectra.shape[2]):
-            k = symbol[row, column]
-            u[:] = 0.0
-            entry, other = 0, N_SYMMETRIC
-            for a in range(5):
-                t = spectra[a, row, column]
-                u[a] += k[entry] * t
-                entry += 1
-                for b in range(a + 1, 5):
-                    y = complex(k[entry], k[other])
-                    u[a] += y * spectra[b, row, column]
-                    u[b] += y.conjugate() * t
-                    entry += 1
-                    other += 1
-            for a in range(5):
-                spectra[a, row, column] = u[a]
+def add_product(real, imaginary, sign, spectrum, product):
+    """product += (real + sign i imaginary) spectrum, entry by entry; imaginary is not read where the sign is zero."""
+    for row in range(len(product)):
+        for column in range(product.shape[1]):
+            k = real[row, column]
+            if sign == 0.0:
+                product[row, column] += k * spectrum[row, column]
+            else:
+                product[row, column] += complex(k, sign * imaginary[row, column]) * spectrum[row, column]
