@@ -21,6 +21,9 @@ from meeframe.core.formulation import Formulation, Progress, ReducedSystem, sile
 from meeframe.io.systems import read_system, write_system
 
 _ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
+_CONTACT_ROOMS: Final = ("laws", "solvers")
+_NOTES: Final = ("title", "text", "output")
+"""What a case says beside what determines its result."""
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
@@ -31,11 +34,14 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
     bit for bit, except that `recover` reduces the body again when it is first called. Systems without a matrix are
     computed each time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
     """
-    return joined(case, partial(_cached_body, folder=folder, progress=progress))
+    return joined(case, partial(cached_body, folder=folder, progress=progress))
 
 
-def _cached_body(formulation: Formulation, body: Body, folder: Path, progress: Progress) -> ReducedSystem:
-    key = system_key(formulation, body)
+def cached_body(
+    formulation: Formulation, body: Body, folder: Path, progress: Progress = silent, key: str = ""
+) -> ReducedSystem:
+    """The reduced system of one body, as cached_reduce; key: its system_key, if that is known already."""
+    key = key or system_key(formulation, body)
     path = folder / f"{key}.h5"
 
     @lru_cache(maxsize=1)
@@ -62,8 +68,24 @@ def system_key(formulation: Formulation, body: Body) -> str:
     Formulation and body by their content, the classes they are made of, the sources of meeframe (and of plugins) that
     compute with them, and the versions of the numerical libraries.
     """
-    digest = hashlib.sha256(_sources())
-    for piece in _content((formulation, body)):
+    return _digest(_sources(_ROOMS), (formulation, body))
+
+
+def case_key(case: Case) -> str:
+    """SHA-256 of everything that determines the result of a case, hexadecimal: as system_key, with what follows it."""
+    names = (field.name for field in dataclasses.fields(case) if field.name not in _NOTES)
+    return _digest(_sources(_ROOMS + _CONTACT_ROOMS), {name: getattr(case, name) for name in names})
+
+
+def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
+    """The body of a case, and its counter body if it has one, each with its formulation: in the order of `joined`."""
+    own = (case.formulation, case.body)
+    return (own,) if case.counter is None else (own, (case.counter.formulation, case.counter.body))
+
+
+def _digest(sources: bytes, value: Any) -> str:
+    digest = hashlib.sha256(sources)
+    for piece in _content(value):
         digest.update(len(piece).to_bytes(8) + piece)  # the length keeps neighbours apart
     return digest.hexdigest()
 
@@ -104,12 +126,12 @@ def _class_content(owner: type) -> bytes:
 
 
 @lru_cache
-def _sources() -> bytes:
-    """Versions and the sources of the rooms that compute reduced systems."""
+def _sources(rooms: tuple[str, ...]) -> bytes:
+    """Versions and the sources of rooms of the package."""
     digest = hashlib.sha256(meeframe.__version__.encode())
     for library in _LIBRARIES:
         digest.update(f"{library} {metadata.version(library)}".encode())
     root = Path(meeframe.__file__).parent
-    for path in sorted(path for room in _ROOMS for path in (root / room).rglob("*.py")):
+    for path in sorted(path for room in rooms for path in (root / room).rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.digest()

@@ -74,8 +74,12 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
         source = path.read_bytes()
     except OSError as error:
         raise PluginError(f"plugin file {path} cannot be read: {error.strerror or error}") from None
-    digest = hashlib.sha256(source).hexdigest()
-    name = f"{_LOCAL}{path.stem}_{digest[:12]}"
+    return load_source(path, source)
+
+
+def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
+    """As load_file, of a file whose content is known, which need not be on this machine."""
+    name = source_name(path, source)
     module = ModuleType(name)
     module.__file__ = str(path.resolve())
     linecache.checkcache(module.__file__)
@@ -85,7 +89,12 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise PluginError(file_fault(path, reason(error), line_in(error, module.__file__))) from None
-    return Provider(str(path), f"sha256:{digest[:12]}"), module
+    return Provider(str(path), f"sha256:{name.rpartition('_')[2]}"), module
+
+
+def source_name(path: Path, source: bytes) -> str:
+    """Name of the module that a local file of this content becomes."""
+    return f"{_LOCAL}{path.stem}_{hashlib.sha256(source).hexdigest()[:12]}"
 
 
 def local_files(record: object) -> dict[str, str]:

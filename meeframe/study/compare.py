@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from meeframe.case.cache import system_key
+from meeframe.case.cache import bodies_of, system_key
 from meeframe.case.case import Case
 from meeframe.case.solve import joined, provenance, reduce_body, solve_steps, zone_of
 from meeframe.core.body import Body
@@ -102,10 +102,7 @@ class _Shared:
 
     def next(self, case: Case, progress: Progress) -> "_Shared":
         """Those of a case. Raises as meeframe.case.solve.reduce."""
-        bodies = [(case.formulation, case.body)]
-        if case.counter is not None:
-            bodies.append((case.counter.formulation, case.counter.body))
-        keyed = {system_key(*body): body for body in bodies}
+        keyed = {system_key(*body): body for body in bodies_of(case)}
         if keyed.keys() == self.systems.keys():
             return self
         begin = time.perf_counter()

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
@@ -21,6 +21,7 @@ Changes = dict[str, Any]
 _QUANTITY: Final = re.compile(r"\s*[+-]?\.?\d")
 _PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
 
+Model = TypeVar("Model", bound=BaseModel)
 Text = Annotated[str, Strict(), Field(min_length=1)]
 
 
@@ -36,13 +37,14 @@ def _parts(key: str) -> list[str | int]:
     return found
 
 
-def _checked_keys(changes: Changes) -> Changes:
+def checked_keys(changes: Changes) -> Changes:
+    """The changes, whose keys are such as may be. Raises ValueError."""
     for key in changes:
         _parts(key)
     return changes
 
 
-CheckedChanges = Annotated[Changes, AfterValidator(_checked_keys)]
+CheckedChanges = Annotated[Changes, AfterValidator(checked_keys)]
 
 
 def words(value: Any) -> str:
@@ -54,7 +56,7 @@ def words(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
-def _place(value: Any) -> float | None:
+def place_of(value: Any) -> float | None:
     """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
     if isinstance(value, str) and _QUANTITY.match(value):
         with suppress(Exception):  # pint's parser lets many kinds of errors through
@@ -62,11 +64,13 @@ def _place(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-class _Table(BaseModel):
+class Table(BaseModel):
+    """A table of a study file: unknown keys are refused."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class RunTable(_Table):
+class RunTable(Table):
     """[[panels.runs]]: one run. label: its name in the figure; set: what it changes; value: its place on the axis."""
 
     label: Text
@@ -74,7 +78,7 @@ class RunTable(_Table):
     value: float | None = None
 
 
-class PanelTable(_Table):
+class PanelTable(Table):
     """[[panels]]: runs shown together.
 
     set: changed in all of them and in the references; vary, values: a run for each value of one key, texts with units
@@ -102,14 +106,14 @@ class PanelTable(_Table):
     def all_runs(self) -> tuple[RunTable, ...]:
         """Those of vary and values, then the others."""
         varied = (
-            RunTable(label=words(value), set={self.vary: value}, value=_place(value))
+            RunTable(label=words(value), set={self.vary: value}, value=place_of(value))
             for value in self.values
             if self.vary
         )
         return (*varied, *self.runs)
 
 
-class StudyTable(_Table):
+class StudyTable(Table):
     """A study file.
 
     title; paper: what the paper says of the figure; case: the case file that every run starts from, relative to this
@@ -154,12 +158,16 @@ def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
 
     Raises CaseError with a line for each problem found.
     """
-    tables = read_tables(file)
-    try:
-        study = StudyTable.model_validate(tables)
-    except ValidationError as error:
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems_of(error, StudyTable))) from None
+    study = checked(StudyTable, file)
     return study, read_tables(file.parent / study.case)
+
+
+def checked(model: type[Model], file: Path) -> Model:
+    """The tables of a file as a model. Raises CaseError with a line for each problem found."""
+    try:
+        return model.model_validate(read_tables(file))
+    except ValidationError as error:
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems_of(error, model))) from None
 
 
 def read_tables(file: Path) -> dict[str, Any]:

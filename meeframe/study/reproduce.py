@@ -7,9 +7,11 @@ from typing import Final
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Progress, silent
 from meeframe.io.output import check_output, replacing
+from meeframe.io.sweep import POINTS
 from meeframe.plugin.validation import choices
 from meeframe.report.study import Study, study_figure, study_json
 from meeframe.study.solve import solve_study
+from meeframe.study.sweep_engine import Pool
 
 ALL: Final = "all"
 CACHE: Final = "cache"
@@ -34,16 +36,19 @@ def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
     return [file for name, file in known.items() if name in names or ALL in names]
 
 
-def reproduce(names: Sequence[str], folder: Path, out: Path, progress: Progress = silent) -> Iterator[Study]:
+def reproduce(
+    names: Sequence[str], folder: Path, out: Path, progress: Progress = silent, pool: Pool | None = None
+) -> Iterator[Study]:
     """Solve and draw the named studies of a folder one after the other: NAME.png and NAME.json in `out`.
 
-    Reduced systems are kept in the folder `cache` there. Each file is whole or as it was before. Raises CaseError for
-    names, studies and cases with problems, ResultError if `out` cannot be written.
+    pool: where runs are solved, by default in this process. Finished runs are kept in the folder `points` there and
+    found again, reduced systems in `cache`. Each file is whole or as it was before. Raises CaseError for names, studies
+    and cases with problems, ResultError if `out` cannot be written.
     """
     files = choose(names, known_studies(folder))
     check_output(out, overwrite=True)
     for file in files:
-        study = solve_study(file, out / CACHE, progress)
+        study = solve_study(file, out / CACHE, progress, pool=pool, store=out / POINTS)
         out.mkdir(parents=True, exist_ok=True)
         with replacing(out / f"{study.name}.json") as path:
             path.write_text(study_json(study), encoding="utf-8")

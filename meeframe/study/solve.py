@@ -1,16 +1,12 @@
-"""From a study file to its numbers: each run solved on the one reduced system that it shares with the others."""
+"""From a study file to its numbers: its runs solved by the engine of sweeps, on reduced systems that they share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from meeframe.case.cache import cached_reduce
-from meeframe.case.load import case_from_tables
-from meeframe.case.solve import solve_steps, zone_of
-from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, silent
@@ -20,6 +16,8 @@ from meeframe.plugin.validation import TableError
 from meeframe.report.study import Panel, Study
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
 from meeframe.study.quantities import NODAL, TOTALS, largest
+from meeframe.study.sweep_engine import InProcess, Pool, solve_points
+from meeframe.study.sweep_points import Outcome, Point, PointStatus
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,50 +30,86 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Runner:
-    """Solves a case with keys changed. file: of the study; tables: of its case; folder: of the cache."""
+class Runs:
+    """The runs of a study by label and the changes that make them, as points of the engine.
+
+    file: of the study; tables: of its case; folder: where relative paths in them start.
+    """
 
     file: Path
     tables: Mapping[str, Any]
-    case_folder: Path
     folder: Path
     registry: Registry | None = None
-    progress: Progress = silent
 
-    def __call__(self, label: str, *changes: Changes) -> Run:
-        """Raises CaseError that names the study and the run if the changed case is not one; else as cached_reduce."""
+    def point(self, label: str, *changes: Changes) -> Point:
+        """A run. Raises CaseError that names the study and the run if the changed case is not one."""
         try:
-            case = case_from_tables(changed(self.tables, *changes), self.registry, self.case_folder)
+            point = Point.of(label, changed(self.tables, *changes), self.folder, self.registry)
+            problems = point.problems
         except TableError as error:
-            raise CaseError("\n".join(f"{self.file}: {label}: {problem}" for problem in error.problems)) from None
-        system = cached_reduce(case, self.folder, self.progress)
-        steps = tuple(solve_steps(case, system, boundary=False))
-        return Run(zone_of(system), steps[-1], all(step.status is Status.CONVERGED for step in steps))
+            problems = error.problems
+        if problems:
+            raise CaseError("\n".join(f"{self.file}: {label}: {problem}" for problem in problems))
+        return point
+
+    def of(self, study: StudyTable, panel: PanelTable) -> tuple[dict[str, Point], list[Point]]:
+        """References of a panel by name, and its runs."""
+        names = dict.fromkeys(name for name in study.shown(panel).values() if isinstance(name, str))
+        references = {name: self.point(f"{panel.title}, {name}", panel.set, study.references[name]) for name in names}
+        runs = [self.point(f"{panel.title}, {run.label}", panel.set, run.set) for run in panel.all_runs()]
+        return references, runs
 
 
-def solve_study(file: Path, cache: Path, progress: Progress = silent, registry: Registry | None = None) -> Study:
+def solve_study(
+    file: Path,
+    cache: Path,
+    progress: Progress = silent,
+    registry: Registry | None = None,
+    pool: Pool | None = None,
+    store: Path | None = None,
+) -> Study:
     """The study of a file, solved; cache: folder of reduced systems, see meeframe.case.cache.
 
-    Progress counts panels. Runs that do not converge raise nothing: the panel says so.
-    Raises CaseError for a study or a case with problems, or if a quantity would be divided by zero; else as
-    cached_reduce.
+    pool: where runs are solved, by default in this process; store: folder in which finished runs are kept and found
+    again. Progress counts runs, each once however many panels show it. Runs that do not converge raise nothing: the
+    panel says so. Raises CaseError for a study or a case with problems, for a run that a formulation, law or solver
+    refuses, or if a quantity would be divided by zero; else as cached_reduce.
     """
     table, tables = load_study(file)
-    runner = Runner(file, tables, (file.parent / table.case).parent, cache, registry, progress)
-    panels, total = [], len(table.panels)
-    for number, panel in enumerate(table.panels):
-        progress(file.stem, number / total)
-        panels.append(_panel(table, panel, runner))
-    progress(file.stem, 1.0)
-    return Study(file.stem, table.title, table.paper, table.kind, table.scale, tuple(panels))
+    planned = Runs(file, tables, (file.parent / table.case).parent, registry)
+    panels = [planned.of(table, panel) for panel in table.panels]
+    points = {point.key: point for references, runs in panels for point in (*references.values(), *runs)}
+
+    def counted(stage: str, fraction: float) -> None:
+        progress(file.stem if stage == "points" else stage, fraction)
+
+    solved = {}
+    for key, outcome in solve_points(list(points.values()), pool or InProcess(), cache, store, counted):
+        solved[key] = _run(f"{file}: {points[key].label}", outcome)
+    drawn = [
+        _panel(
+            file,
+            table,
+            panel,
+            {name: solved[point.key] for name, point in references.items()},
+            [solved[point.key] for point in runs],
+        )
+        for panel, (references, runs) in zip(table.panels, panels, strict=True)
+    ]
+    return Study(file.stem, table.title, table.paper, table.kind, table.scale, tuple(drawn))
 
 
-def _panel(study: StudyTable, panel: PanelTable, runner: Runner) -> Panel:
+def _run(label: str, outcome: Outcome) -> Run:
+    if outcome.result is None:
+        raise CaseError(f"{label}: {outcome.message}")
+    return Run(outcome.result.zone, outcome.result.steps[-1], outcome.status is PointStatus.CONVERGED)
+
+
+def _panel(
+    file: Path, study: StudyTable, panel: PanelTable, references: Mapping[str, Run], runs: Sequence[Run]
+) -> Panel:
     shown = study.shown(panel)
-    names = dict.fromkeys(name for name in shown.values() if isinstance(name, str))
-    references = {name: runner(f"{panel.title}, {name}", panel.set, study.references[name]) for name in names}
     tables = panel.all_runs()
-    runs = [runner(f"{panel.title}, {run.label}", panel.set, run.set) for run in tables]
     scales = {
         quantity: _scale(study, quantity, references[scale]) if isinstance(scale, str) else scale
         for quantity, scale in shown.items()
@@ -83,7 +117,7 @@ def _panel(study: StudyTable, panel: PanelTable, runner: Runner) -> Panel:
     for quantity, scale in scales.items():
         if scale == 0.0 or not np.isfinite(scale):
             raise CaseError(
-                f"{runner.file}: {panel.title}: {quantity} is divided by {shown[quantity]!r}, where it is {scale:g}; "
+                f"{file}: {panel.title}: {quantity} is divided by {shown[quantity]!r}, where it is {scale:g}; "
                 "allowed: references in which it is not zero"
             )
     return Panel(

@@ -14,7 +14,7 @@ from meeframe.cli import app
 AT_SECOND_STEP = """
 import os, signal, sys
 from contextlib import contextmanager
-from meeframe import cli
+from meeframe.cli import console, main
 
 # a shell's background job is born deaf to SIGINT, and so are its children
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -28,8 +28,8 @@ def deadly():
             os.kill(os.getpid(), signal.{signal})
     yield show
 
-cli._progress = deadly
-cli.main()
+console.progress = deadly
+main()
 """
 
 

@@ -41,7 +41,7 @@ def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeyp
     status, told, _ = reproduce("fig-07", "--validation", studies, "--out", out)
     assert status == 0
     assert told == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
-    assert sorted(path.name for path in out.iterdir()) == ["cache", "fig-07.json", "fig-07.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["cache", "fig-07.json", "fig-07.png", "points"]
     assert (out / "fig-07.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((out / "cache").iterdir())) == 1
     numbers = json.loads((out / "fig-07.json").read_text())

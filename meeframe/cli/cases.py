@@ -1,0 +1,57 @@
+"""Commands on one case: run, check, show."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from meeframe.cli import console
+from meeframe.cli.app import CaseFile, PluginFiles, app
+
+
+@app.command()
+def run(
+    case: CaseFile,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results that DIR holds.")] = False,
+    plugin: PluginFiles = None,
+) -> None:
+    """Solve a case and write result.h5, summary.json, fields.vtu and figures.
+
+    Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
+    """
+    with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
+        from meeframe.case.load import load_case
+        from meeframe.case.run import run as run_case
+        from meeframe.core.result import RunStatus
+        from meeframe.report.summary import summary_table
+
+        registry = console.registry(plugin)
+        with console.progress() as progress:
+            result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
+        console.stdout().print(summary_table(result))
+        raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)
+
+
+@app.command()
+def check(case: CaseFile, plugin: PluginFiles = None) -> None:
+    """Validate a case without running it."""
+    with console.exit_status():
+        from meeframe.case.load import load_case
+
+        checked = load_case(case, console.registry(plugin))
+        steps = len(checked.steps)
+        print(
+            f"{case}: ok: material {checked.material.name}, {checked.mesh.n_elements} elements, "
+            f"contact zone {checked.zone}, {steps} step{'s' * (steps > 1)}"
+        )
+
+
+@app.command()
+def show(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")]) -> None:
+    """Print the summary of a run as a table."""
+    with console.exit_status():
+        from meeframe.io.results import read_result
+        from meeframe.report.summary import summary_table
+
+        console.stdout().print(summary_table(read_result(folder)))

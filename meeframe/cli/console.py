@@ -1,0 +1,84 @@
+"""What all commands share: exit status, messages, progress, the registry."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import typer
+from rich.console import Console
+
+from meeframe.core.errors import MeeframeError
+
+if TYPE_CHECKING:
+    from meeframe.core.formulation import Progress
+    from meeframe.plugin.registry import Registry
+
+CONVERGED: Final = 0
+NOT_CONVERGED: Final = 1
+BAD_INPUT: Final = 2
+INTERRUPTED: Final = 130
+
+
+@contextmanager
+def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[None]:
+    """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback.
+
+    no_memory: status if memory runs out; in reading and assembling it is bad input (CaseError) whatever this says;
+    untouched: what to say of an interruption that carries no note, as it came before anything was written.
+    """
+    try:
+        yield
+    except MeeframeError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except MemoryError as error:
+        print(f"error: {_with_notes('not enough memory', error, untouched)}", file=sys.stderr)
+        raise typer.Exit(no_memory) from None
+    except KeyboardInterrupt as error:
+        print(_with_notes("interrupted", error, untouched), file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _with_notes(what: str, error: BaseException, default: str) -> str:
+    return "; ".join(filter(None, [what, *getattr(error, "__notes__", (default,))]))
+
+
+def stdout() -> Console:
+    """Standard output; as wide as the text wants where it is not a terminal."""
+    return Console(width=None if sys.stdout.isatty() else 240)
+
+
+def registry(files: list[Path] | None) -> "Registry":
+    """Everything registered, with plugins from files; warns of broken plugins."""
+    from meeframe.plugin.registry import load
+
+    loaded = load(*(files or ()))
+    for broken in loaded.broken:
+        print(f"warning: {broken}", file=sys.stderr)
+    return loaded
+
+
+@contextmanager
+def progress() -> "Iterator[Progress]":
+    """A bar for each stage on the terminal, one after the other."""
+    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:22}"), BarColumn(), TimeElapsedColumn())
+    tasks: dict[str, TaskID] = {}
+    bars = Progress(*columns, console=Console(stderr=True), transient=False)
+    with ExitStack() as started:
+
+        def show(stage: str, fraction: float) -> None:
+            if stage not in tasks:
+                if not tasks:  # bars that have nothing to show leave an empty line
+                    started.enter_context(bars)
+                for task in tasks.values():  # whatever came before is done
+                    bars.update(task, completed=1.0)
+                tasks[stage] = bars.add_task(stage, total=1.0)
+            bars.update(tasks[stage], completed=fraction)
+
+        yield show
+        for task in tasks.values():
+            bars.update(task, completed=1.0)

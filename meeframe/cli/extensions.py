@@ -1,0 +1,52 @@
+"""Commands on plugins: plugins, plugins show, new-plugin."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from meeframe.cli import console
+from meeframe.cli.app import PluginFiles, app
+
+plugins_app = typer.Typer()
+app.add_typer(plugins_app, name="plugins")
+
+
+@plugins_app.callback(invoke_without_command=True)
+def plugins(context: typer.Context, plugin: PluginFiles = None) -> None:
+    """List everything that has a name in case files, with who provides it; `plugins show NAME` says more."""
+    if context.invoked_subcommand is not None:
+        context.obj = plugin
+        return
+    with console.exit_status():
+        from meeframe.report.plugins import plugin_list
+
+        console.stdout().print(plugin_list(console.registry(plugin)))
+
+
+@plugins_app.command("show")
+def show_plugin(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As written in case files.")],
+    plugin: PluginFiles = None,
+) -> None:
+    """Print the parameters of what has this name, with units, bounds and defaults, its formula and its source."""
+    with console.exit_status():
+        from meeframe.report.plugins import plugin_page
+
+        console.stdout().print(plugin_page(console.registry([*(context.obj or ()), *(plugin or ())]), name))
+
+
+@app.command("new-plugin")
+def new_plugin(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="contact-law, conductivity-law, solver, indenter, ...")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As case files will write it: my-law.")],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to make; meeframe-NAME if not given.")] = None,
+) -> None:
+    """Write an installable package that registers something new, with its conformance test, a case and a README."""
+    with console.exit_status():
+        from meeframe.plugin.scaffold import kind_called
+        from meeframe.plugin.scaffold import new_plugin as write_plugin
+
+        folder = write_plugin(kind_called(kind), name, console.registry(None), out)
+        print(f"{folder}: {', '.join(sorted(str(p.relative_to(folder)) for p in folder.rglob('*') if p.is_file()))}")

@@ -1,0 +1,52 @@
+"""Tables as TOML: a case with keys changed is written as a case file again."""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def toml_text(tables: Mapping[str, Any]) -> str:
+    """TOML text that gives these tables when it is read: one header for each table of the top, inner ones in line."""
+    plain = {key: value for key, value in tables.items() if not _is_table(value) and not _is_tables(value)}
+    lines = [_entry(key, value) for key, value in plain.items()]
+    for key, value in tables.items():
+        if key in plain:
+            continue
+        header = f"[{_key(key)}]" if _is_table(value) else f"[[{_key(key)}]]"
+        for table in [value] if _is_table(value) else value:
+            lines += ["", header, *(_entry(*item) for item in table.items())]
+    return "\n".join(lines).lstrip() + "\n"
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, Mapping)
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and all(map(_is_table, value))
+
+
+def _entry(key: str, value: Any) -> str:
+    return f"{_key(key)} = {_value(value)}"
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(_entry(*item) for item in value.items()) + "}"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # its escapes are TOML's
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return str(value)  # whole numbers, dates

@@ -1,0 +1,187 @@
+"""Pictures and table of a sweep."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from meeframe.core.fields import Array
+from meeframe.core.sweep import SweepAxis, SweepResult
+from meeframe.report.canvas import MAP_COLOURS, sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
+DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
+"""What is shown if the study does not say."""
+_LISTED: Final = 40
+"""Rows of the table on the terminal, at most."""
+
+
+@dataclass(frozen=True)
+class SweepPlot:
+    """A row of pictures, one for each quantity.
+
+    x: name of the axis along which, None: the first that has several numbers, or else several values; lines: of the
+    axis with a line for each value, None: another one that has several; kind: curves, or a map over both axes; at:
+    labels of the values at which the other axes stand, by default their first.
+    """
+
+    quantities: tuple[str, ...] = DEFAULT
+    kind: Literal["curves", "map"] = "curves"
+    x: str | None = None
+    lines: str | None = None
+    scale: Literal["linear", "log"] = "linear"
+    at: Mapping[str, str] = field(default_factory=dict)
+
+
+def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
+    """The figure of a sweep: a row for each plot."""
+    rows = plots or (SweepPlot(),)
+    columns = max(len(plot.quantities) for plot in rows)
+    figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
+    grid = figure.subplots(len(rows), columns, squeeze=False)
+    for line, plot in zip(grid, rows, strict=True):
+        x, lines = _chosen(sweep, plot)
+        for axes, quantity in zip(line, plot.quantities, strict=False):
+            values = _section(sweep, plot, quantity, x, lines)
+            draw = _map if plot.kind == "map" and lines is not None else _curves
+            draw(axes, sweep, plot, (x, lines), values)
+            axes.set_title(_words(quantity), fontsize=10)
+            axes.set_xlabel(_heading(x))
+            if draw is _curves:
+                unit = sweep.units[quantity]
+                axes.set_ylabel("" if unit == "1" else f"[{unit}]")
+        for axes in line[len(plot.quantities) :]:
+            axes.remove()
+        fixed = _fixed(sweep, plot, (x, lines))
+        if fixed:
+            line[0].set_title(f"{_words(plot.quantities[0])}\n{fixed}", fontsize=10)
+    figure.suptitle(sweep.title)
+    return figure
+
+
+def _chosen(sweep: SweepResult, plot: SweepPlot) -> tuple[SweepAxis, SweepAxis | None]:
+    """The axis along which, and that of the lines."""
+    named = {axis.name: axis for axis in sweep.axes}
+    free = [axis for axis in sweep.axes if axis.name not in (plot.x, plot.lines, *plot.at)]
+    several = [axis for axis in free if len(axis.labels) > 1]
+    x = (
+        named[plot.x]
+        if plot.x
+        else next((a for a in several if a.values is not None), (several or free or [*sweep.axes])[0])
+    )
+    others = [axis for axis in several if axis is not x]
+    return x, named[plot.lines] if plot.lines else next(iter(others), None)
+
+
+def _section(sweep: SweepResult, plot: SweepPlot, quantity: str, x: SweepAxis, lines: SweepAxis | None) -> Array:
+    """The quantity over x and lines, (m,) or (m, k), the other axes where the plot has them."""
+    values = sweep.last(quantity)
+    for place in reversed(range(len(sweep.axes))):
+        axis = sweep.axes[place]
+        if axis is not x and axis is not lines:
+            values = np.asarray(values.take(_at(plot, axis), axis=place))
+    if lines is not None and sweep.axes.index(lines) < sweep.axes.index(x):
+        values = values.T
+    return values
+
+
+def _at(plot: SweepPlot, axis: SweepAxis) -> int:
+    return axis.labels.index(plot.at[axis.name]) if axis.name in plot.at else 0
+
+
+def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None]) -> str:
+    """Where the other axes stand, in words."""
+    others = (axis for axis in sweep.axes if axis not in shown and len(axis.labels) > 1)
+    return ", ".join(f"{axis.name} = {axis.labels[_at(plot, axis)]}" for axis in others)
+
+
+def _curves(
+    axes: Any, sweep: SweepResult, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array
+) -> None:
+    x, lines = shown
+    places, labelled = _places(x)
+    columns = values[:, None] if lines is None else values
+    for number, column in enumerate(columns.T):
+        style = {"marker": "o", "ms": 3.5, "lw": 1.2, "color": _COLOURS[number % len(_COLOURS)]}
+        order = np.argsort(places)
+        axes.plot(places[order], column[order], label=lines.labels[number] if lines else None, **style)
+    _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
+    if lines is not None:
+        axes.legend(title=lines.name, fontsize=7, title_fontsize=7)
+    axes.grid(alpha=0.3)
+
+
+def _map(
+    axes: Any, sweep: SweepResult, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array
+) -> None:
+    x, y = shown
+    assert y is not None
+    (across, _), (along, _) = _places(x), _places(y)
+    columns, rows = np.argsort(across), np.argsort(along)
+    shown_values = values[np.ix_(columns, rows)].T
+    drawn = axes.pcolormesh(across[columns], along[rows], shown_values, cmap=MAP_COLOURS, shading="nearest")
+    for axis, own in ((x, axes.xaxis), (y, axes.yaxis)):
+        if _places(axis)[1]:
+            _ticks(own, axis)
+    if not _places(x)[1]:
+        axes.set(xscale=plot.scale)
+    axes.set_ylabel(_heading(y))
+    axes.figure.colorbar(drawn, ax=axes)
+
+
+def _places(axis: SweepAxis) -> tuple[Array, bool]:
+    """Where the values of an axis are drawn, and whether their labels have to say what they are."""
+    if axis.values is None or not np.isfinite(axis.values).all():
+        return np.arange(len(axis.labels), dtype=float), True
+    return axis.values, False
+
+
+def _ticks(own: Any, axis: SweepAxis) -> None:
+    own.set_ticks(np.arange(len(axis.labels)), axis.labels)
+
+
+def _heading(axis: SweepAxis) -> str:
+    return f"{axis.name} [{axis.unit}]" if axis.unit and axis.unit != "1" and not _places(axis)[1] else axis.name
+
+
+def _words(name: str) -> str:
+    return name.replace("max_abs_", "largest ").replace("max_", "largest ").replace("_", " ")
+
+
+def sweep_table(sweep: SweepResult) -> RenderableType:
+    """Status and a few numbers of every point, of many the first; what happened to those that did not converge."""
+    table = Table(title=sweep.title, title_justify="left")
+    for axis in sweep.axes:
+        table.add_column(Text(axis.name))
+    table.add_column("status")
+    for name in DEFAULT:
+        unit = sweep.units[name]
+        table.add_column(Text(f"{_words(name)} [{unit}]"), justify="right")
+    shown = {name: sweep.last(name) for name in DEFAULT}
+    for place in list(np.ndindex(sweep.shape))[:_LISTED]:
+        numbers = (f"{shown[name][place]:.6g}" for name in DEFAULT)
+        table.add_row(
+            *map(Text, _labels(sweep, place)), str(sweep.status[place]), *(n if n != "nan" else "-" for n in numbers)
+        )
+    rest = math.prod(sweep.shape) - _LISTED
+    more = [Text(f"and {rest} more")] if rest > 0 else []
+    return Group(table, *more, *(Text(line) for line in failures(sweep)))
+
+
+def failures(sweep: SweepResult) -> Iterator[str]:
+    """Points that did not converge, each with its status and message."""
+    for place in np.ndindex(sweep.shape):
+        if sweep.status[place] != "converged":
+            yield f"{', '.join(_labels(sweep, place))}: {sweep.status[place]}: {sweep.message[place]}"
+
+
+def _labels(sweep: SweepResult, place: tuple[int, ...]) -> list[str]:
+    return [axis.labels[number] for axis, number in zip(sweep.axes, place, strict=True)]

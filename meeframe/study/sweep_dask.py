@@ -1,0 +1,193 @@
+"""Points solved by other processes: local ones, or workers of a Dask cluster. Imported only where they are wanted."""
+
+import logging
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from functools import cache, lru_cache, partial
+from importlib import import_module
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final, final
+from uuid import uuid4
+
+from meeframe.case.cache import cached_body
+from meeframe.case.solve import reduce_body
+from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
+from meeframe.plugin.sources import load_source, source_name
+from meeframe.study.sweep_engine import Pool, grouped
+from meeframe.study.sweep_points import Outcome, Point, PointStatus, solved
+
+try:
+    dask, distributed = import_module("dask"), import_module("distributed")
+    pickling = import_module("distributed.protocol.pickle")
+except ImportError as error:
+    raise CaseError(
+        f"workers and schedulers need Dask ({error}); install the extra: pip install 'meeframe[sweep]'"
+    ) from None
+
+AHEAD: Final = 2
+"""Points handed out for each thread of the cluster."""
+_WAIT: Final = "10s"
+"""For a scheduler to answer."""
+_THREADS: Final = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """An object on its way to another process. plugins: path and content of the local files whose classes it may hold,
+    which that process need not see; data: the object, pickled."""
+
+    plugins: tuple[tuple[str, bytes], ...]
+    data: bytes
+
+    @classmethod
+    def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...]) -> "Sealed":
+        """Of anything that can be pickled; raises as pickle."""
+        return cls(plugins, pickling.dumps(content))
+
+    def open(self) -> Any:
+        """The object."""
+        for path, source in self.plugins:
+            if source_name(Path(path), source) not in sys.modules:
+                load_source(Path(path), source)
+        return pickling.loads(self.data)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A reduced system on its way to those who share it, known by its key. refusal: why there is none, if so."""
+
+    key: str
+    sealed: Sealed | None = field(default=None, compare=False, repr=False)
+    refusal: str = field(default="", compare=False)
+
+
+def reduced(key: str, bodies: Sealed, folder: str) -> Carried:
+    """The reduced system of a sealed formulation and body; from files in `folder` where that can be seen from here."""
+    formulation, body = bodies.open()
+    try:
+        seen = Path(folder).is_dir()
+        system = cached_body(formulation, body, Path(folder), key=key) if seen else reduce_body(formulation, body)
+    except MeeframeError as error:
+        return Carried(key, refusal=str(error))
+    matrix = system.dense()
+    if matrix is not None:  # whatever it was made with stays here
+        parts = system.points, system.frames, system.weights, system.cells, system.offset
+        return Carried(key, Sealed.of(DenseSystem(*parts, matrix, partial(_recovered, bodies)), bodies.plugins))
+    try:
+        return Carried(key, Sealed.of(system, bodies.plugins))
+    except Exception:  # it is made of what cannot be pickled: whoever needs it makes it
+        return Carried(key, bodies)
+
+
+def _recovered(bodies: Sealed, load: Array) -> NodalFields:
+    return reduce_body(*bodies.open()).recover(load)
+
+
+@lru_cache(maxsize=2)
+def _opened(carried: Carried) -> ReducedSystem:
+    """The system, unpacked once in each process."""
+    assert carried.sealed is not None
+    content = carried.sealed.open()
+    return content if isinstance(content, ReducedSystem) else reduce_body(*content)
+
+
+def solved_there(case: Sealed, *systems: Carried) -> Outcome:
+    """The outcome of a sealed case on the systems of its bodies."""
+    refusal = next((carried.refusal for carried in systems if carried.refusal), "")
+    return Outcome(PointStatus.REFUSED, refusal) if refusal else solved(case.open(), map(_opened, systems))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Cluster(Pool):
+    """The workers of a Dask cluster. connect: gives a client, the same each time; address: of its scheduler; plugins:
+    as in Sealed."""
+
+    connect: Callable[[], Any]
+    address: str
+    plugins: tuple[tuple[str, bytes], ...]
+
+    def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
+        """As Pool.solve. What a lost worker had not finished others begin again.
+
+        Raises CaseError if the scheduler does not answer or is lost.
+        """
+        if not points:
+            return
+        progress("workers", 0.0)
+        client = self.connect()
+        waiting = self._submitted(client, points, str(systems))
+        running: dict[Any, Point] = {}
+        finished = distributed.as_completed(loop=client.loop)
+        while True:
+            ahead = AHEAD * max(sum(client.nthreads().values()), 1) - len(running)
+            for future, point in islice(waiting, max(ahead, 0)):
+                running[future] = point
+                finished.add(future)
+            if not running:
+                return
+            future = next(finished)
+            yield running.pop(future), self._outcome(future)
+
+    def _submitted(self, client: Any, points: Sequence[Point], folder: str) -> Iterator[tuple[Any, Point]]:
+        """Points handed out one after the other, group by group, each with its future."""
+        run = uuid4().hex[:8]  # others on the same scheduler have keys of their own
+        submit = partial(client.submit, pure=False)
+        for bodies, group in grouped(points):
+            systems = {
+                key: submit(reduced, key, Sealed.of(body, self.plugins), folder, key=f"reduced-{key[:16]}-{run}")
+                for key, body in bodies
+            }
+            for point in group:
+                case = Sealed.of(point.case, self.plugins)
+                shared = [systems[key] for key, _ in bodies]
+                yield submit(solved_there, case, *shared, key=f"solved-{point.key[:16]}-{run}"), point
+
+    def _outcome(self, future: Any) -> Outcome:
+        if future.status in ("cancelled", "lost"):
+            raise CaseError(f"scheduler {self.address} was lost; allowed: one that runs; the same command then goes on")
+        error = future.exception()
+        if isinstance(error, distributed.KilledWorker):
+            return Outcome(PointStatus.FAILED, f"every worker that tried it died: {error}")
+        outcome: Outcome = future.result()
+        return outcome
+
+
+@contextmanager
+def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Iterator[Cluster]:
+    """Local processes of one thread each, or, at an address, the workers that are there; not before they are needed."""
+    sources = tuple((str(path), path.read_bytes()) for path in plugins)
+    settings = {
+        "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
+        "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
+    }
+    with ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+
+        @cache
+        def connect() -> Any:
+            return stack.enter_context(_client(stack, workers, scheduler))
+
+        yield Cluster(connect, scheduler or "of the local processes", sources)
+
+
+def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
+    """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
+    quiet = logging.CRITICAL  # what users can mend is said by errors
+    if scheduler is None:
+        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": None, "silence_logs": quiet}
+        return distributed.Client(stack.enter_context(distributed.LocalCluster(n_workers=workers, **options)))
+    logging.getLogger("distributed").setLevel(quiet)
+    try:
+        return distributed.Client(scheduler, timeout=_WAIT)
+    except (OSError, ValueError, TypeError) as error:
+        raise CaseError(
+            f"scheduler {scheduler} does not answer ({error}); allowed: the address of a running Dask scheduler, such "
+            "as tcp://host:8786"
+        ) from None

@@ -1,0 +1,116 @@
+"""The engine of sweeps and studies: many cases on shared reduced systems, each solved once and kept at once."""
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+from meeframe.case.cache import bodies_of, cached_body, system_key
+from meeframe.core.body import Body
+from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.formulation import Formulation, Progress, silent
+from meeframe.study.sweep_points import Outcome, Point, PointStatus, read_outcome, solved, write_outcome
+
+Keyed = tuple[tuple[str, tuple[Formulation, Body]], ...]
+"""Bodies of a case, each with the key of its reduced system."""
+
+
+class Pool(ABC):
+    """Where points are solved: here, or by other processes."""
+
+    @abstractmethod
+    def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
+        """Points that have a case, in whatever order they are done; systems: folder of reduced systems, see
+        meeframe.case.cache. Points that share bodies share their reduced systems."""
+
+
+@final
+@dataclass(frozen=True)
+class InProcess(Pool):
+    """One point after the other, in this process with all its threads."""
+
+    def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
+        """As Pool.solve; the progress of reductions is shown."""
+        for bodies, group in grouped(points):
+            try:
+                made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
+            except MeeframeError as error:
+                yield from ((point, Outcome(PointStatus.REFUSED, str(error))) for point in group)
+                continue
+            for point in group:
+                assert point.case is not None
+                yield point, solved(point.case, (made[key] for key, _ in bodies))
+
+
+def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
+    """Points with a case by the bodies that they share, in the order in which these first appear."""
+    groups: dict[tuple[str, ...], tuple[Keyed, list[Point]]] = {}
+    for point in points:
+        if point.case is not None:
+            keyed = tuple((system_key(*body), body) for body in bodies_of(point.case))
+            groups.setdefault(tuple(key for key, _ in keyed), (keyed, []))[1].append(point)
+    return list(groups.values())
+
+
+@contextmanager
+def pool_of(workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = ()) -> Iterator[Pool]:
+    """This process for one worker; else as many local processes of one thread each, or the workers of a Dask cluster.
+
+    workers: None: one for each core; scheduler: address of the cluster's scheduler, in place of local processes;
+    plugins: local files whose classes the cases may hold, which the workers get to know.
+    Raises CaseError if both are given, for fewer than one worker, or without Dask.
+    """
+    if scheduler is not None and workers is not None:
+        raise CaseError(f"workers = {workers} and scheduler = {scheduler}: allowed: one of them")
+    count = cores() if workers is None else workers
+    if count < 1:
+        raise CaseError(f"workers = {count}: allowed: 1 or more")
+    if scheduler is None and count == 1:
+        yield InProcess()
+        return
+    from meeframe.study.sweep_dask import cluster
+
+    with cluster(count, scheduler, plugins) as pool:
+        yield pool
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def solve_points(
+    points: Sequence[Point], pool: Pool, systems: Path, store: Path | None = None, progress: Progress = silent
+) -> Iterator[tuple[str, Outcome]]:
+    """The outcome of each point by its key, as it comes; points of the same key are one.
+
+    systems: folder of reduced systems; store: folder in which each outcome is kept as soon as there is one, under its
+    key, and found again. Progress counts points. Raises ResultError if either cannot be written.
+    """
+    distinct = {point.key: point for point in points}
+    total, done = len(distinct), 0
+    waiting = []
+    for key, point in distinct.items():
+        outcome = _known(point, store)
+        if outcome is None:
+            waiting.append(point)
+            continue
+        done += 1
+        yield key, outcome
+    progress("points", done / max(total, 1))
+    for point, outcome in pool.solve(waiting, systems, progress):
+        if store is not None:
+            write_outcome(store / point.key, outcome)
+        done += 1
+        progress("points", done / total)
+        yield point.key, outcome
+
+
+def _known(point: Point, store: Path | None) -> Outcome | None:
+    """What is known of a point without solving it."""
+    if point.case is None:
+        return Outcome(PointStatus.REFUSED, "; ".join(map(str, point.problems)))
+    return None if store is None else read_outcome(store / point.key)

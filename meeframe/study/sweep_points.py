@@ -1,0 +1,122 @@
+"""Points of a sweep: cases known by their content, what became of each, and the files in which that is kept."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+from meeframe.case.cache import case_key
+from meeframe.case.case import Case
+from meeframe.case.clock import Clock, peak_memory_mb
+from meeframe.case.load import case_from_tables
+from meeframe.case.solve import joined, provenance, solve_steps, zone_of
+from meeframe.core.errors import MeeframeError, ResultError
+from meeframe.core.formulation import ReducedSystem
+from meeframe.core.result import Result, RunStatus
+from meeframe.io.output import replacing
+from meeframe.io.results import create_result, finish_result, read_result
+from meeframe.io.toml import toml_text
+from meeframe.plugin.registry import Registry
+from meeframe.plugin.validation import Problem, TableError
+
+REFUSED_FILE: Final = "refused.json"
+
+
+class PointStatus(StrEnum):
+    """How a point stands.
+
+    REFUSED: its case is none, or a formulation, law or solver does not take it; FAILED: it ran out of memory, or
+    brought down its worker time and again: not kept, so that the next run tries again.
+    """
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not-converged"
+    REFUSED = "refused"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """One case to be solved. label: its name; key: what it is known by; problems: why there is no case, if so."""
+
+    label: str
+    case: Case | None
+    key: str
+    problems: tuple[Problem, ...] = ()
+
+    @classmethod
+    def of(cls, label: str, tables: Mapping[str, Any], folder: Path, registry: Registry | None) -> "Point":
+        """Of the tables of a case file; folder: where relative paths in them start."""
+        text = toml_text(tables)
+        try:
+            case = case_from_tables(tables, registry, folder, text)
+        except TableError as error:
+            return cls(label, None, hashlib.sha256(text.encode()).hexdigest(), error.problems)
+        return cls(label, case, case_key(case))
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of a point. message: why it did not converge; result: None if there is none."""
+
+    status: PointStatus
+    message: str = ""
+    result: Result | None = None
+
+    @classmethod
+    def of(cls, result: Result) -> "Outcome":
+        """Of a result whose load steps have all been tried."""
+        if result.status is RunStatus.CONVERGED:
+            return cls(PointStatus.CONVERGED, "", result)
+        return cls(PointStatus.NOT_CONVERGED, result.steps[-1].message, result)
+
+
+def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
+    """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.case.cache.bodies_of.
+
+    The fields on the whole boundary are not recovered.
+    """
+    clock = Clock()
+    made = iter(systems)
+    try:
+        system = joined(case, lambda *_: next(made))
+        steps = tuple(solve_steps(case, system, clock, boundary=False))
+    except MeeframeError as error:
+        return Outcome(PointStatus.REFUSED, str(error))
+    except MemoryError as error:
+        return Outcome(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")
+    zone, timings = zone_of(system), clock.timings()
+    return Outcome.of(Result(provenance(case), zone, case.n_increments, steps, timings, peak_memory_mb()))
+
+
+def write_outcome(folder: Path, outcome: Outcome) -> None:
+    """Keep the outcome of a point in its folder: whole, or not at all. Raises ResultError."""
+    if outcome.status is PointStatus.FAILED:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"folder {folder} cannot be made: {error.strerror or error}") from None
+    if outcome.result is not None:
+        create_result(folder, outcome.result)
+        finish_result(folder, outcome.result)
+        return
+    with replacing(folder / REFUSED_FILE) as path:
+        path.write_text(json.dumps({"message": outcome.message}) + "\n", encoding="utf-8")
+
+
+def read_outcome(folder: Path) -> Outcome | None:
+    """The outcome that the folder of a point holds, None if it holds none that is whole."""
+    try:
+        result = read_result(folder)
+        return None if result.status is RunStatus.UNFINISHED else Outcome.of(result)
+    except ResultError:
+        pass
+    try:
+        message = json.loads((folder / REFUSED_FILE).read_text(encoding="utf-8"))["message"]
+    except (OSError, ValueError, KeyError):
+        return None
+    return Outcome(PointStatus.REFUSED, message)
