@@ -24,6 +24,8 @@ _REAL[UPPER] = _REAL[UPPER[::-1]] = np.arange(N_SYMMETRIC)
 _IMAGINARY[STRICT] = _IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
 _SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
 """... and the sign of the latter."""
+HALVINGS: Final = 8
+"""Sizes of padded grids are multiples of it, so that there are coarser grids."""
 _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 
@@ -32,11 +34,12 @@ _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 class Convolution:
     """response = symbol * load on a grid of `size` nodes inside a periodic one of `padded` nodes.
 
-    symbol: (25, px, py // 2 + 1) real: the symmetric entries are the real part, the antisymmetric ones the imaginary
-    part of a Hermitian matrix (meeframe_halfspace.response). Padded with zeros to twice its size, the grid stands free.
+    symbol: 25 entries (px, py // 2 + 1), real: the symmetric ones are the real part, the antisymmetric ones the
+    imaginary part of a Hermitian matrix (meeframe_halfspace.response). Padded with zeros to twice its size, the grid
+    stands free.
     """
 
-    symbol: Array
+    symbol: Sequence[Array]
     size: tuple[int, int]
     padded: tuple[int, int]
 
@@ -53,6 +56,8 @@ class Convolution:
         """In k fields alone, (k, nx, ny), to the loads (nx, ny) of some fields; one transform for each of both."""
         (nx, ny), (px, py) = self.size, self.padded
         workers = numba.get_num_threads()
+        if not load:
+            return np.zeros((len(fields), nx, ny))
         spectra = {}
         for field, part in load.items():
             rows = scipy.fft.rfft(part, py, axis=1, workers=workers)
@@ -69,7 +74,7 @@ class Convolution:
         if last and list(spectra) == [field]:
             spectra[field] *= self.symbol[_REAL[field, field]]
             return spectra[field]
-        product = np.zeros(self.symbol.shape[1:], complex)
+        product = np.zeros(next(iter(spectra.values())).shape, complex)
 
         def add(first: int, end: int) -> None:
             rows = slice(first, end)
@@ -83,11 +88,11 @@ class Convolution:
     def own(self) -> Array:
         """Response (25,) of a node to the density around it, entries of the symmetric and the antisymmetric part."""
         px, py = self.padded
-        twice = np.full(self.symbol.shape[2], 2.0)  # waves with their conjugates, but those that are their own
+        twice = np.full(py // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
         twice[0] = 1.0
         if py % 2 == 0:
             twice[-1] = 1.0
-        values: Array = self.symbol.sum(axis=1) @ twice / (px * py)
+        values = np.array([entry.sum(axis=0) @ twice for entry in self.symbol]) / (px * py)
         values[N_SYMMETRIC:] = 0.0  # an odd function at zero
         return values
 
@@ -96,7 +101,7 @@ def free_convolution(table: Array) -> Convolution:
     """Of the response to one cell, (25, nx, 2 ny - 1) as meeframe_halfspace.cells.cell_table gives it."""
     _, nx, wide = table.shape
     ny = (wide + 1) // 2
-    px, py = (scipy.fft.next_fast_len(2 * n - 1, real=True) for n in (nx, ny))
+    px, py = (HALVINGS * scipy.fft.next_fast_len(-(-(2 * n - 1) // HALVINGS), real=True) for n in (nx, ny))
     workers = numba.get_num_threads()
     symbol = np.empty((N_VALUES, px, py // 2 + 1))
     for entry, response in enumerate(table):
@@ -105,7 +110,7 @@ def free_convolution(table: Array) -> Convolution:
         _wrap(kernel, response, 1.0 if symmetric else -1.0)
         spectrum = scipy.fft.rfft2(kernel, overwrite_x=True, workers=workers)
         symbol[entry] = spectrum.real if symmetric else spectrum.imag
-    return Convolution(symbol, (nx, ny), (px, py))
+    return Convolution(tuple(symbol), (nx, ny), (px, py))
 
 
 def _wrap(kernel: Array, response: Array, parity: float) -> None:
@@ -141,7 +146,7 @@ def periodic_convolution(
 
     share_out(fill, nx)
     symbol[:N_SYMMETRIC, 0, 0] = even[0, 0] * mean_length(size, spacing)
-    return Convolution(symbol, size, size)
+    return Convolution(tuple(symbol), size, size)
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:

@@ -1,14 +1,19 @@
 """The reduced system of a half space: a convolution on the grid of the contact zone, without a matrix."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Final, final
 
+import numba
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_convolution, coarse_grid
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.grid import Grid
+from meeframe_halfspace.inverse import apply_waves, wave_inverse
 from meeframe_halfspace.response import entries_to_matrix
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
@@ -32,8 +37,18 @@ class HalfSpaceSystem(ReducedSystem):
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
-        scaled = self.grid.gather(load * self.shares[:, None] * self.factors)
-        response: Array = self.grid.scatter(self.convolution.apply(scaled)) * (self.factors * SIGNS)
+        return self.response(load, range(N_FIELDS))
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """compliance(load) in k fields alone, (n, k) for load (n, 5): one transform for each, and each that is loaded.
+
+        Columns of the load may be stored one after another: it then takes the shortest time.
+        """
+        loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
+        scaled = {field: (load[:, field] * self.shares * self.factors[field])[self.grid.nodes] for field in loaded}
+        chosen = list(fields)
+        response = self.grid.scatter(self.convolution.response(scaled, chosen))
+        response *= (self.factors * SIGNS)[chosen]
         return response
 
     def diagonal_blocks(self) -> Array:
@@ -45,6 +60,42 @@ class HalfSpaceSystem(ReducedSystem):
         """None: see dense_matrix."""
         return None
 
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
+        """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
+        waves = wave_inverse(self.convolution.response, self.grid.size, fields, self.convolution.periodic)
+        factors, signs = self.factors[list(fields)], SIGNS[list(fields)]
+
+        def inverse(displacement: Array) -> Array:
+            scaled = self.grid.gather(displacement / (factors * signs))
+            load: Array = self.grid.scatter(apply_waves(waves, scaled, numba.get_num_threads())) * (1.0 / factors)
+            return load / self.shares[:, None]
+
+        return inverse
+
+    def coarser(self) -> Coarsening | None:
+        """Every second node along both axes; None if the grid is too small for that."""
+        return self._coarser
+
+    @cached_property
+    def _coarser(self) -> Coarsening | None:
+        grid = coarse_grid(self.grid, self.convolution)
+        if grid is None:
+            return None
+        kept = self.grid.nodes[::2, ::2].ravel()
+        system = replace(
+            self,
+            points=self.points[kept],
+            frames=self.frames[kept],
+            weights=4.0 * self.weights[kept],
+            cells=coarse_cells(grid),
+            offset=self.offset[kept],
+            grid=grid,
+            convolution=coarse_convolution(self.convolution),
+            shares=self.shares[kept],
+            own=2.0 * self.own,  # of the same density, twice as wide; roughly so if it is not bilinear
+        )
+        return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
+
     def recover(self, load: Array) -> NodalFields:
         """Fields on the contact zone for a load (n, 5): the half space around it has none on its surface but decays."""
         values = (self.offset + self.apply(load)) * SIGNS
@@ -54,6 +105,12 @@ class HalfSpaceSystem(ReducedSystem):
         turned = extended.copy()
         turned[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
         return turned
+
+
+def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:
+    """Values (n, k) at the nodes of a grid, from (m, k) at those of the coarser one of that size."""
+    coarse = values.T.reshape(-1, *size)
+    return grid.scatter(bilinear(coarse, grid.size, periodic))
 
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
