@@ -3,7 +3,8 @@
     uv run meeframe validate
     uv run python validation/trust.py
 
-`--numbers` names other files: several, of runs with --only, count as one run. `--out` names another page.
+`--numbers` names other files: several, of runs with --only, count as one run. `--out` names another page. Cases that
+were broken off by an interruption are refused, those that were not run are named on the page.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from typing import Any
 
 from meeframe.report.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
 from meeframe.report.validation_table import reason_of, words_of
+from meeframe.study.validate import known_cases
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
@@ -26,7 +28,10 @@ def main() -> None:
     parser.add_argument("--numbers", type=Path, nargs="+", default=default, help="of full runs")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="the page")
     arguments = parser.parse_args()
-    found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
+    try:
+        found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
+    except ValueError as error:
+        parser.error(str(error))
     head = (HERE / "trust_head.md").read_text(encoding="utf-8")
     arguments.out.write_text("\n".join([head, *page(found)]).rstrip() + "\n", encoding="utf-8")
 
@@ -41,6 +46,7 @@ def read(data: dict[str, Any]) -> Validation:
             tuple(_row(check) for check in case["checks"]),
             seconds=case["seconds"],
             error=case["error"],
+            finished=case.get("finished", False),
         )
         for case in data["cases"]
     )
@@ -48,12 +54,19 @@ def read(data: dict[str, Any]) -> Validation:
 
 
 def joined(parts: Sequence[Validation]) -> Validation:
-    """One of several; of a case in more than one of them, the last. Raises ValueError if quick ones are among them."""
+    """One of several, to which all cases of this folder belong; of a case in more than one of them, the last.
+
+    Raises ValueError if quick ones or unfinished cases are among them.
+    """
     if any(part.quick for part in parts):
         raise ValueError("the page is written from full validations, not from quick ones")
     cases = {case.name: case for part in parts for case in part.cases}
     versions = {name: version for part in parts for name, version in part.versions.items()}
-    return Validation(False, versions, tuple(cases[name] for name in sorted(cases)), planned=len(cases))
+    unfinished = sorted(name for name, case in cases.items() if not case.finished)
+    if unfinished:
+        raise ValueError(f"{', '.join(unfinished)}: not run to the end; run again with --only")
+    planned = len(known_cases(HERE).keys() | cases.keys())
+    return Validation(False, versions, tuple(cases[name] for name in sorted(cases)), planned=planned)
 
 
 def _row(check: dict[str, Any]) -> Row:
@@ -68,6 +81,9 @@ def page(found: Validation) -> Iterator[str]:
     """Overview and one section for each case."""
     yield "## The cases\n"
     yield f"{found.headline[0].upper()}{found.headline[1:]}, times on two cores shared with other work.\n"
+    missing = sorted(known_cases(HERE).keys() - {case.name for case in found.cases})
+    if missing:
+        yield f"Not run: {', '.join(missing)}.\n"
     yield "| case | checks | passed | differ, with reason | time [s] |\n| --- | --- | --- | --- | --- |"
     for case in found.cases:
         counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]

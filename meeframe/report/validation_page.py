@@ -63,7 +63,7 @@ def page(validation: Validation, library: str) -> str:
 def _page(validation: Validation, library: str) -> Iterator[str]:
     yield '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>meeframe: validation</title>'
     yield f"<style>{_STYLE}</style>\n<script>{library}</script>\n</head>\n<body>\n<h1>Validation of meeframe</h1>"
-    verdict = Verdict.PASS if validation.passed else Verdict.FAIL
+    verdict = Verdict.FAIL if validation.failed else Verdict.PASS if validation.passed else ""
     yield f'<p class="{verdict}">{escape(validation.headline)}</p>'
     versions = ", ".join(f"{name} {version}" for name, version in validation.versions.items())
     yield f'<p class="source">{escape(versions)}</p>'

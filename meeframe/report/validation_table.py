@@ -102,6 +102,7 @@ def validation_json(validation: Validation) -> str:
                 "title": case.title,
                 "source": case.source,
                 "seconds": round(case.seconds, 3),
+                "finished": case.finished,
                 "error": case.error,
                 "checks": list(_rows(case)),
             }

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Final, get_args
 
-from meeframe.core.errors import CaseError, MeeframeError
+from meeframe.core.errors import CaseError, MeeframeError, ResultError
 from meeframe.core.formulation import Progress, silent
 from meeframe.io.output import check_output, replacing
 from meeframe.plugin import registry as plugins
@@ -80,8 +80,9 @@ def validate(
 ) -> Validation:
     """Run the named cases of a folder, all if none is named; write validation.json and report.html into `out`.
 
-    The numbers are written anew after every check, the report after every case, each whole or as it was before. A case
-    that breaks off is an error in the table, and the others run all the same.
+    What an earlier run left there goes first. The numbers are written anew after every check, the report after every
+    case, each whole or as it was before. A case that breaks off is an error in the table, and the others run all the
+    same. A note on KeyboardInterrupt says what is there.
     Raises CaseError for an unknown name or a folder without cases, ResultError if `out` cannot be written,
     MeeframeError if the library of the report's plots is not installed.
     """
@@ -92,17 +93,38 @@ def validate(
     chosen = [path for name, path in known.items() if not names or name in names]
     library = plot_library()
     check_output(out, overwrite=True)
-    out.mkdir(parents=True, exist_ok=True)
+    _clear(out)
     found = Validation(quick, _versions(), planned=len(chosen))
-    for path in chosen:
-        progress(path.name, 0.0)
-        for case in _reports(path, quick):
-            with replacing(out / NUMBERS_FILE) as file:
-                file.write_text(validation_json(_with(found, case)), encoding="utf-8")
-        found = _with(found, case)
-        with replacing(out / REPORT_FILE) as file:
-            file.write_text(page(found, library), encoding="utf-8")
+    try:
+        for path in chosen:
+            progress(path.name, 0.0)
+            for case in _reports(path, quick):
+                with replacing(out / NUMBERS_FILE) as file:
+                    file.write_text(validation_json(_with(found, case)), encoding="utf-8")
+            found = _with(found, case)
+            with replacing(out / REPORT_FILE) as file:
+                file.write_text(page(found, library), encoding="utf-8")
+    except KeyboardInterrupt as error:
+        error.add_note(_left(found, out))
+        raise
     return found
+
+
+def _clear(out: Path) -> None:
+    """Make the folder, or take the two files of an earlier run out of it. Raises ResultError."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for name in (NUMBERS_FILE, REPORT_FILE):
+            (out / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise ResultError(f"output folder {out} cannot be written: {error.strerror or error}") from None
+
+
+def _left(found: Validation, out: Path) -> str:
+    """What an interruption leaves."""
+    done = f"{len(found.cases)} of {found.planned} cases finished"
+    written = [str(out / name) for name in (NUMBERS_FILE, REPORT_FILE) if (out / name).exists()]
+    return f"{done}; what was found so far is in {' and '.join(written)}" if written else f"{done}; nothing was written"
 
 
 def _with(validation: Validation, case: CaseReport) -> Validation:
@@ -118,6 +140,9 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
         report = replace(report, title=case.title, source=case.source)
         for item in case.items(quick):
             now = time.perf_counter() - begin
+            if not isinstance(item, Item):
+                allowed = ", ".join(kind.__name__ for kind in get_args(Item))
+                raise CaseError(f"{folder / MODULE}: run(quick) yields {item!r}; allowed: {allowed}")
             if isinstance(item, Plot | Map):
                 report = replace(report, figures=(*report.figures, item))
             else:
@@ -125,11 +150,11 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
             yield report
         if not report.rows:
             raise CaseError(f"{folder / MODULE}: run(quick) checks nothing")
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # one broken case is a line of the table: the others tell as much without it
         words = str(error) if isinstance(error, MeeframeError) else traceback.format_exc()
         report = replace(report, error=words or type(error).__name__)
-    yield replace(report, seconds=time.perf_counter() - begin)
+    yield replace(report, seconds=time.perf_counter() - begin, finished=True)
 
 
 def _import(file: Path) -> ModuleType:

@@ -53,6 +53,7 @@ def assert_claims(figure, differing=(), unresolved=()):
         said = {"differs": differing, "not resolved": unresolved}
         expected = [verdict for verdict, named in said.items() if any(words in claim.paper for words in named)]
         assert claim.verdict == (expected or ["holds"])[0], claim
+        assert claim.as_explained or claim.verdict != "differs", claim
 
 
 def test_magnetic_conduction_halves_the_force_and_electric_conduction_leaves_it(figure):
@@ -110,6 +111,16 @@ def test_what_is_not_affected_neither_rises_nor_falls(factor, verdict):
     conducting = panel("(b) EMCI", force=1.0, charge=factor, magnetic_flux=1.0)
     found = claims.claims(figures.Figure("fig-07", "", "", (insulating, conducting), ()))
     assert found[-1].verdict == verdict
+
+
+@pytest.mark.parametrize(("rise", "explained"), [(0.98, True), (1.2, False), (0.8, False)])
+def test_an_explanation_covers_what_it_leads_to_expect_and_no_more(rise, explained):
+    """Fig. 7 at 1e-12 s/m: an independent half space finds +102 % where the paper has +65 %."""
+    quantities = {"max_electric_potential": np.array([1.0, 1.0 + rise]), "max_magnetic_potential": np.array([1.0, 1.3])}
+    panel = figures.Panel("1e-12 s/m", ("0", "0.9"), np.array([0.0, 0.9]), quantities, np.array([]), np.array([]))
+    (claim,) = claims.claims(figures.Figure("fig-07-scales", "", "", (panel,), ()))
+    assert claim.verdict == "differs"
+    assert claim.as_explained is explained
 
 
 @pytest.mark.parametrize("name", ["orthotropic-mee", "batio3-cofe2o4"])

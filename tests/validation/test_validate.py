@@ -1,11 +1,15 @@
 """`meeframe validate`: verdicts, what is written and when, broken cases, and the report in a browser."""
 
+import importlib.util
 import io
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
+from dataclasses import replace
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -20,6 +24,11 @@ from meeframe.report.validation import CaseReport, Row, Validation
 from meeframe.report.validation_page import page
 from meeframe.report.validation_table import validation_json, validation_table
 from meeframe.study.validate import Check, Claim, Curve, Map, Plot, Skip, Verdict, validate
+
+FOLDER = Path(__file__).parents[2] / "validation"
+_spec = importlib.util.spec_from_file_location("trust", FOLDER / "trust.py")
+trust = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(trust)
 
 CHECKS = """
 from meeframe.study.validate import Check, Claim, Curve, Map, Plot, Skip
@@ -60,31 +69,81 @@ def command(*arguments):
         (Check("", 0.989, 1.0, 0.01), "fail"),
         (Check("", -1.0, 1.0, 0.01), "fail"),
         (Check("", np.nan, 1.0, 0.01), "fail"),
-        (Check("", np.nan, 1.0, 0.01, explained="known"), "fail"),
+        (Check("", np.nan, 1.0, 0.01, explained="known", explained_up_to=0.5), "fail"),
         (Check("", 3.0, 2.0, 1.5, absolute=True), "pass"),
         (Check("", 3.6, 2.0, 1.5, absolute=True), "fail"),
-        (Check("", 1.5, 1.0, 0.01, explained="known"), "differs"),
-        (Check("", 1.0, 1.0, 0.01, explained="known"), "pass"),
+        (Check("", 1.4, 1.0, 0.01, explained="known", explained_up_to=0.5), "differs"),
+        (Check("", 1.6, 1.0, 0.01, explained="known", explained_up_to=0.5), "fail"),
+        (Check("", 0.4, 1.0, 0.01, explained="known", explained_up_to=0.5), "fail"),
+        (Check("", 1.0, 1.0, 0.01, explained="known", explained_up_to=0.5), "pass"),
+        (Check("", 3.0, 1.0, 0.1, absolute=True, explained="known", explained_up_to=2.5), "differs"),
         (Claim("", "", "", True), "pass"),
         (Claim("", "", "", False), "fail"),
-        (Claim("", "", "", False, "known"), "differs"),
+        (Claim("", "", "", False, "known"), "fail"),
+        (Claim("", "", "", False, "known", as_explained=True), "differs"),
+        (Claim("", "", "", False, "", as_explained=True), "fail"),
         (Claim("", "", "", None), "not resolved"),
         (Skip("", "not there"), "skipped"),
     ],
 )
 def test_verdicts(found, verdict):
     assert found.verdict == verdict
-    case = CaseReport("case", "Case", "Source", (Row(found, 0.1),))
+    case = CaseReport("case", "Case", "Source", (Row(found, 0.1),), finished=True)
     assert Validation(True, {}, (case,), planned=1).passed is (verdict != "fail")
+    assert not Validation(True, {}, (case,), planned=2).passed
+    assert not Validation(True, {}, (replace(case, finished=False),), planned=1).passed
 
 
 @pytest.mark.parametrize(
     ("numbers", "words"),
-    [((1.0, 0.0, 0.1), "absolute = True"), ((1.0, np.nan, 0.1), "finite"), ((1.0, 1.0, -0.1), "tolerance >= 0")],
+    [
+        ((1.0, 0.0, 0.1), "absolute = True"),
+        ((1.0, np.nan, 0.1), "finite"),
+        ((1.0, 1.0, -0.1), "tolerance >= 0"),
+        ((None, 1.0, 0.1), "computed = None; allowed: a real number"),
+        ((1.0 + 1.0j, 1.0, 0.1), r"computed = \(1\+1j\); allowed: a real number"),
+        ((np.ones(2), 1.0, 0.1), r"computed = array\(\[1., 1.\]\); allowed: a real number"),
+        ((1.0, "1", 0.1), "reference = '1'; allowed: a real number"),
+    ],
 )
 def test_what_cannot_be_compared_is_refused(numbers, words):
-    with pytest.raises(CaseError, match=words):
+    with pytest.raises(CaseError, match=f"check 'name': .*{words}"):
         Check("name", *numbers)
+
+
+@pytest.mark.parametrize("bound", [0.0, 0.1, np.inf, np.nan])
+def test_an_explanation_has_a_bound(bound):
+    with pytest.raises(CaseError, match=r"explained_up_to = .* finite numbers above the tolerance 0.1"):
+        Check("name", 1.0, 1.0, 0.1, explained="known", explained_up_to=bound)
+    with pytest.raises(CaseError, match="explained = 3; allowed: a text"):
+        Check("name", 1.0, 1.0, 0.1, explained=3)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Claim("c", "f", "j", 1.0), "claim 'c': holds = 1.0; allowed: True, False or None"),
+        (lambda: Claim("c", 3, "j", True), "claim 'c': found = 3; allowed: a text"),
+        (lambda: Skip("s", None), "reason = None; allowed: a text"),
+        (lambda: Curve("c", np.ones(3), np.ones(4)), r"curve 'c': y is float64 \(4,\); allowed: real numbers \(3,\)"),
+        (lambda: Curve("c", np.ones((2, 2)), np.ones(4)), r"x is float64 \(2, 2\); allowed: real numbers \(4,\)"),
+        (lambda: Curve("c", [], []), "at least one"),
+        (lambda: Curve("c", [1.0], [1.0j]), "y is complex128"),
+        (lambda: Curve("c", [1.0], [None]), "y is object"),
+        (lambda: Plot("p", "x", "y", ()), "plot 'p': curves = .*at least one Curve"),
+        (lambda: Plot("p", "x", "y", ("line",)), "plot 'p': curves = .*at least one Curve"),
+        (
+            lambda: Map("m", "x", "y", "u", [0, 1], [0, 1, 2], {"f": np.ones((2, 3))}),
+            r"field 'f' is .*\(2, 3\).*\(3, 2\)",
+        ),
+        (lambda: Map("m", "x", "y", "u", [0, 1], [0], {"f": [[np.nan, np.nan]]}), "map 'm': no finite value"),
+        (lambda: Map("m", "x", "y", "u", [0, 1], [0], {}), "map 'm': no finite value"),
+        (lambda: Map("m", "x", "y", "u", [0, 1], [0, 1], {"f": [[1, 2], [3]]}), r"is object \(2,\)"),
+    ],
+)
+def test_items_of_other_kinds_or_shapes_are_refused(make, words):
+    with pytest.raises(CaseError, match=words):
+        make()
 
 
 def test_passing_case_and_what_it_writes(tmp_path):
@@ -113,6 +172,9 @@ def test_one_failing_check_is_status_1_and_the_others_run(tmp_path):
     assert "1 of 1 cases" in out
 
 
+NAMES = "from meeframe.study.validate import Check, Curve\nTITLE = SOURCE = 'x'\n"
+
+
 @pytest.mark.parametrize(
     ("source", "words"),
     [
@@ -120,6 +182,13 @@ def test_one_failing_check_is_status_1_and_the_others_run(tmp_path):
         ("TITLE = 'x'", "SOURCE is missing"),
         ("TITLE = SOURCE = 'x'\ndef run(quick):\n    yield from ()", "checks nothing"),
         ("def", "SyntaxError"),
+        ("import sys\nsys.exit(0)", "SystemExit"),
+        (f"{NAMES}def run(quick):\n    import sys\n    sys.exit(0)\n    yield", "SystemExit"),
+        (f"{NAMES}def run(quick):\n    yield 'what'", "yields 'what'; allowed: Check, Claim, Skip, Plot, Map"),
+        (f"{NAMES}def run(quick):\n    yield None", "yields None"),
+        (f"{NAMES}def run(quick):\n    return 3", "not iterable"),
+        (f"{NAMES}def run(quick):\n    yield Check('c', None, 1.0, 0.1)", "computed = None"),
+        (f"{NAMES}def run(quick):\n    yield Curve('c', [1, 2, 3], [1, 2, 3, 4])", "curve 'c': y is"),
     ],
 )
 def test_a_broken_case_is_an_error_and_the_others_run(tmp_path, source, words):
@@ -132,16 +201,46 @@ def test_a_broken_case_is_an_error_and_the_others_run(tmp_path, source, words):
     broken, whole = json.loads((tmp_path / "out" / "validation.json").read_text())["cases"]
     assert words in broken["error"]
     assert whole["checks"][0]["verdict"] == "pass"
-    assert words in (tmp_path / "out" / "report.html").read_text()
+    assert escape(words) in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_what_was_done_before_an_interruption_is_there(tmp_path):
-    cases = make_case(tmp_path / "cases", more="raise KeyboardInterrupt")
-    status, _, _ = command("--validation", cases, "--out", tmp_path / "out")
+    cases, out = make_case(tmp_path / "cases", more="raise KeyboardInterrupt"), tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").write_text("of an earlier run")
+    status, _, err = command("--validation", cases, "--out", out)
     assert status == 130
-    data = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert f"0 of 1 cases finished; what was found so far is in {out / 'validation.json'}" in err
+    data = json.loads((out / "validation.json").read_text())
     assert [check["name"] for check in data["cases"][0]["checks"]] == ["first"]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["validation.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["validation.json"]
+
+
+KILLED = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+
+
+def test_what_a_kill_leaves_has_not_passed(tmp_path):
+    cases, out = make_case(tmp_path / "cases", "a"), tmp_path / "out"
+    make_case(cases, "b", more=KILLED)
+    words = [sys.executable, "-m", "meeframe", "validate", "--validation", str(cases), "--out", str(out)]
+    assert subprocess.run(words, capture_output=True, check=False).returncode == -signal.SIGKILL
+    data = json.loads((out / "validation.json").read_text())
+    assert data["passed"] is False
+    assert [(case["name"], case["finished"]) for case in data["cases"]] == [("a", True), ("b", False)]
+    assert "full validation, 1 of 2 cases: 1 pass, 0 fail" in (out / "report.html").read_text()
+    with pytest.raises(ValueError, match="b: not run to the end"):
+        trust.joined([trust.read(data)])
+
+
+def test_the_page_names_what_was_not_run(tmp_path):
+    cases = make_case(tmp_path / "cases", "hertz")
+    assert command("--validation", cases, "--out", tmp_path / "out")[0] == 0
+    found = trust.joined([trust.read(json.loads((tmp_path / "out" / "validation.json").read_text()))])
+    assert not found.passed
+    head = "\n".join(trust.page(found)).partition("|")[0]
+    assert f"Full validation, 1 of {len(trust.known_cases(FOLDER))} cases" in head
+    assert "Not run: cone, " in head
+    assert " hertz" not in head.partition("Not run")[2]
 
 
 def test_the_example_of_the_page_is_a_case(tmp_path):
@@ -188,8 +287,13 @@ def report():
     """A validation with everything that can be in one."""
     plot = Plot("a plot </script>", "x", "y", (Curve("c", np.array([1.0, 2.0]), np.array([np.nan, 1.0]), True),))
     field = Map("m", "x", "y", "u", np.arange(2.0), np.arange(3.0), {"f": np.ones((3, 2)), "g": np.zeros((3, 2))})
-    rows = [Check("c & d", np.nan, 1.0, 0.1), Claim("says", "found", "judged", False, "known reason"), Skip("s", "why")]
-    case = CaseReport("name", "Title <1>", "Source", tuple(Row(r, 0.1) for r in rows), (plot, field), 1.0)
+    rows = [
+        Check("c & d", np.nan, 1.0, 0.1),
+        Claim("says", "found", "judged", False, "known reason", True),
+        Skip("s", "why"),
+    ]
+    rows = tuple(Row(row, 0.1) for row in rows)
+    case = CaseReport("name", "Title <1>", "Source", rows, (plot, field), 1.0, finished=True)
     return Validation(False, {"meeframe": "0"}, (case,), planned=2)
 
 

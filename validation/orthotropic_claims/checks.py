@@ -24,14 +24,6 @@ SOURCE = (
 STUDIES = Path(__file__).parents[1]
 QUICK = ("fig-05", "fig-07", "fig-09")
 COARSER = (("divisions = 16", "divisions = 12"), ("rings = 7", "rings = 4"))
-EXPLAINED = {
-    ("fig-06", "all variables"): "the electric potential hardly depends on the magnetic conductivity",
-    ("fig-07-scales", "1e-12"): "the paper's 65 % belongs to a scale of 5e-9 to 8e-9 s/m",
-    ("fig-07-scales", "1e-9"): "the paper's 65 % belongs to a scale of 5e-9 to 8e-9 s/m",
-    ("fig-1", "moves in the direction of the load"): "a tangential traction lowers the surface ahead of it, as "
-    "Cerruti's solution does, so that potentials move back with the contact",
-}
-"""Why a claim of the paper does not hold, by figure and words of the claim."""
 
 
 def run(quick: bool) -> Iterator[Item]:
@@ -63,9 +55,5 @@ def _coarser(file: Path, folder: Path) -> Path:
 
 def _claim(judged: Judged) -> Claim:
     holds = None if judged.verdict is Verdict.NOT_RESOLVED else judged.verdict is Verdict.HOLDS
-    reasons = (
-        text
-        for (figure, words), text in EXPLAINED.items()
-        if judged.figure.startswith(figure) and words in judged.paper
-    )
-    return Claim(f"{judged.figure}: {judged.paper}", judged.found, judged.judged, holds, next(reasons, ""))
+    words = f"{judged.figure}: {judged.paper}"
+    return Claim(words, judged.found, judged.judged, holds, judged.explained, judged.as_explained)

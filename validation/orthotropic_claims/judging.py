@@ -23,24 +23,37 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """paper: what it says; found: our numbers; judged: what decides."""
+    """paper: what it says; found: our numbers; judged: what decides; explained: why it is known not to hold, if it is;
+    as_explained: whether the numbers are what this leads to expect."""
 
     figure: str
     paper: str
     found: str
     judged: str
     verdict: Verdict
+    explained: str = ""
+    as_explained: bool = False
 
 
-Found = Iterator[tuple[str, str, str, bool | np.bool_ | Verdict]]
-"""Of each claim what the paper says, the numbers, what decides, and whether it holds or the verdict."""
+Judged = bool | np.bool_ | Verdict
+Found = Iterator[tuple[str, str, str, Judged] | tuple[str, str, str, Judged, str, bool | np.bool_]]
+"""Of each claim what the paper says, the numbers, what decides, and whether it holds or the verdict; of one that is
+known not to hold also why, and whether the numbers are what this leads to expect."""
 
 
-def claim(figure: str, paper: str, found: str, judged: str, verdict: bool | np.bool_ | Verdict) -> Claim:
+def claim(
+    figure: str,
+    paper: str,
+    found: str,
+    judged: str,
+    verdict: Judged,
+    explained: str = "",
+    as_explained: bool | np.bool_ = False,
+) -> Claim:
     """What a judge yields as a claim."""
     if not isinstance(verdict, Verdict):
         verdict = Verdict.HOLDS if verdict else Verdict.DIFFERS
-    return Claim(figure, paper, found, judged, verdict)
+    return Claim(figure, paper, found, judged, verdict, explained, bool(as_explained))
 
 
 def percent(value: float) -> str:

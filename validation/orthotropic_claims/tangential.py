@@ -8,6 +8,11 @@ from judging import CLEARLY, Found, Verdict, size
 
 MOVED = 0.05
 """Least motion that counts [mm], a sixth of an element."""
+CERRUTI = (
+    "a tangential traction lowers the surface ahead of it, as Cerruti's solution does, so that potentials move back "
+    "with the contact"
+)
+"""Why potentials move against the load."""
 LOADS = ("0", "0.25", "0.5", "0.75", "0.9", "full slip")
 
 
@@ -49,6 +54,8 @@ def _largest(panel: Panel) -> Found:
             _places(places),
             f"by more than {MOVED:g} mm towards +x at full slip",
             places[-1] > places[0] + MOVED,
+            CERRUTI,
+            places[-1] < places[0] - MOVED,
         )
         yield (
             f"{panel.title}: the largest {words} decreases until full slip",
