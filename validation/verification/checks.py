@@ -36,6 +36,7 @@ COUPLED = (
     "Table 3 couples so strongly (largest q^2 over c mu: 14) that linear finite elements are 8 % off on the finest "
     "mesh: a limit extrapolated over so far is known to half a per cent only"
 )
+COUPLED_UP_TO = 0.005
 NODAL = (
     "a maximum or an area over nodes scatters with where they lie, and estimates from three meshes may miss it by "
     "a little"
@@ -55,8 +56,8 @@ SECTIONS = (
     Section("7.1, EMII", "transversely_isotropic_indentation/emii.toml"),
     Section("7.1, EMCI", "transversely_isotropic_indentation/emci.toml"),
     Section("7.2, EMII", "orthotropic_indentation/emii.toml", COUPLED),
-    Section("7.3, EMII, friction 0.3", "orthotropic_friction/emii.toml", COUPLED),
-    Section("7.4, EMII, sliding", "orthotropic_tangential/emii.toml", COUPLED),
+    Section("7.3, EMII, friction 0.3", "orthotropic_friction/emii.toml"),
+    Section("7.4, EMII, sliding", "orthotropic_tangential/emii.toml"),
 )
 CHANGES = (
     ("divisions = 16\nrings = 7\nlayers = 2\n", "divisions = {divisions}\nrings = {around}\nlayers = {around}\n"),
@@ -137,8 +138,8 @@ def extrapolated(name: str, found: Verification, explained: str = "") -> Iterato
             one,
             EXTRAPOLATED,
             unit_of(pair.first.quantity),
-            False,
-            explained,
+            explained=explained,
+            explained_up_to=COUPLED_UP_TO,
         )
 
 
@@ -150,7 +151,8 @@ def judged(name: str, found: Verification) -> Iterator[Item]:
         quantity = f"{name}: {pair.first.quantity.replace('_', ' ')}"
         words = f"{quantity}: methods agree within their own errors"
         why = NODAL if pair.first.quantity.startswith(COUNTED) else ""
-        yield Claim(words, _share(pair), "difference no more than allowed", _holds(pair), why)
+        a_little = abs(pair.difference) <= 2.0 * pair.allowed
+        yield Claim(words, _share(pair), "difference no more than allowed", _holds(pair), why, a_little)
         if pair.first.quantity in RESULTANTS:
             yield _convergence(quantity, (pair.first, pair.second))
 
