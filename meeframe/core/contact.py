@@ -64,7 +64,8 @@ class ContactProblem:
     gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where
     there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
     potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter; freedoms: motions and potentials of the
-    indenter, on top of those, that follow from prescribed resultants.
+    indenter, on top of those, that follow from prescribed resultants; covered: (n,) the part of each node's area that
+    is in contact where its edge is resolved between the nodes (Edges), None where it is resolved to nodes.
     Raises CaseError if an array has the wrong shape or a value that is not allowed.
     """
 
@@ -76,9 +77,13 @@ class ContactProblem:
     translation: Array
     potentials: Array
     freedoms: tuple[Freedom, ...] = ()
+    covered: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.system.points)
+        covered = np.zeros(n) if self.covered is None else self.covered
+        if np.shape(covered) != (n,) or not ((covered >= 0.0) & (covered <= 1.0)).all():
+            raise CaseError(f"covered parts of the {n} nodes of the contact problem; allowed: (n,) from 0 to 1")
         for freedom in self.freedoms:
             if len(freedom.mode) != n:
                 raise CaseError(f"a freedom of the contact problem has {len(freedom.mode)} nodes; {n} are needed")
@@ -100,13 +105,15 @@ class Iterate:
     load: (n, 5) as in ReducedSystem; closed: (n,) in [0, 1], the fraction of a closed contact's conductivity that is in
     force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze (see ContactState);
     memory: whatever the solver that made it wants to find again at its next step; nobody else reads it; motion: (m,)
-    of the problem's freedoms.
+    of the problem's freedoms; estimate: the solver's own guess of the residual, None without one: the driver, who
+    judges by himself, looks less often before it is small.
     """
 
     load: Array
     closed: Array
     memory: object = None
     motion: Array = field(default_factory=lambda: AT_REST)
+    estimate: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,47 +1,70 @@
 """Projected conjugate gradients for frictionless contact, the potentials eliminated at contact size."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw, attracts
-from meeframe.solvers.conduction import Mask
-from meeframe.solvers.elimination import Conductors
+from meeframe.core.mesh import Indices
+from meeframe.solvers.driver import Limits, solve
 from meeframe.solvers.free_motion import start_motion
-from meeframe.solvers.gradient import Conduction, Ground, start_load
+from meeframe.solvers.gradient import start_load
+from meeframe.solvers.nested import nested_start
 from meeframe.solvers.normal_modes import NormalModes
+from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, NormalResponse, load_of, normal_response
+from meeframe.solvers.scales import problem_scales
 
 REFRESH: Final = 0.1
 """The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
 RENEWAL: Final = 50
 """And after so many steps in any case; the gap is then computed anew, free of accumulated round-off."""
+COARSE: Final = Limits(tolerance=1e-3, max_iterations=200)
+"""Of the coarser problem from which to start: the two differ by more."""
+OUTDATED: Final = 0.02
+"""The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
+
+Inverse = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class _Guides:
+    """Directions (k, n) along which the resultants are taken out: preconditioned modes; made: (n,) of these nodes."""
+
+    along: Array
+    made: Array
+
+    def fit(self, free: Indices) -> bool:
+        """Whether they were made for nodes that are nearly these, (f,)."""
+        common = int(self.made[free].sum())
+        return max(len(free), int(self.made.sum())) - common <= OUTDATED * len(free)
 
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
     """What the iteration remembers.
 
-    ground, modes, conduction: see there; conductors: in force, held while the iteration minimises; weight: (n,) of the
-    inner product; gap: (n,) normal gap, flux: (n, 2) and motion: (m,) at the iterate, the indenter at rest; direction,
-    residual: (n,) of the last step; free: (n,) nodes that it moved; start: violation when the conduction was brought up
-    to date; age: steps since.
+    response, modes: see there; inverse: of the normal compliance, roughly, (n,) from (n,), if there is one; weight:
+    (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; direction, residual: (n,)
+    of the last step, product: of its preconditioned residual with the residual; free: (f,) nodes that it moved; guides:
+    see there; start: violation when the conduction was brought up to date; age: steps since.
     """
 
-    ground: Ground
+    response: NormalResponse
     modes: NormalModes
-    conduction: Conduction
-    conductors: Conductors
+    inverse: Inverse | None
     weight: Array
-    gap: Array
-    flux: Array
-    motion: Array
+    pressure: Array
+    effect: Effect
     direction: Array
     residual: Array
-    free: Mask
+    product: float
+    free: Indices
+    guides: _Guides | None
     start: float
     age: int = 0
 
@@ -52,9 +75,12 @@ class ProjectedCG(Solver):
     """Conjugate gradients on the pressure with exact line search, projected on compression; frictionless contact only.
 
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
-    nodes that lose their pressure leave, nodes that overlap come in and restart the conjugation. Inner products are
-    weighted by the nodes' areas, in which a compliance by reciprocity is symmetric; it need not be exactly so, as the
-    directions are those of Polak and Ribiere. When the violation has fallen to a tenth the conduction follows.
+    nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
+    in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
+    and Ribiere. When the violation has fallen to a tenth the conduction follows.
+
+    If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
+    hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.
 
     Where resultants of the pressure are prescribed, directions have none, the motions of the indenter take the mean out
     of the gaps, and where pressure was lost the nearest balanced one is found.
@@ -65,85 +91,122 @@ class ProjectedCG(Solver):
     stride: ClassVar[int] = 5
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        """The converged state of the previous load step, or no load at all.
+        """The converged state of the previous load step, or what a coarser division gives, or no load at all.
 
         Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of.
         """
-        ground, modes = Ground.of(problem), NormalModes.of(problem)
-        _check(problem.contact_law, ground.scales.pressure)
+        modes, scales = NormalModes.of(problem), problem_scales(problem)
+        _check(problem.contact_law, scales.pressure)
+        start = start or nested_start(problem, self._coarse_solution)
         n = len(problem.gap)
-        load, conduction = start_load(start, n), Conduction.of(start, n)
-        motion = start_motion(problem, start)
-        conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
-        slope = ground.slope(load[:, :3], conductors, load[:, 3:], motion)
+        load, motion = start_load(start, n), start_motion(problem, start)
+        response = normal_response(problem, scales, start, load, motion)
+        pressure, flux = -load[:, NORMAL], load[:, NORMAL + 1 :]
         if modes.numbers.size:
-            # the tractions of one step bear the resultants; from there on every direction keeps them
-            r = 1.0 / ground.scales.normal_compliance
-            step = ground.projected(load[:, :3], slope, (r, r))
-            slope = ground.slope(step.traction, conductors, slope.flux, step.slope.motion)
-            load = np.concatenate([step.traction, slope.flux], axis=1)
+            # pressures that bear the resultants: from here on every direction keeps them
+            free = np.flatnonzero(pressure > 0.0)
+            trial = pressure
+            if not free.size:
+                free = np.flatnonzero(np.isfinite(problem.gap))
+                trial = pressure - response.at(pressure, flux, motion).gap / scales.normal_compliance
+            pressure = _spread(modes.balanced(trial[free], free), free, n)
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
-        still = np.zeros(n)
-        gap, motion = modes.rested(-load[:, 2], slope.gap[:, 2], slope.motion)
-        mechanics = (ground, modes, conduction, conductors, weight)
-        memory = _Memory(*mechanics, gap, slope.flux, motion, still, still, np.zeros(n, bool), np.inf)
-        return Iterate(load, conduction.closed, memory, motion)
+        still, nodes = np.zeros(n), np.zeros(0, np.int64)
+        effect = _rested(modes, pressure, response.at(pressure, flux, motion))
+        mechanics = (response, modes, _normal_inverse(problem), weight)
+        return _iterate(_Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, None, np.inf))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One step along a conjugate direction; before it, if it is time, the conduction is brought up to date."""
+        """One step along a conjugate direction; the conduction is brought up to date if it is time."""
         memory = _memory(iterate)
-        pressure = -iterate.load[:, 2]
-        free = (pressure > 0.0) | (memory.gap < 0.0)
-        residual = np.where(free, memory.gap, 0.0)
-        memory = self._conjugate(memory, residual, free)
-        response = _response(memory, memory.direction)
+        free = np.flatnonzero((memory.pressure > 0.0) | (memory.effect.gap < 0.0))
+        memory = _conjugate(memory, free)
+        direction = memory.direction[free]
+        effect = memory.response.change(memory.direction)
         # the indenter follows, so that only what it cannot follow resists
-        curvature = float(memory.weight @ (memory.direction * memory.modes.without(response.gap, free)))
+        weighted = memory.weight[free] * direction
+        curvature = float(weighted @ memory.modes.without(effect.gap[free], free))
         if curvature <= 0.0:
-            return self._refreshed(memory, pressure)
-        length = float(memory.weight @ (residual * memory.direction)) / curvature
-        moved = pressure - length * memory.direction
+            return _iterate(_refreshed(memory))
+        length = float(weighted @ memory.residual[free]) / curvature
+        moved = memory.pressure[free] - length * direction
         memory = replace(memory, age=memory.age + 1)
         if (moved >= 0.0).all():
-            change = (length * response.gap, length * response.flux, length * response.motion)
-            memory = _placed(memory, moved, memory.gap - change[0], memory.flux - change[1], memory.motion - change[2])
+            here, parts = memory.effect, ("gap", "flux", "motion")
+            there = Effect(*(getattr(here, part) - length * getattr(effect, part) for part in parts))
+            memory = _placed(memory, _spread(moved, free, len(memory.pressure)), there)
         else:
             moved = memory.modes.balanced(moved, free)
-            memory = _renewed(memory, moved)
-        violation = _violation(memory, moved)
-        if violation <= REFRESH * memory.start or memory.age >= RENEWAL:
-            return self._refreshed(memory, moved)
-        return _iterate(memory, moved)
+            memory = _renewed(memory, _spread(moved, free, len(memory.pressure)))
+        due = isinstance(memory.response, Conducting) and _violation(memory) <= REFRESH * memory.start
+        return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
-    def _conjugate(self, memory: _Memory, residual: Array, free: Mask) -> _Memory:
-        """Memory with the next direction: steepest descent if nodes came in, else that of Polak and Ribiere."""
-        norm = float(memory.weight @ memory.residual**2)
-        share = 0.0
-        if norm > 0.0 and not (free & ~memory.free).any():
-            share = max(float(memory.weight @ (residual * (residual - memory.residual))) / norm, 0.0)
-        direction = memory.modes.without(residual + share * memory.direction, free)
-        if float(memory.weight @ (direction * residual)) <= 0.0:
-            direction = memory.modes.without(residual, free)
-        return replace(memory, direction=direction, residual=residual, free=free)
+    def _coarse_solution(self, problem: ContactProblem) -> ContactState | None:
+        found = solve(problem, self, COARSE)
+        return found.state if found.status is Status.CONVERGED else None
 
-    def _refreshed(self, memory: _Memory, pressure: Array) -> Iterate:
-        """Iterate at a pressure (n,), balanced anew, with the conduction that belongs to it."""
-        ground = memory.ground
-        if memory.modes.numbers.size:
-            pressure = memory.modes.balanced(pressure, pressure > 0.0)
-        r = 1.0 / ground.scales.normal_compliance
-        trial = -pressure + r * memory.gap
-        touched = np.where(memory.conduction.closed > 0.0, -1.0, 0.0)
-        conduction = memory.conduction.next(touched, -pressure, trial, ground.scales)
-        load = np.concatenate([_traction(pressure), memory.flux], axis=1)
-        iterate = Iterate(load, conduction.closed, motion=memory.motion)
-        conduction, conductors = ground.conductors(iterate, conduction, memory.conductors)
-        same = conductors is memory.conductors
-        memory = _renewed(replace(memory, conduction=conduction, conductors=conductors, age=0), pressure)
-        if not same:
-            memory = replace(memory, residual=np.zeros_like(pressure), direction=np.zeros_like(pressure))
-        return _iterate(replace(memory, start=_violation(memory, pressure)), pressure)
+
+def _normal_inverse(problem: ContactProblem) -> Inverse | None:
+    """Pressures (n,) that roughly cause openings (n,) of the gap."""
+    inverse = problem.system.approximate_inverse((NORMAL,))
+    return None if inverse is None else lambda opening: inverse(opening[:, None])[:, 0]
+
+
+def _conjugate(memory: _Memory, free: Indices) -> _Memory:
+    """Memory with the next direction on the free nodes (f,): that of Polak and Ribiere, or steepest descent.
+
+    Without a preconditioner nodes that come in restart the conjugation.
+    """
+    residual, weight = memory.effect.gap[free], memory.weight[free]
+    guides = memory.guides
+    if memory.inverse is None:
+        steepest = memory.modes.without(residual, free)
+        fresh = np.setdiff1d(free, memory.free, assume_unique=True).size > 0
+    else:
+        fresh = False
+        if memory.modes.numbers.size and (guides is None or not guides.fit(free)):
+            guides = _guides(memory, memory.inverse, free)
+        preconditioned = memory.inverse(_spread(residual, free, len(memory.pressure)))[free]
+        steepest = memory.modes.without(preconditioned, free, None if guides is None else guides.along[:, free])
+    change = residual - memory.residual[free]
+    share = 0.0 if fresh or memory.product <= 0.0 else max(float((weight * steepest) @ change) / memory.product, 0.0)
+    direction = memory.modes.without(steepest + share * memory.direction[free], free)
+    if float((weight * direction) @ residual) <= 0.0:
+        direction = memory.modes.without(residual, free)
+    n = len(memory.pressure)
+    return replace(
+        memory,
+        direction=_spread(direction, free, n),
+        residual=_spread(residual, free, n),
+        product=float((weight * steepest) @ residual),
+        free=free,
+        guides=guides,
+    )
+
+
+def _guides(memory: _Memory, inverse: Inverse, free: Indices) -> _Guides:
+    """Preconditioned modes on the free nodes (f,)."""
+    n = len(memory.pressure)
+    made = np.zeros(n, bool)
+    made[free] = True
+    return _Guides(np.stack([inverse(np.where(made, mode, 0.0)) for mode in memory.modes.mode]), made)
+
+
+def _refreshed(memory: _Memory) -> _Memory:
+    """Memory at its pressure, balanced anew, with the conduction that belongs to it."""
+    pressure, n = memory.pressure, len(memory.pressure)
+    if memory.modes.numbers.size:
+        free = np.flatnonzero(pressure > 0.0)
+        pressure = _spread(memory.modes.balanced(pressure[free], free), free, n)
+    response = memory.response.updated(pressure, memory.effect)
+    kept = response is memory.response or (
+        isinstance(response, Conducting) and response.same_conductors(memory.response)
+    )
+    memory = _renewed(replace(memory, response=response, age=0), pressure)
+    if not kept:
+        memory = replace(memory, residual=np.zeros(n), direction=np.zeros(n), product=0.0)
+    return replace(memory, start=_violation(memory))
 
 
 def _check(law: ContactLaw, pressure: float) -> None:
@@ -166,47 +229,41 @@ def _memory(iterate: Iterate) -> _Memory:
     return iterate.memory
 
 
-def _iterate(memory: _Memory, pressure: Array) -> Iterate:
-    load = np.concatenate([_traction(pressure), memory.flux], axis=1)
-    return Iterate(load, memory.conduction.closed, memory, memory.motion)
+def _iterate(memory: _Memory) -> Iterate:
+    """The iterate, with the violation of the contact law on the nodes where there is any."""
+    scales, effect = memory.response.scales, memory.effect
+    free = np.flatnonzero((memory.pressure > 0.0) | (effect.gap < 0.0))
+    wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
+    flux = effect.flux if isinstance(memory.response, Conducting) else None
+    estimate = float(wrong.max(initial=0.0)) / scales.pressure
+    closed = memory.response.closed(memory.pressure)
+    return Iterate(load_of(memory.pressure, flux), closed, memory, effect.motion, estimate)
 
 
-def _traction(pressure: Array) -> Array:
-    """Tractions (n, 3) of a pressure (n,)."""
-    traction = np.zeros((len(pressure), 3))
-    traction[:, 2] = -pressure
-    return traction
-
-
-@dataclass(frozen=True, eq=False)
-class _Response:
-    """What a pressure alone causes: opening (n,) of the gap, flux (n, 2), change of the motion (m,)."""
-
-    gap: Array
-    flux: Array
-    motion: Array
-
-
-def _response(memory: _Memory, pressure: Array) -> _Response:
-    response = memory.ground.elimination.respond(_traction(pressure), memory.conductors, np.zeros_like(memory.flux))
-    motion = np.zeros_like(memory.motion)
-    motion[memory.conductors.floating.numbers] = response.potential
-    return _Response(-response.displacement[:, 2], response.flux, motion)
+def _spread(values: Array, free: Indices, n: int) -> Array:
+    """Values (f,) on the free nodes (f,), zero on the others of n."""
+    spread = np.zeros(n)
+    spread[free] = values
+    return spread
 
 
 def _renewed(memory: _Memory, pressure: Array) -> _Memory:
     """Memory at a pressure (n,), without accumulated round-off."""
-    slope = memory.ground.slope(_traction(pressure), memory.conductors, memory.flux, memory.motion)
-    return _placed(memory, pressure, slope.gap[:, 2], slope.flux, slope.motion)
+    return _placed(memory, pressure, memory.response.at(pressure, memory.effect.flux, memory.effect.motion))
 
 
-def _placed(memory: _Memory, pressure: Array, gap: Array, flux: Array, motion: Array) -> _Memory:
-    """Memory at a pressure (n,) with its gap (n,), flux (n, 2) and motion (m,), after the indenter has come to rest."""
-    gap, motion = memory.modes.rested(pressure, gap, motion)
-    return replace(memory, gap=gap, flux=flux, motion=motion)
+def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
+    """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
+    return replace(memory, pressure=pressure, effect=_rested(memory.modes, pressure, effect))
 
 
-def _violation(memory: _Memory, pressure: Array) -> float:
+def _rested(modes: NormalModes, pressure: Array, effect: Effect) -> Effect:
+    gap, motion = modes.rested(pressure, effect.gap, effect.motion)
+    return Effect(gap, effect.flux, motion)
+
+
+def _violation(memory: _Memory) -> float:
     """Norm of the gap where there is pressure or overlap [m]."""
-    wrong = np.where((pressure > 0.0) | (memory.gap < 0.0), memory.gap, 0.0)
-    return float(np.sqrt(memory.weight @ wrong**2))
+    gap = memory.effect.gap
+    free = np.flatnonzero((memory.pressure > 0.0) | (gap < 0.0))
+    return float(np.sqrt(memory.weight[free] @ gap[free] ** 2))

@@ -1,6 +1,7 @@
 """The one loop around every solver: limits, history, the guard against non-finite numbers, and the status."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.solvers.reach import unreachable
-from meeframe.solvers.residual import evaluate, law_residual
+from meeframe.solvers.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
 Criterion = Literal["residual", "paper"]
@@ -29,6 +30,8 @@ ACCEPTABLE: Final = 1e-3
 """A state that hardly changes any more, but violates the laws by more, is no solution: the step was too short."""
 HOPELESS: Final = 3
 """Stall window where no state has the prescribed resultants."""
+UNTROUBLED: Final = 10
+"""Strides between two looks at the iterates of a solver that knows how far it is."""
 GIGA: Final = 1e9
 
 
@@ -69,6 +72,11 @@ class _Trend:
     def next(self, look: tuple[int, float]) -> "_Trend":
         """After one more look."""
         return _Trend(self.first, look, look if look[1] < LEAST_FALL * self.best[1] else self.best)
+
+    @property
+    def idle(self) -> int:
+        """Iterations since the last notable fall."""
+        return self.last[0] - self.best[0]
 
     def fraction(self, tolerance: float) -> float:
         """How much of the way from the first value to the tolerance is done, in decades."""
@@ -120,37 +128,51 @@ def solve(
     """
     limits = limits or Limits()
     scales = problem_scales(problem)
+    by_residual = limits.criterion == "residual"
+    fields = judged_fields(problem) if by_residual else ALL_FIELDS
+    hopeless = cache(lambda: unreachable(problem, scales) if problem.freedoms else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
     with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
         iterate = solver.init(problem, start)
-        state = evaluate(problem, iterate)
-        by_residual = limits.criterion == "residual"
+        state = evaluate(problem, iterate, fields)
         looks = [(0, law_residual(problem, state, scales))] if by_residual else []
         trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
         units = motion_scales(problem, scales)
         orbit = _Orbit(_point(iterate, scales, units), 1)
         iteration = 0
-        hopeless = unreachable(problem, scales) if problem.freedoms else None
-        window = min(limits.stall_window or solver.patience, HOPELESS if hopeless else limits.max_iterations)
+        window = limits.stall_window or solver.patience
         while (verdict := _verdict(trend, limits, window, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
-            orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
-            if by_residual and not orbit.repeated and iteration % solver.stride and iteration < limits.max_iterations:
+            due = not by_residual or iteration >= limits.max_iterations or _due(solver, iterate, iteration, limits)
+            if due or iterate.estimate is None:
+                orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
+            if not due and not orbit.repeated:
                 continue
-            previous, state = state, evaluate(problem, iterate)
+            previous, state = state, evaluate(problem, iterate, fields)
             value = law_residual(problem, state, scales) if by_residual else _paper_change(previous, state)
             looks.append((iteration, value))
             trend = trend.next(looks[-1]) if trend else _Trend(looks[-1], looks[-1], looks[-1])
             progress("contact", trend.fraction(limits.tolerance))
+            if trend.idle >= HOPELESS and hopeless():
+                window = min(window, HOPELESS)
+        if fields != ALL_FIELDS:
+            state = evaluate(problem, iterate)
         final = law_residual(problem, state, scales)
     status, message = verdict
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
-    if status is not Status.CONVERGED and hopeless:
-        message = f"{message}: {hopeless}"
+    if status is not Status.CONVERGED and (reason := hopeless()):
+        message = f"{message}: {reason}"
     return ContactSolution(state, status, iteration, final, np.array(looks), message)
+
+
+def _due(solver: Solver, iterate: Iterate, iteration: int, limits: Limits) -> bool:
+    """Whether to look at an iterate: every stride, unless the solver itself says that it is not there yet."""
+    if iterate.estimate is None:
+        return iteration % solver.stride == 0
+    return iterate.estimate <= limits.tolerance or iteration % (UNTROUBLED * solver.stride) == 0
 
 
 def _point(iterate: Iterate, scales: Scales, units: Array) -> Array:

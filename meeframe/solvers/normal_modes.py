@@ -16,12 +16,13 @@ from meeframe.core.contact import ContactProblem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe.solvers.conduction import Mask
 from meeframe.solvers.free_motion import balanced_projection, motions
 
 NORMAL: Final = 2
 ROUNDS: Final = 30
 """Of the search for the nodes that overlap when the indenter is at rest."""
+SINGULAR: Final = 1e12
+"""Condition of the equations of the motions, of which more than one may have units of its own."""
 PROPORTIONAL: Final = 1e-9
 ROUND_OFF: Final = 1e-10
 """What is left of values that resultants determine, as a fraction."""
@@ -62,50 +63,78 @@ class NormalModes:
                 )
         return cls(problem, numbers, mode, measure)
 
-    def amounts(self, values: Array, free: Mask) -> Array:
-        """Motions (k,) with which values (n,) + amounts @ mode have no resultants over the free nodes (n,).
+    def amounts(self, values: Array, free: Indices, along: Array | None = None) -> Array:
+        """Amounts (k,) with which values (f,) + amounts @ along have no resultants on the free nodes (f,).
 
-        The smallest ones, in their own units, where the free nodes do not determine them.
+        along: (k, f), the modes if not given. The smallest amounts, in their own units, where the free nodes do not
+        determine them.
         """
-        measure = np.where(free, self.measure, 0.0)
-        gram = measure @ self.mode.T
+        measure = self.measure[:, free]
+        gram = measure @ (self.mode[:, free] if along is None else along).T
         size = np.sqrt(np.abs(np.diag(gram)))
         size[size == 0.0] = 1.0
         inverse = np.linalg.pinv(gram / size[:, None] / size) / size[:, None] / size
-        return np.asarray(-inverse @ (measure @ np.where(free, values, 0.0)))
+        return np.asarray(-inverse @ (measure @ values))
 
-    def without(self, values: Array, free: Mask) -> Array:
-        """Values (n,) without resultants over the free nodes (n,), zero elsewhere.
+    def without(self, values: Array, free: Indices, along: Array | None = None) -> Array:
+        """Values (f,) on the free nodes (f,) without resultants; along: (k, f), how these are taken out, by the modes
+        if not given.
 
         Where the nodes are so few that the resultants determine all of them, that is zero and not its round-off.
         """
-        values = np.where(free, values, 0.0)
         if self.numbers.size == 0:
             return values
-        rest = np.where(free, values + self.amounts(values, free) @ self.mode, 0.0)
+        along = self.mode[:, free] if along is None else along
+        rest = values + self.amounts(values, free, along) @ along
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
     def rested(self, pressure: Array, gap: Array, motion: Array) -> tuple[Array, Array]:
         """Gap (n,) and motion (m,) with the indenter at rest under a pressure (n,), from a gap (n,) at a motion."""
         if self.numbers.size == 0:
             return gap, motion
-        moved = gap
+        pressed = pressure > 0.0
+        free = pressed if pressed.any() else gap < 0.0
         for _ in range(ROUNDS):
-            free = (pressure > 0.0) | (moved < 0.0)
-            amounts = self.amounts(gap, free)
+            nodes = np.flatnonzero(free)
+            amounts = self.amounts(gap[nodes], nodes)
             moved = gap + amounts @ self.mode
-            if (((pressure > 0.0) | (moved < 0.0)) == free).all():
+            following = pressed | (moved < 0.0)
+            if np.array_equal(following, free):
                 break
+            free = following
         motion = motion.copy()
         motion[self.numbers] += amounts
         return moved, motion
 
-    def balanced(self, pressure: Array, free: Mask) -> Array:
-        """The nearest compression (n,) with the prescribed resultants, on the free nodes, to pressures (n,) there."""
+    def balanced(self, pressure: Array, free: Indices) -> Array:
+        """The nearest compression (f,) with the prescribed resultants to pressures (f,) on the free nodes (f,)."""
         if self.numbers.size == 0:
             return np.maximum(pressure, 0.0)
-        traction, apart = np.zeros((2, len(pressure), 3))
-        traction[:, NORMAL] = -pressure
-        apart[~free, NORMAL] = np.inf
+        found = self._balanced(pressure, free)
+        return self._searched(pressure, free) if found is None else found
+
+    def _balanced(self, pressure: Array, free: Indices) -> Array | None:
+        """By Newton's method on the motions, piecewise linear and so exact; None if that leads nowhere."""
+        mode, measure = self.mode[:, free], self.measure[:, free]
+        totals = np.array([self.problem.freedoms[number].total for number in self.numbers])
+        moved, pressed = pressure, pressure > 0.0
+        for _ in range(ROUNDS):
+            on = np.flatnonzero(pressed)
+            gram = measure[:, on] @ mode[:, on].T
+            if not on.size or np.linalg.cond(gram) > SINGULAR:
+                return None
+            moved = pressure - np.linalg.solve(gram, measure[:, on] @ pressure[on] + totals) @ mode
+            following = moved > 0.0
+            if np.array_equal(following, pressed):
+                return np.maximum(moved, 0.0)
+            pressed = following
+        return None
+
+    def _searched(self, pressure: Array, free: Indices) -> Array:
+        """By the damped method for whatever law and modes."""
+        traction, apart = np.zeros((2, self.mode.shape[1], 3))
+        apart[:, NORMAL] = np.inf
+        apart[free, NORMAL] = 0.0
+        traction[free, NORMAL] = -pressure
         found = balanced_projection(self.problem, traction, apart, (1.0, 1.0))
-        return np.asarray(-found.traction[:, NORMAL])
+        return np.asarray(-found.traction[free, NORMAL])

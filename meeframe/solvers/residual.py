@@ -1,17 +1,29 @@
 """The judge: how far a state is from satisfying the laws, whoever made it."""
 
+from typing import Final
+
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact_gap, indenter_position, unbalance
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import augmented_traction, contact_traction, lawful_traction
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
 from meeframe.solvers.scales import Scales, problem_scales
 
+ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
-def evaluate(problem: ContactProblem, iterate: Iterate) -> ContactState:
-    """The state of an iterate: its displacement by one application of the compliance.
+
+def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
+    """Fields of the displacement that the laws ask for: without them the law residual is the same."""
+    law = problem.contact_law
+    slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
+    asked = (not slides, not slides, True, conducts(problem.electric_law), conducts(problem.magnetic_law))
+    return tuple(np.flatnonzero(asked).tolist())
+
+
+def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] = ALL_FIELDS) -> ContactState:
+    """The state of an iterate: its displacement by one application of the compliance, zero but in the given fields.
 
     Raises CaseError if its solver does not find the free motions of the problem.
     """
@@ -20,7 +32,9 @@ def evaluate(problem: ContactProblem, iterate: Iterate) -> ContactState:
             f"the solver found {np.size(iterate.motion)} of the {len(problem.freedoms)} motions and potentials of the "
             "indenter that are free; allowed with prescribed resultants: a solver that finds them, such as 'auto'"
         )
-    displacement = problem.system.offset + problem.system.apply(iterate.load)
+    chosen = list(fields)
+    displacement = np.zeros((N_FIELDS, len(iterate.load))).T
+    displacement[:, chosen] = problem.system.offset[:, chosen] + problem.system.response(iterate.load, fields)
     return ContactState(iterate.load, displacement, iterate.closed, iterate.motion)
 
 
@@ -59,13 +73,15 @@ def law_residual(problem: ContactProblem, state: ContactState, scales: Scales) -
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> Array:
     """R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated, (n, 2)."""
+    compliance = np.diag(scales.compliance)[3:]
+    if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
+        return np.abs(state.load[:, 3:]) * (compliance / scales.displacement[3:])
     ahead = indenter_position(problem, state.motion) - state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
     alone = unloaded(ahead, state.load[:, 3:], own)
     resistance = resistances(problem, pressing, state.closed, own, alone)
     difference = -ahead[:, 3:]
-    compliance = np.diag(scales.compliance)[3:]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
     return np.abs(drop) / scales.displacement[3:]

@@ -10,10 +10,13 @@ from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, conducts
 from meeframe.solvers.free_motion import balanced_projection, motions
+from meeframe.solvers.nested import coarse_problem
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
 RESOLVED: Final = 4e-5
 """Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
+ENOUGH: Final = 20_000
+"""Nodes that tell magnitudes."""
 FOUNDATION_STEPS: Final = 3
 """Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
 
@@ -48,8 +51,10 @@ def problem_scales(problem: ContactProblem) -> Scales:
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
     they cause, where a law conducts. Pressures are at least as large as the attraction at first.
-    An interface that yields by itself is in series with the body.
+    An interface that yields by itself is in series with the body. Large problems are measured on a coarser division.
     """
+    while len(problem.gap) > ENOUGH and (coarse := coarse_problem(problem)) is not None:
+        problem = coarse.problem
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
     overlap = problem.system.offset[:, 2] - position[:, 2]
@@ -91,7 +96,8 @@ def _foundation_motion(problem: ContactProblem) -> Array:
     gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
     loaded = np.isfinite(problem.gap)
     for _ in range(FOUNDATION_STEPS):
-        r = 1.0 / _uniform_response(problem, loaded)[2, 2]
+        press = np.where(loaded[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
+        r = 1.0 / float(np.abs(problem.system.response(press, (2,))).max(initial=0.0))
         motion[moving] = balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
         loaded = _loaded(problem.system.offset[:, 2] - indenter_position(problem, motion)[:, 2])
     return motion

@@ -1,0 +1,60 @@
+"""Nested grids: the same contact problem on a coarser division of the zone, and a start from its solution."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, ContactState, Freedom
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening
+from meeframe.core.law import ContactLaw, attracts
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """A problem on a coarser reduced system, and how its nodes are those of the finer one."""
+
+    problem: ContactProblem
+    coarsening: Coarsening
+
+
+def coarse_problem(problem: ContactProblem) -> Coarse | None:
+    """The problem on the coarser reduced system; None if there is none, or if law or edges belong to these nodes.
+
+    A resultant keeps its density: the measure of a freedom is scaled with the weights.
+    """
+    law = problem.contact_law
+    if type(law).resolve is not ContactLaw.resolve or attracts(law) or problem.covered is not None:
+        return None
+    coarsening = problem.system.coarser()
+    if coarsening is None:
+        return None
+    kept, system = coarsening.kept, coarsening.system
+    weights = problem.system.weights[kept]
+    share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)[:, None]
+    freedoms = tuple(Freedom(f.mode[kept], f.measure[kept] * share, f.total) for f in problem.freedoms)
+    arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
+    return Coarse(replace(problem, system=system, freedoms=freedoms, **arrays), coarsening)
+
+
+def nested_start(
+    problem: ContactProblem, solution: Callable[[ContactProblem], ContactState | None]
+) -> ContactState | None:
+    """A state from which to start: the solution of the coarse problem, interpolated; None if there is none.
+
+    solution: of a problem, or None if it was not found.
+    """
+    coarse = coarse_problem(problem)
+    found = None if coarse is None else solution(coarse.problem)
+    if coarse is None or found is None:
+        return None
+    prolong = coarse.coarsening.prolong
+    load, displacement = prolong(found.load), prolong(found.displacement)
+    load[~np.isfinite(problem.gap)] = 0.0
+    closed = _touching(load).astype(float)
+    return ContactState(load, displacement, closed, found.motion)
+
+
+def _touching(load: Array) -> Array:
+    return np.asarray(load[:, 2] < 0.0)

@@ -1,0 +1,148 @@
+"""The body as a frictionless contact sees it: what a pressure does to the gap, the potentials eliminated."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Final, final
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, ContactState, Iterate
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.law import conducts
+from meeframe.solvers.elimination import Conductors
+from meeframe.solvers.gradient import Conduction, Ground
+from meeframe.solvers.scales import Scales
+
+NORMAL: Final = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Of a pressure: normal gap (n,) [m], flux (n, 2) and motion (m,), or their changes."""
+
+    gap: Array
+    flux: Array
+    motion: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NormalResponse(ABC):
+    """Gap and fluxes of pressures (n,) [Pa], positive in compression."""
+
+    problem: ContactProblem
+    scales: Scales
+
+    @abstractmethod
+    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
+        """All of it at a pressure (n,) and the motion (m,) of the indenter; flux: (n, 2) near that to be found."""
+
+    @abstractmethod
+    def change(self, pressure: Array) -> Effect:
+        """What a pressure (n,) alone causes, the indenter at rest but for its potentials."""
+
+    @abstractmethod
+    def closed(self, pressure: Array) -> Array:
+        """Closed fractions (n,) at a pressure (n,)."""
+
+    @abstractmethod
+    def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
+        """With the conduction that belongs to a pressure (n,) and its effect; itself if nothing else responds."""
+
+
+def load_of(pressure: Array, flux: Array | None = None) -> Array:
+    """Load (n, 5) of a pressure (n,) and a flux (n, 2); fields are stored one after another."""
+    load = np.zeros((N_FIELDS, len(pressure))).T
+    np.negative(pressure, out=load[:, NORMAL])
+    if flux is not None:
+        load[:, NORMAL + 1 :] = flux
+    return load
+
+
+def normal_response(
+    problem: ContactProblem, scales: Scales, start: ContactState | None, load: Array, motion: Array
+) -> NormalResponse:
+    """Of a problem, with the conduction of a start at its load (n, 5) and motion (m,)."""
+    if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
+        return Insulated(problem, scales, problem.gap - problem.system.offset[:, NORMAL])
+    ground = Ground.of(problem)
+    conduction = Conduction.of(start, len(problem.gap))
+    conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
+    return Conducting(problem, scales, ground, conduction, conductors)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Insulated(NormalResponse):
+    """Nothing conducts. apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero."""
+
+    apart: Array
+
+    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
+        """See NormalResponse: one normal response."""
+        gap = self.apart - self._raised(pressure)
+        for freedom, amount in zip(self.problem.freedoms, motion, strict=True):
+            gap += amount * freedom.mode[:, NORMAL]
+        return Effect(gap, flux, motion)
+
+    def change(self, pressure: Array) -> Effect:
+        """See NormalResponse: one normal response."""
+        flux = np.zeros((len(pressure), 2))
+        return Effect(-self._raised(pressure), flux, np.zeros(len(self.problem.freedoms)))
+
+    def closed(self, pressure: Array) -> Array:
+        """See NormalResponse: wherever there is pressure."""
+        return (pressure > 0.0).astype(float)
+
+    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+        """See NormalResponse."""
+        return self
+
+    def _raised(self, pressure: Array) -> Array:
+        return self.problem.system.response(load_of(pressure), (NORMAL,))[:, 0]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Conducting(NormalResponse):
+    """Fluxes follow the pressure. ground: see there; conduction and conductors: in force."""
+
+    ground: Ground
+    conduction: Conduction
+    conductors: Conductors
+
+    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
+        """See NormalResponse."""
+        slope = self.ground.slope(_traction(pressure), self.conductors, flux, motion)
+        return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
+
+    def change(self, pressure: Array) -> Effect:
+        """See NormalResponse."""
+        nothing = np.zeros((len(pressure), 2))
+        response = self.ground.elimination.respond(_traction(pressure), self.conductors, nothing)
+        motion = np.zeros(len(self.problem.freedoms))
+        motion[self.conductors.floating.numbers] = response.potential
+        return Effect(-response.displacement[:, NORMAL], response.flux, motion)
+
+    def closed(self, pressure: Array) -> Array:
+        """See NormalResponse: as the conduction has it."""
+        return self.conduction.closed
+
+    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+        """See NormalResponse."""
+        trial = -pressure + effect.gap / self.scales.normal_compliance
+        touched = np.where(self.conduction.closed > 0.0, -1.0, 0.0)
+        conduction = self.conduction.next(touched, -pressure, trial, self.scales)
+        iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
+        conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
+        return replace(self, conduction=conduction, conductors=conductors)
+
+    def same_conductors(self, other: NormalResponse) -> bool:
+        """Whether it responds as another one does."""
+        return isinstance(other, Conducting) and other.conductors is self.conductors
+
+
+def _traction(pressure: Array) -> Array:
+    """Tractions (n, 3) of a pressure (n,)."""
+    traction = np.zeros((len(pressure), 3))
+    traction[:, NORMAL] = -pressure
+    return traction
