@@ -12,16 +12,18 @@ from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
 from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
 from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
-from meeframe.geometry import ContactZone, initial_gap
+from meeframe.geometry import ContactZone, find_rim, initial_gap
 from meeframe.solvers.scales import problem_scales
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""
+_REACH: Final = 2.0
+"""Of the rim of the indenter, in spacings of nodes."""
 _STUCK: Final = 1e-6
 """Slip that would cause less than this fraction of the characteristic pressure is none ..."""
 _UNCERTAIN: Final = 10.0
@@ -58,18 +60,42 @@ class Mechanism:
 
         If the contact law adds to it, along the normals, the indenter stands so that the lowest gap at a node is zero.
         """
-        points, system = self.system.points, self.system
-        zone = ContactZone(points, system.frames, system.weights, system.cells, np.arange(len(points)))
-        gap = initial_gap(self.case.indenter, zone, self.case.placement)
-        added = gap_of_law(self.case.contact_law, points)
+        gap = self._gaps(self.system.points, self.system.frames)
+        return self._lowered(gap)
+
+    @cached_property
+    def _lowering(self) -> Array:
+        """What the contact law and the way that the indenter goes for it add to the gap, (n,) [m]."""
+        added = gap_of_law(self.case.contact_law, self.system.points)
         if not added.any():
-            return gap
-        gap = gap + added
+            return added
+        gap = self._gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0, :, 2]  # of the gap, for each metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
         closing = np.isfinite(gap) & (nearing > _ACROSS)
         way = (gap[closing] / nearing[closing]).min() if closing.any() else 0.0
-        return np.where(np.isfinite(gap), np.maximum(gap - way * nearing, 0.0), np.inf)
+        return np.asarray(added - way * nearing)
+
+    def _lowered(self, gap: Array) -> Array:
+        """Gaps (n,) of the surfaces alone as the law has them, which lets none overlap if it adds any."""
+        return np.maximum(gap + self._lowering, 0.0) if self._lowering.any() else gap
+
+    def _gaps(self, points: Array, frames: Array) -> Array:
+        """Gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter where it just touches the zone."""
+        cells, place = self.system.cells, self.case.placement
+        zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
+        return initial_gap(self.case.indenter, zone, place)
+
+    @cached_property
+    def _touching_rim(self) -> Rim | None:
+        reach = _REACH * float(np.sqrt(self.system.weights.max()))
+        rim = find_rim(self._gaps, self.system.points, self.system.frames, reach)
+        return rim and replace(rim, gap=self._lowered(rim.gap))
+
+    def rim(self, increment: Increment) -> Rim | None:
+        """Where the indenter ends, as the increment has it."""
+        rim = self._touching_rim
+        return rim and replace(rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:6], self.modes[:6, :, 2]))
 
     @cached_property
     def modes(self) -> Array:

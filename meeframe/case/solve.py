@@ -35,7 +35,7 @@ from meeframe.core.result import (
 from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import local_files
-from meeframe.solvers import solve
+from meeframe.solvers import solve_to_edges
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -134,7 +134,10 @@ def _solve(
     progress("contact", 0.0)
     # free motions count from the converged state
     start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
-    solution = solve(increment.problem, mechanism.case.solver, mechanism.case.limits, start, progress)
+    case = mechanism.case
+    rim = partial(mechanism.rim, increment)
+    solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
+    increment = replace(increment, problem=problem)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=mechanism.settled(increment, solution.state, touches))
     region = regions(increment, solution, touches)

@@ -82,6 +82,40 @@ class ReducedSystem(ABC):
         """The same body on a coarser division of its zone, from which to start; None if there is none."""
         return None
 
+    def edges(self, pressure: Array, rim: "Rim | None" = None) -> "Edges | None":
+        """The edge of the contact between the nodes, for formulations that resolve it; None for those that do not.
+
+        pressure: (n,) >= 0 [Pa], found with the edge resolved to nodes; rim: where the indenter ends, if it does.
+        """
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """What a contact whose edge lies between the nodes changes at the nodes around it.
+
+    own: (n, 5, 5) that comes to each node's response to its own load, as of diagonal_blocks, with a positive
+    semidefinite symmetric part; covered: (n,) in [0, 1], the part of each node's area that is in contact, above zero
+    also at nodes just outside.
+    """
+
+    own: Array
+    covered: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """Where an indenter ends, as nodes see it.
+
+    distance: (n,) [m] from there, positive under the indenter, negative beside it, inf or -inf where it is far;
+    outward: (n, 2) the direction that leads across it, in the local frame, zero where it is far; gap: (n,) [m] between
+    body and indenter at nodes beside it, as if the indenter's surface went on, inf at all others.
+    """
+
+    distance: Array
+    outward: Array
+    gap: Array
+
 
 @dataclass(frozen=True, eq=False)
 class Coarsening:

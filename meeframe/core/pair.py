@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim
 from meeframe.core.mesh import Indices
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -71,13 +71,20 @@ class PairSystem(ReducedSystem):
 
     def diagonal_blocks(self) -> Array:
         """Relative response of each node to its own load, (n, 5, 5)."""
-        own = self.counter.diagonal_blocks()[self.partners]
-        blocks: Array = self.first.diagonal_blocks() + self.rotation @ own @ self.rotation.transpose(0, 2, 1)
-        return blocks
+        return self._added(self.first.diagonal_blocks(), self.counter.diagonal_blocks())
 
     def dense(self) -> Array | None:
         """The sum of the compliances, (n, 5, n, 5), if both are held as matrices."""
         return self.matrix
+
+    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+        """The edge of the contact between the nodes, if both bodies resolve it. Two bodies have no rim."""
+        theirs = np.empty_like(pressure)
+        theirs[self.partners] = pressure
+        first, counter = self.first.edges(pressure), self.counter.edges(theirs)
+        if first is None or counter is None or rim is not None:
+            return None
+        return Edges(self._added(first.own, counter.own), first.covered)
 
     def recover(self, load: Array) -> NodalFields:
         """Fields on the whole boundary of the first body; those of the other: counter.recover(counter_load(load))."""
@@ -96,6 +103,11 @@ class PairSystem(ReducedSystem):
         the first body is that of the pair and this one together.
         """
         return self._seen_from_first(self.counter.offset + self.counter.apply(self.counter_load(load)))
+
+    def _added(self, first: Array, counter: Array) -> Array:
+        """Own responses (n, 5, 5) of the two bodies together, each given at its own nodes and in its own frames."""
+        added: Array = first + self.rotation @ counter[self.partners] @ self.rotation.transpose(0, 2, 1)
+        return added
 
     def _seen_from_first(self, displacement: Array) -> Array:
         return _turned(self.rotation, displacement[self.partners])

@@ -1,7 +1,7 @@
 """A reduced system in other local frames: e1 along a direction field, as friction with principal axes asks for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, final
 
@@ -10,7 +10,7 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim
 
 NORMAL_TO_SURFACE: Final = 1e-9
 """A direction whose part in the tangent plane is a smaller fraction of it points nowhere in that plane."""
@@ -68,13 +68,18 @@ class TurnedSystem(ReducedSystem):
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
-        turn = self.cosine_sine[:, None]
-        rows = _rotated(self.original.diagonal_blocks().swapaxes(1, 2), turn).swapaxes(1, 2)
-        return _rotated(rows, turn)
+        return _rotated_blocks(self.original.diagonal_blocks(), self.cosine_sine)
 
     def dense(self) -> Array | None:
         """None: of a system that holds its matrix `turned` makes a DenseSystem."""
         return None
+
+    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+        """The edge of the contact between the nodes, if the original resolves it."""
+        if rim is not None:
+            rim = replace(rim, outward=_rotated(rim.outward, _inverse(self.cosine_sine)))
+        found = self.original.edges(pressure, rim)
+        return None if found is None else replace(found, own=_rotated_blocks(found.own, self.cosine_sine))
 
     def recover(self, load: Array) -> NodalFields:
         """Fields on the whole boundary for a load (n, 5) on the contact zone."""
@@ -107,6 +112,12 @@ def _rotated(components: Array, cosine_sine: Array) -> Array:
     rotated[..., 0] = c * components[..., 0] + s * components[..., 1]
     rotated[..., 1] = c * components[..., 1] - s * components[..., 0]
     return rotated
+
+
+def _rotated_blocks(blocks: Array, cosine_sine: Array) -> Array:
+    """Blocks (n, 5, 5) in axes turned by angles of cosine and sine (n, 2)."""
+    turn = cosine_sine[:, None]
+    return _rotated(_rotated(blocks.swapaxes(1, 2), turn).swapaxes(1, 2), turn)
 
 
 def _recover(recover: Callable[[Array], NodalFields], cosine_sine: Array, load: Array) -> NodalFields:

@@ -8,6 +8,7 @@ from meeframe.geometry.indenters import Cone, Cylinder, FlatPunch, RectangularPu
 from meeframe.geometry.measures import area, volume
 from meeframe.geometry.placement import Placement, initial_gap
 from meeframe.geometry.reader import read_mesh
+from meeframe.geometry.rim import find_rim
 from meeframe.geometry.zone import ContactZone, check_contact_zone, frames_of, zone_frames
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "box_mesh",
     "check_contact_zone",
     "check_mesh",
+    "find_rim",
     "frames_of",
     "half_space_mesh",
     "initial_gap",

@@ -4,6 +4,7 @@ from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.auto import Auto
 from meeframe.solvers.conjugate_gradients import ProjectedCG
 from meeframe.solvers.driver import Limits, solve
+from meeframe.solvers.edges import solve_to_edges
 from meeframe.solvers.newton import SemismoothNewton
 from meeframe.solvers.residual import residual
 from meeframe.solvers.uzawa import Uzawa
@@ -18,4 +19,5 @@ __all__ = [
     "Uzawa",
     "residual",
     "solve",
+    "solve_to_edges",
 ]

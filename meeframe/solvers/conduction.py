@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
-from meeframe.core.law import ConductivityLaw
+from meeframe.core.law import ConductivityLaw, contact_conductivity
 
 Mask = NDArray[np.bool_]
 
@@ -48,7 +48,8 @@ def resistances(
         _resistance(law, normal_traction, closed, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
         for k, law in enumerate((problem.electric_law, problem.magnetic_law))
     ]
-    return np.where(np.isfinite(problem.gap)[:, None], np.stack(columns, axis=1), np.inf)
+    found = np.where(np.isfinite(problem.gap)[:, None], np.stack(columns, axis=1), np.inf)
+    return found if problem.covered is None else _at_edge(problem, problem.covered, normal_traction, found)
 
 
 def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
@@ -155,6 +156,22 @@ def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array
             other, beyond = np.where(crossed, (here, value), (other, 0.5 * beyond))
             here, value = following, change
         return np.where(simple, kappa, (1.0 / here - 1.0) / own)
+
+
+def _at_edge(problem: ContactProblem, covered: Array, normal_traction: Array, found: Array) -> Array:
+    """Resistances (n, 2) with those of nodes that are partly covered (n,): there what a law conducts without pressure
+    counts on the part that is covered alone, and does so whether the node itself has pressure or not."""
+    resistance = found.copy()
+    at = np.flatnonzero((covered > 0.0) & (covered < 1.0))
+    for k, law in enumerate((problem.electric_law, problem.magnetic_law)):
+        if law.across_gap:
+            continue
+        least = contact_conductivity(law, np.full(len(at), TOUCHING))
+        added = contact_conductivity(law, np.minimum(normal_traction[at], TOUCHING))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            more = np.where(least < added, added - least, 0.0)
+            resistance[at, k] = np.where(least > 0.0, 1.0 / (covered[at] * least + more), found[at, k])
+    return resistance
 
 
 def _transmissivity(kappa: Array, own: Array) -> Array:

@@ -29,17 +29,21 @@ class HalfSpace(Formulation):
     the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
     half a spacing on each side of it are one period of an endless surface; a mean load, to which no half space has a
     finite answer, answers as a wave of that length would. matrix_up_to: nodes up to which the compliance is held as a
-    matrix, for solvers that factorise it.
+    matrix, for solvers that factorise it. edges: of the contact run along 'nodes', or are 'resolved' between them,
+    which solves each increment twice and holds no matrix.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
     matrix_up_to: Annotated[int, Field(ge=0)] = 1200
+    edges: Literal["nodes", "resolved"] = "nodes"
 
     def __post_init__(self) -> None:
         check_quantities(self)
         if self.density == "trigonometric" and not self.periodic:
             raise CaseError("half-space: density = 'trigonometric' needs periodic = true: waves have no border")
+        if self.edges == "resolved" and self.density != "bilinear":
+            raise CaseError(f"half-space: edges = 'resolved' with density = {self.density!r}; allowed: 'bilinear'")
         if not isinstance(self.matrix_up_to, int) or self.matrix_up_to < 0:
             raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
 
@@ -71,8 +75,10 @@ class HalfSpace(Formulation):
             shares=weights / weights.max(),
             factors=response.factors,
             own=own_response(convolution.own(), response.factors),
+            edge_waves=response.wave_series()[0] if self.edges == "resolved" else None,
         )
-        return _with_matrix(system) if len(weights) <= self.matrix_up_to else system
+        # a system with a matrix does not know its grid any more
+        return _with_matrix(system) if len(weights) <= self.matrix_up_to and self.edges == "nodes" else system
 
     def _convolution(self, response: PointResponse, grid: Grid) -> Convolution:
         if self.periodic:

@@ -105,6 +105,12 @@ def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -
     return float(1.0 / (np.pi * mean * FieldScaling.of(stiffness).factors[2] ** 2))
 
 
+def series_blocks(even: Array, angles: Array) -> Array:
+    """Symmetric matrices (n, 5, 5) of a series laid out as `even` of PointResponse, at angles (n,)."""
+    values = _sum(even, 2 * angles, 0.0)
+    return entries_to_matrix(np.concatenate([values, np.zeros((len(angles), len(STRICT[0])))], axis=1))
+
+
 def entries_to_matrix(values: Array) -> Array:
     """Matrices (..., 5, 5) of 15 symmetric and 10 antisymmetric entries (..., 25)."""
     matrix = np.zeros((*values.shape[:-1], N_FIELDS, N_FIELDS))

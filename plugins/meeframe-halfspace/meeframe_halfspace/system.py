@@ -9,9 +9,10 @@ import numba
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
 from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_convolution, coarse_grid
 from meeframe_halfspace.convolution import Convolution
+from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.inverse import apply_waves, wave_inverse
 from meeframe_halfspace.response import entries_to_matrix
@@ -26,7 +27,8 @@ class HalfSpaceSystem(ReducedSystem):
     """displacement = factors (convolution of (factors, shares, load)), potentials negated.
 
     shares: (n,) of the density around each node that belongs to the zone, 1 but on the border of a free grid; factors:
-    (5,) of the scaling; own: (5, 5) response of a node to its own density [SI], signs as in ReducedSystem.
+    (5,) of the scaling; own: (5, 5) response of a node to its own density [SI], signs as in ReducedSystem; edge_waves:
+    series of Re Y with which edges are resolved between the nodes, None if they are resolved to nodes.
     """
 
     grid: Grid
@@ -34,6 +36,7 @@ class HalfSpaceSystem(ReducedSystem):
     shares: Array
     factors: Array
     own: Array
+    edge_waves: Array | None = None
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
@@ -59,6 +62,12 @@ class HalfSpaceSystem(ReducedSystem):
     def dense(self) -> Array | None:
         """None: see dense_matrix."""
         return None
+
+    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+        """The edge of the contact between the nodes, if that is asked for."""
+        if self.edge_waves is None:
+            return None
+        return resolved_edges(self.grid, self.edge_waves, np.outer(self.factors * SIGNS, self.factors), pressure, rim)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""

@@ -1,0 +1,65 @@
+"""A reduced system in which the contact's edge lies between the nodes: nodes there respond more to their own load."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class EdgedSystem(ReducedSystem):
+    """displacement = that of the original + own . load, node by node.
+
+    original: with the contact's edge resolved to nodes; own: (n, 5, 5), see Edges.
+    """
+
+    original: ReducedSystem
+    own: Array
+
+    def apply(self, load: Array) -> Array:
+        """compliance(load), (n, 5) for load (n, 5)."""
+        return self.original.apply(load) + _each(self.own, load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """compliance(load) in the given fields alone, (n, len(fields))."""
+        chosen = list(fields)
+        return self.original.response(load, chosen) + _each(self.own[:, chosen], load)
+
+    def diagonal_blocks(self) -> Array:
+        """Response of each node to its own load, (n, 5, 5)."""
+        blocks: Array = self.original.diagonal_blocks() + self.own
+        return blocks
+
+    def dense(self) -> Array | None:
+        """The compliance, (n, 5, n, 5), if the original holds it as a matrix."""
+        matrix = self.original.dense()
+        if matrix is None:
+            return None
+        matrix = matrix.copy()
+        nodes = np.arange(len(self.own))
+        matrix[nodes, :, nodes, :] += self.own
+        return matrix
+
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary for a load (n, 5) on the contact zone, those of the original."""
+        return self.original.recover(load)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """That of the original, which does not know the edge."""
+        return self.original.approximate_inverse(fields)
+
+
+def _each(blocks: Array, load: Array) -> Array:
+    """Blocks (n, k, 5) times the load (n, 5) of their nodes, (n, k)."""
+    products: Array = np.einsum("nij,nj->ni", blocks, load)
+    return products
+
+
+def edged(system: ReducedSystem, own: Array) -> EdgedSystem:
+    """A system with more response (n, 5, 5) of its nodes to their own load."""
+    return EdgedSystem(system.points, system.frames, system.weights, system.cells, system.offset, system, own)

@@ -1,0 +1,67 @@
+"""Contact whose edge lies between the nodes: solved with the edge along nodes, then once more with it where it is."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Solver, Status
+from meeframe.core.edged import edged
+from meeframe.core.formulation import Progress, Rim, silent
+from meeframe.core.law import conducts, contact_conductivity
+from meeframe.solvers.conduction import TOUCHING
+from meeframe.solvers.driver import Limits, solve
+
+
+def solve_to_edges(
+    problem: ContactProblem,
+    solver: Solver,
+    limits: Limits | None = None,
+    start: ContactState | None = None,
+    progress: Progress = silent,
+    rim: Callable[[], Rim | None] = lambda: None,
+) -> tuple[ContactSolution, ContactProblem]:
+    """As `solve`; where the system resolves edges and a load is singular there, the solution with the edge between the
+    nodes, and the problem that it is the solution of.
+
+    rim: gives where the indenter ends. A first solution that did not converge is handed over as it is.
+    """
+    solution = solve(problem, solver, limits, start, progress)
+    if solution.status is not Status.CONVERGED:
+        return solution, problem
+    finer = resolved(problem, solution.state, rim)
+    if finer is None:
+        return solution, problem
+    return solve(finer, solver, limits, solution.state, progress), finer
+
+
+def resolved(
+    problem: ContactProblem, state: ContactState, rim: Callable[[], Rim | None] = lambda: None
+) -> ContactProblem | None:
+    """The problem with the edge of the contact as a state of it has it; None if its system does not resolve edges.
+
+    Nor is there anything to resolve where no load is singular at the edge: smooth indenters, and laws that conduct
+    nothing without pressure. rim: gives where the indenter ends; asked for only if the system resolves edges.
+    """
+    pressure = np.maximum(-state.load[:, 2], 0.0)
+    edges = problem.system.edges(pressure)
+    if edges is None:
+        return None
+    end = rim()
+    gap = problem.gap
+    if end is not None:
+        edges = problem.system.edges(pressure, end) or edges
+        gap = np.where(edges.covered > 0.0, np.minimum(gap, end.gap), gap)
+    elif not _charged_edge(problem):
+        return None
+    covered = np.where(np.isfinite(gap), edges.covered, 0.0)
+    return replace(problem, system=edged(problem.system, edges.own), gap=gap, covered=covered)
+
+
+def _charged_edge(problem: ContactProblem) -> bool:
+    """Whether a law conducts where the pressure fades."""
+    least = np.array([TOUCHING])
+    return any(
+        conducts(law) and not law.across_gap and bool((contact_conductivity(law, least) > 0.0).any())
+        for law in (problem.electric_law, problem.magnetic_law)
+    )

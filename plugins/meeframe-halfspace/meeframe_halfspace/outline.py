@@ -1,0 +1,115 @@
+"""Where the edge of a contact runs between the nodes of a grid, from the pressures at them.
+
+At the edge of a contact without singular pressure p^2 rises linearly with the distance d from it, p^2 = G d: a bilinear
+density reproduces that from the third node on. Nearer to the edge its nodal values differ from p by a function of d
+alone, in spacings: NEARER is the mean of that over directions, from Hertz's pressure on fine grids. It turns each
+pressure into a distance, and a quadratic function, fitted to the distances of the nodes around, says where zero is.
+Lengths in spacings.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
+
+Flags = NDArray[np.bool_]
+
+REACH: Final = 2.9
+"""Nodes so near to an edge node are fitted ..."""
+BESIDE: Final = 0.5
+"""... and so much farther ones, if it lies outside the contact."""
+LEAST_NODES: Final = 8
+SWEEPS: Final = 6
+"""Of slope and distance in turn."""
+STEP: Final = 0.1
+"""Between the values of NEARER."""
+NEARER: Final = np.array(
+    [
+        *(-0.047, 0.017, 0.062, 0.085, 0.098, 0.094, 0.074, 0.037, -0.009, -0.056),
+        *(-0.101, -0.079, -0.048, -0.019, -0.005, -0.005, -0.008, -0.012, -0.010),
+    ]
+)
+"""d - p^2/G at p/sqrt(G) = 0, 0.1, ..., spacings."""
+TAIL: Final = 0.03
+"""Beyond, d - p^2/G is -TAIL/d."""
+OUTERMOST: Final = 0.1
+"""A node with pressure is so far outside at most, one without so far inside."""
+_AROUND: Final = np.ones((3, 3), bool)
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The edge near some nodes. nodes: (m, 2) places of nodes in the grid; distance: (m,) of the edge from there,
+    positive in the contact; outward: (m, 2) unit vectors across it."""
+
+    nodes: Indices
+    distance: Array
+    outward: Array
+
+
+def find_outline(pressure: Array) -> Outline:
+    """The edge of the contact between the nodes of a grid of pressures (nx, ny) >= 0.
+
+    Of all nodes next to it on either side, but for those where too few others or no rising pressure tell.
+    """
+    touching = pressure > 0.0
+    edge = binary_dilation(~touching, _AROUND) & binary_dilation(touching, _AROUND)
+    nodes = np.argwhere(edge)
+    places, near = _neighbours(nodes, touching)
+    known = near.sum(axis=1) >= LEAST_NODES
+    nodes, places, near = nodes[known], places[known], near[known]
+    if not len(nodes):
+        return Outline(nodes, np.zeros(0), np.zeros((0, 2)))
+    values = np.where(near, pressure[places[..., 0], places[..., 1]], 0.0)
+    with np.errstate(all="ignore"):
+        distance, outward = _fitted(places - nodes[:, None], near, values)
+    inside = touching[nodes[:, 0], nodes[:, 1]]
+    found = np.isfinite(distance) & (np.abs(distance) < REACH)
+    distance = np.where(inside, np.maximum(distance, -OUTERMOST), np.minimum(distance, OUTERMOST))
+    return Outline(nodes[found], distance[found], outward[found])
+
+
+def distance_of(pressure: Array) -> Array:
+    """Distance of nodes from the edge, for pressures in sqrt(G spacing)."""
+    square = pressure**2
+    far = STEP * (len(NEARER) - 1)
+    near = np.interp(pressure, np.arange(len(NEARER)) * STEP, NEARER)
+    distance: Array = square + np.where(pressure > far, -TAIL / np.maximum(square, 1.0), near)
+    return distance
+
+
+def _neighbours(nodes: Indices, touching: Flags) -> tuple[Indices, Flags]:
+    """Places (m, k, 2) of the nodes around each, and which of them (m, k) are in contact and within reach."""
+    width = int(np.ceil(REACH + BESIDE))
+    offsets = np.stack(np.meshgrid(*[np.arange(-width, width + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    apart = np.hypot(*offsets.T)
+    offsets, apart = offsets[apart <= REACH + BESIDE], apart[apart <= REACH + BESIDE]
+    places = nodes[:, None] + offsets
+    on_grid = ((places >= 0) & (places < touching.shape)).all(axis=2)
+    places = np.clip(places, 0, np.array(touching.shape) - 1)
+    reach = REACH + np.where(touching[nodes[:, 0], nodes[:, 1]], 0.0, BESIDE)
+    return places, on_grid & touching[places[..., 0], places[..., 1]] & (apart <= reach[:, None])
+
+
+def _fitted(offsets: Indices, near: Flags, pressure: Array) -> tuple[Array, Array]:
+    """Distance (m,) and direction (m, 2) of the edge, of nodes with pressures (m, k) around them."""
+    x, y = np.moveaxis(offsets.astype(float), -1, 0)
+    basis = np.stack([np.ones_like(x), x, y, x * x / 2.0, x * y, y * y / 2.0], axis=-1) * near[..., None]
+    fit = np.linalg.pinv(basis)
+    square = np.einsum("mck,mk->mc", fit, pressure**2)
+    slope = np.hypot(square[:, 1], square[:, 2])
+    for _ in range(SWEEPS):
+        reduced = np.where(near, distance_of(pressure / np.sqrt(slope)[:, None]), 0.0)
+        value, gx, gy, xx, xy, yy = np.einsum("mck,mk->cm", fit, reduced)
+        steep = np.hypot(gx, gy)
+        outward = -np.stack([gx, gy], axis=1) / steep[:, None]
+        bend = outward[:, 0] ** 2 * xx + 2.0 * outward[:, 0] * outward[:, 1] * xy + outward[:, 1] ** 2 * yy
+        # where value - steep d + bend d^2 / 2 = 0
+        distance = 2.0 * value / (steep + np.sqrt(steep**2 - 2.0 * bend * value))
+        slope = slope * (steep - bend * distance)
+    return distance, outward
