@@ -1,0 +1,150 @@
+"""Assembly of the collocated system in hierarchical form: leaves and pairs of clusters are shared out over threads."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numba import get_num_threads
+
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.formulation import Progress
+from meeframe.formulations.dense_bem.half_space import exterior_terms
+from meeframe.formulations.dense_bem.layout import NONE
+from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, recompress
+from meeframe_hmatrix.clusters import Cluster, diameter, distance
+from meeframe_hmatrix.integrals import Integrals, column_window, far_block, near_rows, reachable
+from meeframe_hmatrix.kernels import Rows
+
+ADMISSIBLE = 3.0
+"""Clusters are far from each other if the smaller of their diameters is less than so many times their distance."""
+
+Pair = tuple[Cluster, Cluster]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """matrix @ unknowns = rhs + load_matrix @ loads, all in the order of the cluster tree."""
+
+    matrix: Block
+    load_matrix: Block
+    rhs: Array
+
+
+def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> System:
+    """The boundary element system (eqs. 19, 20), far blocks to a relative tolerance in the Frobenius norm."""
+    tree = integrals.tree
+    far: list[Pair] = []
+    near: list[Pair] = []
+    _partition(integrals, tree.root, tree.root, far, near)
+    neighbours: dict[int, list[Cluster]] = {}
+    for row, column in near:
+        neighbours.setdefault(row.sites.start, []).append(column)
+    rest = np.zeros((len(tree.unknowns), 1 + N_FIELDS))
+    values: dict[tuple[int, int, int, int], Block] = {}
+    loads: dict[tuple[int, int, int, int], Block] = {}
+    rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
+    n_tasks = len(far) + len(rows)
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        blocks = pool.map(lambda pair: _far(integrals, *pair, tolerance), far)
+        for done, (pair, (value, load, share)) in enumerate(zip(far, blocks, strict=True), 1):
+            values[_key(pair)], loads[_key(pair)] = value, load
+            rest[pair[0].unknowns] += share
+            progress("assembly", done / n_tasks)
+        lines = list(pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows))
+        progress("assembly", 1.0)
+    for row, line in zip(rows, lines, strict=True):
+        rest[row.unknowns] += line.rest
+    rhs = rest[:, 0].copy()
+    _subtract_constants(integrals, rows, lines, neighbours, rest[:, 1:], rhs)
+    for row, line in zip(rows, lines, strict=True):
+        _enter(row, neighbours[row.sites.start], line, values, loads)
+    lines_of_loads = tuple((_tree((part, tree.zone), loads),) for part in tree.root.children)
+    load_matrix = Split(tree.root.unknowns, tree.zone.loads, lines_of_loads)
+    return System(_tree((tree.root, tree.root), values), load_matrix, rhs)
+
+
+def _partition(integrals: Integrals, row: Cluster, column: Cluster, far: list[Pair], near: list[Pair]) -> None:
+    extent = min(diameter(row.row_box), diameter(column.column_box))
+    if extent < ADMISSIBLE * distance(row.row_box, column.column_box) and reachable(integrals, row, column):
+        far.append((row, column))
+    elif row.children or column.children:
+        for part in row.parts:
+            for other in column.parts:
+                _partition(integrals, part, other, far, near)
+    else:
+        near.append((row, column))
+
+
+def _key(pair: Pair) -> tuple[int, int, int, int]:
+    row, column = pair
+    return row.sites.start, row.sites.stop, column.sites.start, column.sites.stop
+
+
+def _far(integrals: Integrals, row: Cluster, column: Cluster, tolerance: float) -> tuple[Block, Block, Array]:
+    left, chosen = far_block(integrals, row, column, tolerance)
+    value = LowRank(row.unknowns, column.unknowns, *recompress(left, chosen.unknown, tolerance))
+    load = LowRank(row.unknowns, column.loads, *recompress(left, chosen.load, tolerance))
+    return value, load, left @ chosen.rest
+
+
+def _subtract_constants(
+    integrals: Integrals,
+    rows: Sequence[Cluster],
+    lines: Sequence[Rows],
+    neighbours: dict[int, list[Cluster]],
+    constant: Array,
+    rhs: Array,
+) -> None:
+    """Free term and principal value from the five constant fields: the rows of a closed surface annul them.
+
+    constant: (u, 5) what each equation makes of them without.
+    """
+    tree, sources = integrals.tree, integrals.sources
+    if integrals.mesh.semi_infinite:
+        exterior = exterior_terms(integrals.kernel, integrals.mesh, integrals.positions).reshape(-1, N_FIELDS, N_FIELDS)
+        used = integrals.rows != NONE
+        constant[integrals.rows[used]] -= exterior.transpose(0, 2, 1)[used]
+    for row, line in zip(rows, lines, strict=True):
+        window = column_window(integrals, neighbours[row.sites.start])
+        for source in range(row.sources.start, row.sources.stop):
+            equations = integrals.rows[source][integrals.rows[source] != NONE]
+            number = tree.sources[source]
+            for point, shape in zip(sources.mesh_points[number], sources.shape[number], strict=True):
+                if shape == 0.0:
+                    continue
+                share = shape * constant[equations]
+                columns = integrals.columns.value_column[tree.rank[point]]
+                known = columns == NONE
+                rhs[equations] += share[:, known] @ integrals.columns.value_data[tree.rank[point], known]
+                places = window.unknown[columns[~known]]
+                line.unknown[np.ix_(equations - row.unknowns.start, places)] -= share[:, ~known]
+
+
+def _enter(
+    row: Cluster,
+    near: Sequence[Cluster],
+    line: Rows,
+    values: dict[tuple[int, int, int, int], Block],
+    loads: dict[tuple[int, int, int, int], Block],
+) -> None:
+    """The near blocks of a leaf as parts of its line."""
+    unknown = load = 0
+    for column in near:
+        key = _key((row, column))
+        width, load_width = column.unknowns.stop - column.unknowns.start, column.loads.stop - column.loads.start
+        values[key] = Dense(row.unknowns, column.unknowns, line.unknown[:, unknown : unknown + width])
+        loads[key] = Dense(row.unknowns, column.loads, line.load[:, load : load + load_width])
+        unknown, load = unknown + width, load + load_width
+
+
+def _tree(pair: Pair, known: dict[tuple[int, int, int, int], Block]) -> Block:
+    """The block of a pair of clusters from undivided ones."""
+    found = known.get(_key(pair))
+    if found is not None:
+        return found
+    row, column = pair
+    parts = tuple(tuple(_tree((part, other), known) for other in column.parts) for part in row.parts)
+    first, last = parts[0], parts[-1]
+    rows = slice(first[0].rows.start, last[0].rows.stop)
+    return Split(rows, slice(first[0].columns.start, first[-1].columns.stop), parts)

@@ -1,0 +1,163 @@
+"""Hierarchical matrices: trees of dense, low-rank and divided blocks, products with them, and compression.
+
+Ranges of rows and columns are slices of the whole matrix, so that blocks find each other without their clusters.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr, svd
+
+from meeframe.core.fields import Array
+
+FIRST_GUESS = 8
+"""More random vectors than the rank that is expected, in the compression of a product."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """A block given entry by entry, array (m, n)."""
+
+    rows: slice
+    columns: slice
+    array: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LowRank:
+    """The block left @ right, left (m, k), right (k, n)."""
+
+    rows: slice
+    columns: slice
+    left: Array
+    right: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """A block divided into parts [row][column], one or two each way."""
+
+    rows: slice
+    columns: slice
+    parts: tuple[tuple["Block", ...], ...]
+
+
+Block = Dense | LowRank | Split
+
+
+def shape(block: Block) -> tuple[int, int]:
+    """Rows and columns."""
+    return block.rows.stop - block.rows.start, block.columns.stop - block.columns.start
+
+
+def within(part: slice, whole: slice) -> slice:
+    """A range in terms of another that contains it."""
+    return slice(part.start - whole.start, part.stop - whole.start)
+
+
+def leaves(block: Block) -> Iterator[Dense | LowRank]:
+    """The undivided blocks of a tree."""
+    if isinstance(block, Split):
+        for line in block.parts:
+            for part in line:
+                yield from leaves(part)
+    else:
+        yield block
+
+
+def stored(block: Block) -> int:
+    """Numbers that a block keeps."""
+    return sum(
+        leaf.array.size if isinstance(leaf, Dense) else leaf.left.size + leaf.right.size for leaf in leaves(block)
+    )
+
+
+def multiply(block: Block, x: Array) -> Array:
+    """block @ x for x (n, k)."""
+    if isinstance(block, Dense):
+        product: Array = block.array @ x
+        return product
+    if isinstance(block, LowRank):
+        return block.left @ (block.right @ x)
+    result = np.zeros((shape(block)[0], x.shape[1]))
+    for line in block.parts:
+        for part in line:
+            result[within(part.rows, block.rows)] += multiply(part, x[within(part.columns, block.columns)])
+    return result
+
+
+def multiply_transposed(block: Block, x: Array) -> Array:
+    """block.T @ x for x (m, k)."""
+    if isinstance(block, Dense):
+        product: Array = block.array.T @ x
+        return product
+    if isinstance(block, LowRank):
+        return block.right.T @ (block.left.T @ x)
+    result = np.zeros((shape(block)[1], x.shape[1]))
+    for line in block.parts:
+        for part in line:
+            result[within(part.columns, block.columns)] += multiply_transposed(part, x[within(part.rows, block.rows)])
+    return result
+
+
+def to_dense(block: Block) -> Array:
+    """All entries, (m, n)."""
+    result = np.empty(shape(block))
+    for leaf in leaves(block):
+        entries = leaf.array if isinstance(leaf, Dense) else leaf.left @ leaf.right
+        result[within(leaf.rows, block.rows), within(leaf.columns, block.columns)] = entries
+    return result
+
+
+def kept_rank(values: Array, tolerance: float) -> int:
+    """How many of falling singular values keep the Frobenius norm of the rest below tolerance times that of all."""
+    tails = np.sqrt(np.cumsum((values**2)[::-1]))[::-1]
+    return int(np.count_nonzero(tails > tolerance * tails[0])) if len(values) and tails[0] > 0.0 else 0
+
+
+def recompress(left: Array, right: Array, tolerance: float) -> tuple[Array, Array]:
+    """The best factors of left (m, k) @ right (k, n) for a relative tolerance in the Frobenius norm (QR and SVD)."""
+    if min(*left.shape, right.shape[1]) == 0:
+        return left[:, :0], right[:0]
+    q, r = qr(left, mode="economic", check_finite=False)
+    return _rotated(q, r @ right, tolerance)
+
+
+def _rotated(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
+    """Factors of q @ rows for orthonormal q (m, k), rows (k, n)."""
+    if rows.shape[1] > rows.shape[0]:
+        basis, triangle = qr(rows.T, mode="economic", check_finite=False)
+        u, values, v = svd(triangle.T, full_matrices=False, check_finite=False)
+        v = v @ basis.T
+    else:
+        u, values, v = svd(rows, full_matrices=False, check_finite=False)
+    rank = kept_rank(values, tolerance)
+    return q @ (u[:, :rank] * values[:rank]), v[:rank]
+
+
+def compress(
+    product: Callable[[Array], Array],
+    transposed: Callable[[Array], Array],
+    size: tuple[int, int],
+    rank: int,
+    tolerance: float,
+) -> tuple[Array, Array]:
+    """Factors of a matrix known by its products, for a relative tolerance in the Frobenius norm.
+
+    product: X @ (n, k); transposed: X.T @ (m, k); size: (m, n) of X; rank: what is expected.
+    Random range finder: Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217-288, algorithm 4.1; the number of random
+    vectors is doubled until some of them are not needed.
+    """
+    width = rank + FIRST_GUESS
+    random = np.random.default_rng(0)
+    while True:
+        if 2 * width >= min(size):
+            if size[1] <= size[0]:
+                return recompress(product(np.eye(size[1])), np.eye(size[1]), tolerance)
+            return recompress(np.eye(size[0]), transposed(np.eye(size[0])).T, tolerance)
+        q, _ = qr(product(random.normal(size=(size[1], width))), mode="economic", check_finite=False)
+        left, right = _rotated(q, transposed(q).T, tolerance)
+        if right.shape[0] <= width - FIRST_GUESS // 2:
+            return left, right
+        width *= 2

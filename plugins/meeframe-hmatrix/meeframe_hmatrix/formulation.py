@@ -1,0 +1,125 @@
+"""The hierarchical boundary element formulation: body in, reduced system out."""
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Annotated, final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from meeframe.core.body import Body
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import Array, FieldScaling
+from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.fundamental import FundamentalSolution
+from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.elements.anisotropy import anisotropy
+from meeframe.formulations.dense_bem.collocation import collocate
+from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
+from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.system import characteristic_length
+from meeframe.fundamental import Tabulated
+from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
+from meeframe.kernels.assembly import Accuracy
+from meeframe_hmatrix.assembly import assemble
+from meeframe_hmatrix.clusters import cluster_tree
+from meeframe_hmatrix.integrals import prepare
+from meeframe_hmatrix.product import stacked
+from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal_of, factorise, frames_to_units
+
+LEAF_SIZE = 24
+"""Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
+
+
+@final
+@dataclass(frozen=True)
+class HierarchicalBEM(Formulation):
+    """The collocated boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
+
+    tolerance: relative error, in the Frobenius norm, of each block that is approximated, in assembly and elimination;
+    fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral; edge_angle:
+    tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+    """
+
+    tolerance: Annotated[float, Quantity("", gt=0, lt=0.01)] = 1e-5
+    fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
+    quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
+    edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def check(self, body: Body) -> None:
+        """Check mesh, boundary conditions, material and memory.
+
+        Raises MeshError unless the mesh is a closed surface with outward normals; CaseError if boundary conditions
+        contradict each other, touch the contact zone or leave a field undetermined, if there is no contact zone, or if
+        the matrices would not fit into this machine's memory; MaterialError if the fundamental solution does not apply.
+        """
+        if body.contact_group is None:
+            raise CaseError("this body has no contact zone to condense to")
+        check_mesh(body.mesh)
+        check_contact_zone(body.mesh, body.contact_group)
+        layout, _ = self._layout(body)
+        _check_memory(layout.n_unknowns)
+        self.fundamental_solution.bind(_scaled(body))
+
+    def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
+        """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
+        progress("fundamental solution", 0.0)
+        self.check(body)
+        boundary = self.solve(body, progress)
+        zone = zone_frames(body.mesh, body.contact_group or "")
+        order = boundary.tree.loads
+        to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
+        own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(boundary.compliance, order), to_load)
+        values = boundary.layout.value_column[boundary.layout.zone]
+        constant, _ = boundary.solve(boundary.system.rhs)
+        offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
+        return HierarchicalSystem(
+            zone.points,
+            zone.frames,
+            zone.weights,
+            zone.cells,
+            offset,
+            stacked(boundary.compliance),
+            order,
+            to_load,
+            to_displacement,
+            own,
+            boundary,
+        )
+
+    def solve(self, body: Body, progress: Progress = silent) -> BoundarySystem:
+        """The system with its factors and the compliance of the contact zone, unchecked."""
+        stiffness = _scaled(body)
+        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
+        layout, units = self._layout(body)
+        mesh = replace(body.mesh, points=body.mesh.points / units.length)
+        sources = collocate(mesh, layout)
+        tree = cluster_tree(mesh, layout, sources, LEAF_SIZE)
+        kernel = self.fundamental_solution.bind(stiffness)
+        with threadpool_limits(1, "blas"):
+            integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
+            system = assemble(integrals, self.tolerance, progress)
+            factors, compliance = factorise(system, self.tolerance, progress)
+        return BoundarySystem(system, factors, compliance, tree, layout, units, body.mesh)
+
+    def _layout(self, body: Body) -> tuple[Layout, Units]:
+        units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))
+        return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
+
+
+def _scaled(body: Body) -> Array:
+    return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
+
+
+def _check_memory(unknowns: int) -> None:
+    """Raises CaseError if the matrices are larger than the memory of the machine."""
+    needed = 0.0
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > available:
+        raise CaseError(
+            f"{unknowns} unknowns need matrices of about {needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} "
+            "GB: use a coarser mesh or a larger tolerance"
+        )

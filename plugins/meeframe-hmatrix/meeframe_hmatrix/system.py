@@ -1,0 +1,180 @@
+"""From the hierarchical system to the reduced system: truncated elimination, and the compliance of the contact zone."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+from numba import get_num_threads
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
+from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
+from meeframe_hmatrix.arithmetic import (
+    EliminatedSplit,
+    Factors,
+    eliminate,
+    lower_solution,
+    solve_lower,
+    solve_upper,
+    upper_solution,
+)
+from meeframe_hmatrix.assembly import System
+from meeframe_hmatrix.blocks import Block, Dense, Split, leaves, multiply
+from meeframe_hmatrix.clusters import ClusterTree
+from meeframe_hmatrix.product import Product
+
+SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
+"""Of the potentials in a displacement of ReducedSystem."""
+RESIDUAL: Final = 1e-10
+MOST_ITERATIONS: Final = 200
+
+
+@dataclass(frozen=True, eq=False)
+class BoundarySystem:
+    """The system, in the order of the tree, with its truncated factors.
+
+    compliance: values (5 n) in the contact zone on loads (5 n), both in the order of the tree, units of the system.
+    """
+
+    system: System
+    factors: Factors
+    compliance: Block
+    tree: ClusterTree
+    layout: Layout
+    units: Units
+    mesh: SurfaceMesh
+
+    def unknowns(self, loads: Array) -> Array:
+        """The unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
+
+        By GMRES, preconditioned with the factors. Raises CaseError if it does not converge.
+        """
+        rhs = self.system.rhs + multiply(self.system.load_matrix, loads[:, None])[:, 0]
+        solution = np.empty_like(rhs)
+        solution[self.tree.unknowns] = self.solve(rhs)[0]
+        return solution
+
+    def solve(self, rhs: Array) -> tuple[Array, int]:
+        """matrix^-1 @ rhs and the number of iterations. Raises CaseError if GMRES does not converge."""
+        if not rhs.any():
+            return np.zeros_like(rhs), 0
+        size = (len(rhs), len(rhs))
+        history: list[float] = []
+        solution, failed = gmres(
+            LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float),
+            rhs,
+            rtol=RESIDUAL,
+            restart=50,
+            maxiter=MOST_ITERATIONS // 50,
+            M=LinearOperator(size, lambda x: self._preconditioned(x), dtype=float),
+            callback=history.append,
+            callback_type="pr_norm",
+        )
+        if failed:
+            raise CaseError(
+                f"the boundary element system is not solved after {len(history)} iterations: it is nearly singular, or "
+                "the tolerance of the formulation is too large; try a smaller tolerance"
+            )
+        return solution, len(history)
+
+    def _preconditioned(self, x: Array) -> Array:
+        return upper_solution(self.factors, lower_solution(self.factors, x.reshape(-1, 1)))[:, 0]
+
+    def fields(self, loads: Array) -> NodalFields:
+        """Fields on the boundary for loads (n, 5) in units of the system and the order of the layout, global axes."""
+        layout, units = self.layout, self.units
+        flat = loads.ravel()
+        unknowns = self.unknowns(flat[self.tree.loads])
+        values = _filled(layout.value_data, layout.value_column, unknowns)
+        fluxes = _filled(_filled(layout.flux_data, layout.flux_column, unknowns), layout.load_column, flat)
+        points = layout.patches.point
+        cells = tuple(
+            (block.element.meshio_type, connectivity)
+            for block, connectivity in zip(self.mesh.blocks, layout.patches.connectivity, strict=True)
+        )
+        return NodalFields(self.mesh.points[points], cells, units.values_si(values)[points], units.fluxes_si(fluxes))
+
+
+def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Factors, Block]:
+    """Truncated factors, and the compliance of the contact zone: values (5 n) on loads (5 n) in the order of the tree."""
+    with ThreadPoolExecutor(max(1, get_num_threads())) as pool:
+        progress("elimination", 0.0)
+        factors = eliminate(system.matrix, tolerance, pool)
+        assert isinstance(factors, EliminatedSplit) and isinstance(system.load_matrix, Split)
+        progress("compliance", 0.0)
+        reduced = solve_lower(factors, system.load_matrix, tolerance)
+        assert isinstance(reduced, Split)
+        compliance = solve_upper(factors.second, reduced.parts[1][0], tolerance)
+        progress("compliance", 1.0)
+    return factors, compliance
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class HierarchicalSystem(ReducedSystem):
+    """displacement = offset + compliance(load), the compliance a hierarchical matrix in the order of the tree.
+
+    product: of the compliance, in units of the system and global axes; order: (5 n,) place in the zone of each of its
+    rows; to_load, to_displacement: (n, 5, 5) from local frames to units of the system in global axes and back; own:
+    (n, 5, 5) response of each node to its own load, local frames, SI units.
+    """
+
+    product: Product
+    order: Indices
+    to_load: Array
+    to_displacement: Array
+    own: Array
+    boundary: BoundarySystem
+
+    def apply(self, load: Array) -> Array:
+        """compliance(load), (n, 5) for load (n, 5)."""
+        loads = np.einsum("nja,na->nj", self.to_load, load).ravel()
+        values = np.empty(load.size)
+        values[self.order] = self.product(loads[self.order])
+        return np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+
+    def diagonal_blocks(self) -> Array:
+        """Response of each node to its own load, (n, 5, 5)."""
+        return self.own
+
+    def dense(self) -> Array | None:
+        """None: it is held as a hierarchical matrix."""
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+        return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
+
+
+def diagonal_of(compliance: Block, order: Indices) -> Array:
+    """Blocks (n, 5, 5) on the diagonal of a compliance whose rows have places order (5 n,)."""
+    blocks = np.empty((len(order) // N_FIELDS, N_FIELDS, N_FIELDS))
+    first = compliance.rows.start
+    for leaf in leaves(compliance):
+        start = leaf.columns.start
+        if isinstance(leaf, Dense) and leaf.rows.start - first == start:
+            for place in range(0, leaf.array.shape[0], N_FIELDS):
+                part = slice(place, place + N_FIELDS)
+                blocks[order[start + place] // N_FIELDS] = leaf.array[part, part]
+    return blocks
+
+
+def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
+    """(n, 5, 5) from loads in local frames to units of the system and global axes, from values there to displacements."""
+    turn = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    turn[:, MECHANICAL, MECHANICAL] = frames
+    turn[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    to_load = turn.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
+    to_displacement = SIGNS[:, None] * turn * units.values_si(np.ones(N_FIELDS))
+    return to_load, to_displacement
+
+
+def _filled(data: Array, columns: Indices, unknowns: Array) -> Array:
+    filled = data.copy()
+    mask = columns != NONE
+    filled[mask] = unknowns[columns[mask]]
+    return filled
