@@ -39,7 +39,10 @@ from meeframe.io.output import replacing
 
 PER_CONTACT: Final = 3
 LARGEST: Final = 5_000
-"""Contacts of a problem: its matrix is held in full, 1.8 GB at so many and three times that in our solvers."""
+"""Contacts of a problem: its matrix is held in full, 1.8 GB at so many, and four times (by Newton's method six
+times) that besides in our solvers."""
+_UNREADABLE: Final = (KeyError, ValueError, TypeError, IndexError, OSError, RuntimeError)
+"""What h5py and numpy raise of files that are damaged or hold something else."""
 _LOCAL: Final = "fclib_local"
 _SOLUTION: Final = "solution"
 _TEXTS: Final = ("title", "description", "math_info")
@@ -51,10 +54,11 @@ _ROWS: Final = -2
 class LocalProblem:
     """u = W r + q under Coulomb's law at m contacts, components (normal, tangential, tangential) contact by contact.
 
-    matrix: (3m, 3m) W, positive semidefinite; q: (3m,); mu: (m,) friction coefficients >= 0. Of ours, u is the gap
-    [m] and r the force [N] (meeframe.io.fclib_contact); files of others have velocities and impulses.
-    Raises CaseError if shapes do not fit, a value is not finite, a coefficient is negative, or there are more than
-    5000 contacts.
+    matrix: (3m, 3m) W, positive semidefinite with a positive diagonal; q: (3m,); mu: (m,) friction coefficients >= 0.
+    Of ours, u is the gap [m] and r the force [N] (meeframe.io.fclib_contact); files of others have velocities and
+    impulses.
+    Raises CaseError if shapes do not fit, a value is not finite, a coefficient is negative, the diagonal of W is not
+    positive, or there are more than 5000 contacts.
     """
 
     matrix: Array
@@ -81,6 +85,13 @@ class LocalProblem:
             raise CaseError(
                 f"mu of the FCLIB problem is {self.mu[contact]} at contact {contact}; allowed: numbers >= 0"
             )
+        own = np.diag(self.matrix)
+        if own.min() <= 0.0:
+            contact = int(own.argmin()) // PER_CONTACT
+            raise CaseError(
+                f"W of the FCLIB problem has {own.min()} on its diagonal at contact {contact}; "
+                "allowed: numbers > 0, as a contact that gives way to no force has no solution"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +103,10 @@ class LocalSolution:
 
 
 def check_size(contacts: int) -> None:
-    """Raises CaseError if a problem has more contacts than are allowed."""
-    if contacts > LARGEST:
+    """Raises CaseError if a problem has no contacts or more of them than are allowed."""
+    if not 1 <= contacts <= LARGEST:
         raise CaseError(
-            f"FCLIB problem with {contacts} contacts; allowed: up to {LARGEST}, as its matrix is held in full"
+            f"FCLIB problem with {contacts} contacts; allowed: 1 to {LARGEST}, as its matrix is held in full"
         )
 
 
@@ -106,7 +117,7 @@ def natural_residual(problem: LocalProblem, reaction: Array) -> float:
     inverse of the mean of W's diagonal; over |rho q| if r is zero. FCLIB's merit function is the same with rho = 1,
     which suits SI units badly: forces exceed gaps by many decades there.
     """
-    rho = 1.0 / (float(np.diag(problem.matrix).mean()) or 1.0)
+    rho = 1.0 / float(np.diag(problem.matrix).mean())
     r = reaction.reshape(-1, PER_CONTACT)
     u = (problem.matrix @ reaction + problem.q).reshape(r.shape)
     u[:, 0] += problem.mu * np.linalg.norm(u[:, 1:], axis=1)
@@ -161,23 +172,32 @@ def read_local(path: Path) -> LocalProblem:
     constraints or if its numbers are not allowed.
     """
     with _opened(path) as file:
-        if _LOCAL not in file:
-            found = "a global problem" if "fclib_global" in file else "no problem of FCLIB"
-            raise CaseError(f"{path}: holds {found}; allowed: a local problem, in the group {_LOCAL}")
         try:
-            return _local(file[_LOCAL], path)
-        except (KeyError, ValueError, TypeError, IndexError) as error:
+            if _LOCAL not in file:
+                found = "a global problem" if "fclib_global" in file else "no problem of FCLIB"
+                raise CaseError(f"holds {found}; allowed: a local problem, in the group {_LOCAL}")
+            return _local(file[_LOCAL])
+        except CaseError as error:
+            raise CaseError(f"{path}: {error}") from None
+        except _UNREADABLE as error:
             raise CaseError(f"{path}: is no whole problem of FCLIB: {error}") from None
 
 
 def read_solution(path: Path) -> LocalSolution | None:
-    """The solution in a file, None if there is none. Raises ResultError if it cannot be read."""
+    """The solution in a file, None if there is none.
+
+    Raises ResultError if it cannot be read, is not finite or not one of the file's problem.
+    """
     with _opened(path) as file:
-        if _SOLUTION not in file:
-            return None
         try:
-            return LocalSolution(*(np.asarray(file[_SOLUTION][name][()], float).ravel() for name in ("u", "r")))
-        except (KeyError, ValueError, TypeError) as error:
+            if _SOLUTION not in file:
+                return None
+            size = _whole(file[_LOCAL]["W"], "m")
+            u, r = (_numbers(file[_SOLUTION], name) for name in ("u", "r"))
+            if not (len(u) == len(r) == size and np.isfinite(u).all() and np.isfinite(r).all()):
+                raise ValueError(f"u ({len(u)},), r ({len(r)},); allowed: finite numbers ({size},)")
+            return LocalSolution(u.astype(float), r.astype(float))
+        except _UNREADABLE as error:
             raise ResultError(f"{path}: its solution cannot be read: {error}") from None
 
 
@@ -188,15 +208,18 @@ def _opened(path: Path) -> Any:
         raise ResultError(f"{path}: cannot be read as HDF5: {error}") from None
 
 
-def _local(local: Any, path: Path) -> LocalProblem:
+def _local(local: Any) -> LocalProblem:
     dimension = _whole(local, "spacedim")
     if dimension != PER_CONTACT:
-        raise CaseError(f"{path}: spacedim = {dimension}; allowed: {PER_CONTACT}")
+        raise CaseError(f"spacedim = {dimension}; allowed: {PER_CONTACT}")
     if "V" in local or "R" in local:
-        raise CaseError(f"{path}: has equality constraints (V, R, s); allowed: problems without them")
-    check_size(_whole(local["W"], "m") // PER_CONTACT)
+        raise CaseError("has equality constraints (V, R, s); allowed: problems without them")
+    rows, columns = (_whole(local["W"], name) for name in ("m", "n"))
+    if rows != columns:
+        raise CaseError(f"W has {rows} rows and {columns} columns; allowed: as many")
+    check_size(rows // PER_CONTACT)
     vectors, info = local["vectors"], local.get("info", {})
-    q, mu = (np.asarray(vectors[name][()], float).ravel() for name in ("q", "mu"))
+    q, mu = (_numbers(vectors, name).astype(float) for name in ("q", "mu"))
     return LocalProblem(_matrix(local["W"]), q, mu, *(_text(info, name) for name in _TEXTS))
 
 
@@ -204,7 +227,7 @@ def _matrix(group: Any) -> Array:
     """A matrix in full, from any of the three ways in which it may be stored; entries that repeat add up."""
     full = np.zeros((_whole(group, "m"), _whole(group, "n")))
     count = _whole(group, "nz")
-    p, i, x = (np.ravel(group[name][()]) for name in ("p", "i", "x"))
+    p, i, x = (_numbers(group, name) for name in ("p", "i", "x"))
     if count >= 0:
         rows, columns, x = i[:count], p[:count], x[:count]
     elif count == _COLUMNS:
@@ -249,7 +272,15 @@ def _put_whole(group: Any, name: str, number: int) -> None:
 
 
 def _whole(group: Any, name: str) -> int:
-    return int(np.ravel(group[name][()])[0])
+    return int(_numbers(group, name)[0])
+
+
+def _numbers(group: Any, name: str) -> Any:
+    """A dataset of real numbers as it is, in one dimension."""
+    found = np.ravel(group[name][()])
+    if found.dtype.kind not in "fiu":
+        raise ValueError(f"{name} is of type {found.dtype}; allowed: whole numbers and floats")
+    return found
 
 
 def _put_text(group: Any, name: str, text: str) -> None:

@@ -11,10 +11,11 @@ R = 1/kappa (on the set A of node and potential pairs that conduct, meeframe.sol
 complement W = C_mm - C_mA (C_AA + R)^-1 C_Am of the compliance.
 """
 
+import warnings
 from typing import Final
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 
 from meeframe.core.contact import (
     ContactProblem,
@@ -90,7 +91,9 @@ def contact_problem(local: LocalProblem) -> ContactProblem:
     scale = _scales(local)
     matrix = np.zeros((n, N_FIELDS, n, N_FIELDS))
     own = np.where(scale == 0.0, np.diag(local.matrix).mean(), 0.0)
-    scaled = scale[:, None] * local.matrix * scale + np.diag(own)
+    scaled = scale[:, None] * local.matrix
+    scaled *= scale
+    np.einsum("ii->i", scaled)[:] += own
     blocks = scaled.reshape(n, PER_CONTACT, n, PER_CONTACT)
     matrix[:, COMPONENTS[:, None], :, COMPONENTS] = blocks.transpose(1, 3, 0, 2)
     nodes = np.arange(n)
@@ -120,7 +123,10 @@ def solve_local(
     local: LocalProblem, solver: Solver, limits: Limits | None = None
 ) -> tuple[LocalSolution, ContactSolution]:
     """Solve a problem of FCLIB with a solver of ours; the second result has the status and the residual."""
-    found = solve(contact_problem(local), solver, limits)
+    with warnings.catch_warnings():
+        # W of more contacts than degrees of freedom is singular: its residual tells whether there is a solution
+        warnings.simplefilter("ignore", LinAlgWarning)
+        found = solve(contact_problem(local), solver, limits)
     return reactions(local, found.state), found
 
 

@@ -46,6 +46,17 @@ def check_output(folder: Path, overwrite: bool) -> None:
         raise ResultError(f"output folder {folder} is not empty ({listed}); name another one or pass --overwrite")
 
 
+def check_place(file: Path) -> None:
+    """See that a file can be written in its folder, which has to be there; nothing is left. Raises ResultError."""
+    try:
+        if file.is_dir():
+            raise IsADirectoryError("is a folder")
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise ResultError(f"{file} cannot be written: {error.strerror or error}") from None
+
+
 def clear_output(folder: Path) -> None:
     """Make the output folder or remove the files that an earlier run left in it, and only those. Raises ResultError."""
     try:

@@ -22,6 +22,7 @@ from meeframe.io.fclib import (
     write_solution,
 )
 from meeframe.io.fclib_contact import friction_coefficient, local_problem, local_solution, solve_local
+from meeframe.io.output import check_place
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.solvers import Limits
 from meeframe.study.choices import Choice
@@ -42,6 +43,7 @@ def export_increment(
         raise CaseError(f"--increment {wanted}; allowed: 1 to {case.n_increments}, the increments of the case")
     if out.exists() and not overwrite:
         raise ResultError(f"{out} exists; name another file or pass --overwrite")
+    check_place(out)
     friction_coefficient(case.contact_law)  # refused before anything is computed
     system = reduce(case, progress)
     step = next(islice(solve_steps(case, system, progress, boundary=False), wanted - 1, None))
@@ -61,18 +63,27 @@ class SolvedFile:
 def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, registry: Registry) -> SolvedFile:
     """Solve the problem of a file; a solution that converges goes into the file if it has none, or if overwrite.
 
-    solver: name or inline table, as in a case file. Raises CaseError, PluginError or ResultError for bad input.
+    solver: name or inline table, as in a case file. Raises CaseError, PluginError or ResultError for bad input, before
+    anything is computed; a solution of the file that cannot be read is bad input unless overwrite.
     """
     chosen = registry.create(Kind.SOLVER, Choice.read("solver", solver).value)
     limits = Limits(tolerance=tolerance)
-    problem, before = read_local(path), read_solution(path)
+    problem = read_local(path)
+    try:
+        before = read_solution(path)
+    except ResultError as error:
+        if not overwrite:
+            raise ResultError(f"{error}; pass --overwrite to replace it") from None
+        before = None
+    if before is None or overwrite:
+        check_place(path)
     solution, found = solve_local(problem, chosen, limits)
     words = [
         f"{len(problem.mu)} contacts",
         f"{found.status} in {found.iterations} iterations: {found.message}",
         f"natural residual {natural_residual(problem, solution.r):.1e}",
     ]
-    if before is not None and before.r.shape == solution.r.shape:
+    if before is not None:
         largest = float(np.abs(before.r).max()) or 1.0
         words.append(f"reactions differ from those of the file by {np.abs(solution.r - before.r).max() / largest:.1e}")
     if found.status is Status.CONVERGED and (before is None or overwrite):

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import meeframe.plugin.registry as plugins
 from meeframe.cli import app
-from meeframe.io.fclib import LocalProblem, read_local, read_solution, write_local
+from meeframe.io.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local
 
 
 def fclib(*arguments):
@@ -100,6 +100,31 @@ def test_refusals(frictional, tmp_path):
     status, _, err = fclib("solve", path, "--solver", "nuton")
     assert status == 2
     assert "did you mean 'newton'" in err
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_computed(frictional, tmp_path, monkeypatch):
+    def computed(*_arguments, **_more):
+        raise AssertionError("computed all the same")
+
+    monkeypatch.setattr("meeframe.study.fclib.reduce", computed)
+    status, _, err = fclib("export", frictional, tmp_path / "none" / "a.hdf5")
+    assert status == 2
+    assert f"{tmp_path / 'none' / 'a.hdf5'} cannot be written" in err
+    status, _, err = fclib("export", frictional, tmp_path, "--overwrite")
+    assert status == 2
+    assert f"{tmp_path} cannot be written" in err
+
+
+def test_a_solution_that_cannot_be_read_is_an_error_unless_it_is_replaced(tmp_path):
+    path = tmp_path / "a.hdf5"
+    bad = LocalSolution(np.full(3, np.nan), np.zeros(3))
+    write_local(path, LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3])), bad)
+    status, _, err = fclib("solve", path)
+    assert status == 2
+    assert "its solution cannot be read" in err
+    assert "pass --overwrite to replace it" in err
+    assert fclib("solve", path, "--overwrite")[0] == 0
+    np.testing.assert_allclose(read_solution(path).r, [1.0, 0, 0])
 
 
 def test_what_does_not_converge_is_not_written(tmp_path):

@@ -143,6 +143,25 @@ def test_more_contacts_than_degrees_of_freedom(solver):
     np.testing.assert_allclose(work, -0.5 * r[:, 0] * np.hypot(u[:, 1], u[:, 2]), atol=1e-8 * size)
 
 
+def test_contacts_on_one_rigid_body():
+    """Four contacts that move as one: W is exactly singular, half the weight sticks. Warnings are errors here."""
+    local = LocalProblem(np.kron(np.ones((4, 4)), np.eye(3)), np.tile([-1.0, 0.2, 0.0], 4), np.full(4, 0.5))
+    solution, found = solve_local(local, Auto())
+    assert found.status is Status.CONVERGED
+    np.testing.assert_allclose(solution.r.reshape(4, 3).sum(axis=0), [1.0, -0.2, 0.0], atol=1e-9)
+    np.testing.assert_allclose(solution.u, 0.0, atol=1e-9)
+
+
+def test_contacts_without_friction_have_no_tangential_force():
+    """Whose own compliance is put on the diagonal in place."""
+    matrix = np.diag([2.0, 1.0, 1.0, 2.0, 1.0, 1.0])
+    local = LocalProblem(matrix, np.tile([-1.0, 0.1, 0.0], 2), np.array([0.0, 0.5]))
+    before = local.matrix.copy()
+    solution, _ = solve_local(local, Auto())
+    np.testing.assert_allclose(solution.r, [0.5, 0, 0, 0.5, -0.1, 0], atol=1e-9)
+    np.testing.assert_array_equal(local.matrix, before)
+
+
 def test_projection_on_cones_is_the_nearest_point():
     rng = np.random.default_rng(6)
     points, mu = rng.normal(size=(200, 3)), rng.uniform(0.0, 2.0, 200) * (np.arange(200) > 5)
@@ -264,8 +283,13 @@ def test_compliance_that_is_no_matrix():
 def test_problems_that_are_refused():
     with pytest.raises(CaseError, match=r"W \(3, 3\), q \(3,\), mu \(2,\)"):
         LocalProblem(ONE, np.zeros(3), np.zeros(2))
-    with pytest.raises(CaseError, match="allowed: up to"):
+    with pytest.raises(CaseError, match="allowed: 1 to"):
         check_size(LARGEST + 1)
+    for diagonal in (0.0, -1.0):
+        with pytest.raises(
+            CaseError, match=rf"W of the FCLIB problem has {diagonal} on its diagonal at contact 1; allow"
+        ):
+            LocalProblem(np.diag([1.0, 1, 1, 1, diagonal, 1]), np.zeros(6), np.zeros(2))
     local = LocalProblem(ONE, np.zeros(3), np.zeros(1))
     with pytest.raises(CaseError, match="has no body"):
         contact_problem(local).system.recover(np.zeros((1, 5)))

@@ -6,13 +6,15 @@ import pytest
 from scipy import sparse
 
 from meeframe.core.errors import CaseError, ResultError
-from meeframe.io.fclib import LARGEST, LocalProblem, read_local, read_solution, write_local
+from meeframe.io.fclib import LARGEST, LocalProblem, LocalSolution, read_local, read_solution, write_local
 
 
 def test_layout_of_the_file(tmp_path):
     """Names, types, shapes as fclib.h reads them."""
     rng = np.random.default_rng(2)
-    local = LocalProblem(rng.normal(size=(12, 12)), rng.normal(size=12), np.full(4, 0.3), title="a title")
+    local = LocalProblem(
+        rng.normal(size=(12, 12)) + 9 * np.eye(12), rng.normal(size=12), np.full(4, 0.3), title="a title"
+    )
     local.matrix[3, 4] = 0.0
     write_local(tmp_path / "a.hdf5", local)
     assert read_solution(tmp_path / "a.hdf5") is None
@@ -84,7 +86,16 @@ BROKEN = {
     "q too short": ({"vectors/q": np.zeros(2)}, r"q \(2,\)"),
     "negative mu": ({"vectors/mu": np.array([-0.1])}, "mu of the FCLIB problem is -0.1 at contact 0; allowed"),
     "not a number": ({"vectors/q": np.array([0, np.nan, 0])}, "q of the FCLIB problem is not finite"),
-    "large": ({"W/m": np.array([3 * LARGEST + 3])}, f"{LARGEST + 1} contacts; allowed: up to {LARGEST}"),
+    "large": (
+        dict.fromkeys(("W/m", "W/n"), np.array([3 * LARGEST + 3])),
+        f"{LARGEST + 1} contacts; allowed: 1 to {LARGEST}",
+    ),
+    "more columns than rows": ({"W/n": np.array([2_000_000_000])}, "W has 3 rows and 2000000000 columns; allowed"),
+    "no contacts": ({"W/m": np.array([-3]), "W/n": np.array([-3])}, "with -1 contacts; allowed: 1 to"),
+    "infinite mu": ({"vectors/mu": np.array([np.inf])}, "mu of the FCLIB problem is not finite"),
+    "complex": ({"W/x": np.ones(3) + 1j}, "x is of type complex128; allowed: whole numbers and floats"),
+    "words": ({"vectors/mu": np.array([b"0.3"])}, r"mu is of type .*; allowed: whole numbers and floats"),
+    "zeros": ({"W/x": np.zeros(3)}, "W of the FCLIB problem has 0.0 on its diagonal at contact 0"),
 }
 
 
@@ -92,8 +103,52 @@ BROKEN = {
 def test_broken_files(name, tmp_path):
     change, message = BROKEN[name]
     write_raw(tmp_path / "a.hdf5", np.eye(3), -1, [0, 1, 2, 3], [0, 1, 2], np.ones(3), change)
-    with pytest.raises(CaseError, match=message):
+    with pytest.raises(CaseError, match=rf"a\.hdf5: .*{message}"):
         read_local(tmp_path / "a.hdf5")
+
+
+def damage(path, name):
+    """Overwrite the bytes of a compressed dataset."""
+    with h5py.File(path, "r+") as file:
+        values = file[name][()]
+        del file[name]
+        file.create_dataset(name, data=values, chunks=values.shape, compression="gzip")
+        place = file[name].id.get_chunk_info(0)
+    with path.open("r+b") as raw:
+        raw.seek(place.byte_offset)
+        raw.write(b"\xff" * place.size)
+
+
+def test_damaged_chunks(tmp_path):
+    path = tmp_path / "a.hdf5"
+    local = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]))
+    write_local(path, local, LocalSolution(np.zeros(3), np.array([1.0, 0, 0])))
+    damage(path, "solution/r")
+    assert read_local(path).mu == [0.3]
+    with pytest.raises(ResultError, match=r"a\.hdf5: its solution cannot be read"):
+        read_solution(path)
+    damage(path, "fclib_local/W/x")
+    with pytest.raises(CaseError, match=r"a\.hdf5: is no whole problem of FCLIB"):
+        read_local(path)
+
+
+@pytest.mark.parametrize(
+    ("r", "message"),
+    [
+        (np.zeros(6), r"u \(3,\), r \(6,\); allowed: finite numbers \(3,\)"),
+        (np.array([1.0, np.nan, 0.0]), "allowed: finite numbers"),
+        (np.zeros(3, complex), "r is of type complex128"),
+        (np.zeros(0), r"r \(0,\)"),
+    ],
+)
+def test_solutions_that_are_none(tmp_path, r, message):
+    path = tmp_path / "a.hdf5"
+    local = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]))
+    write_local(path, local)
+    with h5py.File(path, "r+") as file:
+        file["solution/u"], file["solution/r"] = np.zeros(3), r
+    with pytest.raises(ResultError, match=rf"a\.hdf5: its solution cannot be read: .*{message}"):
+        read_solution(path)
 
 
 def test_files_of_something_else(tmp_path):
