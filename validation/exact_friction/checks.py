@@ -1,12 +1,12 @@
 """Friction against closed forms: Cattaneo-Mindlin with its loop, full stick, torsion."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from elements import drag_on_elements, punch_on_elements, torsion_on_elements
 from study import (
     FRICTION,
+    ZONE,
     BondedRow,
     Loop,
     Pressed,
@@ -16,6 +16,7 @@ from study import (
     cattaneo,
     full_stick,
     hysteresis,
+    stick_share,
     torsion,
     twist_stiffness,
 )
@@ -28,7 +29,6 @@ SOURCE = (
     "Spence (1968); Lubkin, J. Appl. Mech. 18 (1951) 183; Johnson, Contact Mechanics (1985), chapters 3, 5 and 7. Half "
     "spaces of square cells; all grids: docs/validation/exact_friction.md."
 )
-SMALL = "a sixth of a cell: the disc that sticks is but seven cells in radius"
 EXACT, COUPLED = (0.0, True), (0.5, False)
 """Poisson's ratio, Goodman's approximation."""
 
@@ -60,8 +60,13 @@ def _slip(name: str, row: SlipRow, load: float) -> Iterator[Check]:
     coarser = 32 / row.cells
     name = f"{name}, {row.cells} cells"
     yield _relative(f"{name}: load", row.load, load)
-    stick = _relative(f"{name}: stick radius", row.stick_radius, 0.02 * coarser)
-    yield replace(stick, explained=SMALL) if row.share > 0.8 else stick
+    if row.stick_moment is None:
+        yield _relative(f"{name}: stick radius", row.stick_radius, 0.02 * coarser)
+    else:
+        yield _relative(f"{name}: stick radius, by the reserve of traction", row.stick_moment, 0.02 * coarser)
+        # cells stick or slip as wholes: counting them tells where the outline is to half a cell
+        half_a_cell = ZONE / row.cells / stick_share(row.share) / 2
+        yield _relative(f"{name}: stick radius, by the area of sticking cells", row.stick_radius, half_a_cell)
     yield _relative(f"{name}: traction, but for the cells at both radii", row.traction, 0.03 * coarser)
 
 

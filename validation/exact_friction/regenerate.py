@@ -30,7 +30,7 @@ NAME = Path(__file__).parent.name
 DOCS = Path(__file__).parents[2] / "docs" / "validation"
 EXACT, COUPLED = (0.0, True), (0.5, False)
 """Poisson's ratio and Goodman's approximation: where Cattaneo-Mindlin is exact, and where all but small slips are."""
-LOADS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+LOADS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 SHOWN = (0.2, 0.4, 0.6, 0.8)
 STICKS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
 SHOWN_STICKS = (0.8, 0.6, 0.4)
