@@ -16,7 +16,7 @@ from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.geometry import check_mesh
 from meeframe.plugin import Body, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
-from meeframe_skfem.grid import box_volume
+from meeframe_skfem.grid import Grid, box_volume
 from meeframe_skfem.matching import Matched, match
 from meeframe_skfem.system import FiniteElementSolution, solve_body
 from meeframe_skfem.volume import VolumeMesh, read_volume
@@ -41,6 +41,7 @@ class FiniteElements(Formulation):
     growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
     outside: Annotated[int, Field(ge=1)] | None = None
     layers: Annotated[int, Field(ge=1)] | None = None
+    grid: Grid = "tensor"
     volume: Path | None = None
     unit: Annotated[float, Quantity("m", gt=0, lt=np.inf)] = 1.0
     linear_solver: LinearSolver = "auto"
@@ -85,4 +86,4 @@ class FiniteElements(Formulation):
     def _volume(self, body: Body) -> VolumeMesh:
         if self.volume is not None:
             return read_volume(self.volume, self.unit)
-        return box_volume(body, self.growth, self.outside, self.layers)
+        return box_volume(body, self.growth, self.outside, self.layers, self.grid)

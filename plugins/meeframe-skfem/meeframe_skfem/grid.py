@@ -1,7 +1,7 @@
 """The volume mesh of a box: a graded tensor grid whose lines on the contact zone are those of the surface mesh."""
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.geometry.generators import geometric_fractions
 from meeframe_skfem.elements import HEX8, HEX20, HEX27, VolumeElement
+from meeframe_skfem.shells import shells_around, with_nodes_between
 from meeframe_skfem.volume import VolumeMesh, check_memory
+
+Grid = Literal["tensor", "shells"]
 
 SAME: Final = 1e-9  # coordinates within this part of the body's size are the same
 _HEXAHEDRA: Final = {element.surface.name: element for element in (HEX8, HEX20, HEX27)}
@@ -23,31 +26,66 @@ _ALLOWED: Final = (
 )
 
 
-def box_volume(body: Body, growth: float, outside: int | None, layers: int | None) -> VolumeMesh:
+def box_volume(body: Body, growth: float, outside: int | None, layers: int | None, grid: Grid = "tensor") -> VolumeMesh:
     """The graded grid of a box.
 
-    The grid lines of the contact zone go through the whole body. From its edges outwards and from its plane downwards
-    the first elements are as wide as the zone's (downwards: as their mean), the next ones wider in a constant ratio:
-    at most `growth`, or what makes `outside` or `layers` elements fill the distance.
+    'tensor': the grid lines of the contact zone go through the whole body. From its edges outwards and from its plane
+    downwards the first elements are as wide as the zone's (downwards: as their mean), the next ones wider in a constant
+    ratio: at most `growth`, or what makes `outside` or `layers` elements fill the distance.
+    'shells': a core of cubes beneath the zone, as deep as it is wide (the narrower way); shells around it grow into the
+    box, the first as thick as the cubes, the next ones thicker likewise; `outside` is how many.
     Raises MeshError, saying what is allowed, if the body is no box, its zone no grid, or the machine too small.
     """
     if body.contact_group is None:
         raise MeshError(f"the body has no contact zone to grade a grid around; {_ALLOWED}")
     low, high = _box(body.mesh)
     element, normal, top, lines = _zone_grid(body.mesh, body.contact_group, low, high)
+    if grid == "shells":
+        return _shells(element, (normal, top, lines), (low, high), growth, outside)
     axes: list[Array] = [np.empty(0)] * 3
     for axis, inside in lines.items():
         steps = np.diff(inside)
         below = graded(inside[0] - low[axis], steps[0], growth, outside)
         above = graded(high[axis] - inside[-1], steps[-1], growth, outside)
         axes[axis] = np.concatenate([inside[0] - below[::-1], inside, inside[-1] + above])
-    size = np.mean([np.diff(inside).mean() for inside in lines.values()])
-    down = np.concatenate([[0.0], graded(high[normal] - low[normal], float(size), growth, layers)])
+    down = np.concatenate([[0.0], graded(high[normal] - low[normal], _mean_step(lines), growth, layers)])
     axes[normal] = high[normal] - down[::-1] if top else low[normal] + down
     for axis in range(3):  # the corners of the box to the last bit
         axes[axis][[0, -1]] = low[axis], high[axis]
     check_memory(_NODES_PER_CELL[element.name] * math.prod(len(axis) for axis in axes))
     return tensor_grid((axes[0], axes[1], axes[2]), element)
+
+
+def _mean_step(lines: dict[int, Array]) -> float:
+    return float(np.mean([np.diff(inside).mean() for inside in lines.values()]))
+
+
+def _shells(
+    element: VolumeElement,
+    zone: tuple[int, bool, dict[int, Array]],
+    box: tuple[Array, Array],
+    growth: float,
+    outside: int | None,
+) -> VolumeMesh:
+    """zone: axis along its normal, whether it is at the upper end, grid lines; box: lowest and highest corner."""
+    (normal, top, lines), (low, high) = zone, box
+    step = _mean_step(lines)
+    down = step * np.arange(min(len(inside) for inside in lines.values()))
+    axes = [lines.get(axis, high[axis] - down[::-1] if top else low[axis] + down) for axis in range(3)]
+    first = np.array([axis[0] for axis in axes])
+    last = np.array([axis[-1] for axis in axes])
+    room = np.delete(np.stack([first - low, high - last]).ravel(), normal + 3 * top)
+    if room.min() < step:
+        raise MeshError(
+            f"below and around the cube under the contact zone there are {room.min():.3g} m of the box, less than an "
+            f'element of {step:.3g} m, and no room for shells; allowed: grid = "tensor"'
+        )
+    distance = float(room.mean())
+    core = tensor_grid((axes[0], axes[1], axes[2]), HEX8)
+    plane = core.points[:, normal] == (last if top else first)[normal]
+    mesh = shells_around(core, low, high, graded(distance, step, growth, outside) / distance, plane)
+    check_memory(_NODES_PER_CELL[element.name] * len(mesh.points))
+    return mesh if element is HEX8 else with_nodes_between(mesh, element)
 
 
 def graded(distance: float, first: float, growth: float, count: int | None) -> Array:

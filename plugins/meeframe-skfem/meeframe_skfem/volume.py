@@ -114,6 +114,9 @@ def _convert(data: Any, length_unit: float) -> VolumeMesh:
     if len(found) != 1 or found[0] not in known:
         raise MeshError(f"volume cells in it: {', '.join(found) or 'none'}; allowed: one of {', '.join(known)}")
     cells = np.concatenate([np.asarray(block.data, np.int64) for block in solid])
+    if cells.min() < 0 or cells.max() >= len(data.points):
+        wrong = cells.min() if cells.min() < 0 else cells.max()
+        raise MeshError(f"a cell has the point number {wrong}; allowed: 0 to {len(data.points) - 1}")
     used, numbers = np.unique(cells, return_inverse=True)
     points = np.asarray(data.points, float)[used] * length_unit
     if points.shape[1] != 3 or not np.isfinite(points).all():

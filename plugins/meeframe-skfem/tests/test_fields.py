@@ -63,6 +63,19 @@ def test_linear_fields_of_triclinic_media_in_a_graded_block(element, material, s
     mesh = block_mesh((0.5, 0.4), 0.6, (0.4, 0.3), (3, 2), 2, 2, element)
     body = replace(prescribe(mesh, field, material.stiffness, MIXED), contact_group="contact")
     check_linear(FiniteElements(growth=2.0), body, field)
+    check_linear(FiniteElements(growth=2.0, grid="shells"), body, field)
+
+
+@pytest.mark.parametrize(("axis", "right_angles"), [(1, 1), (0, 1), (0, 2)], ids=["x+", "y-", "z-"])
+def test_shells_grow_from_any_side_of_a_box(axis, right_angles):
+    """The graded block turned, so that its zone looks another way."""
+    stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+    block = block_mesh((0.5, 0.4), 0.6, (0.4, 0.3), (3, 2), 2, 2, Quad9())
+    turn = rotation_about(np.eye(3)[axis], right_angles * np.pi / 2)
+    mesh = replace(block, points=np.round(block.points @ turn.T, 12))
+    field = LinearField.random(stiffness, 5)
+    body = replace(prescribe(mesh, field, stiffness, MIXED), contact_group="contact")
+    check_linear(FiniteElements(growth=1.5, grid="shells"), body, field)
 
 
 @pytest.mark.parametrize("name", ["hex8", "hex20", "hex27", "tet10"])

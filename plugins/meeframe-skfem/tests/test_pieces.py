@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meeframe_skfem import FiniteElements
 from meeframe_skfem.assembly import face_masses, stiffness_matrix
-from meeframe_skfem.elements import ELEMENTS, HEX8, TET10, face_nodes, tabulate
+from meeframe_skfem.elements import ELEMENTS, HEX8, TET10, cell_rule, face_nodes, tabulate
 from meeframe_skfem.factorisation import condense, factorise
-from meeframe_skfem.grid import graded, tensor_grid
+from meeframe_skfem.grid import box_volume, graded, tensor_grid
 from meeframe_skfem.locate import interpolation
-from meeframe_skfem.volume import VolumeMesh
+from meeframe_skfem.volume import VolumeMesh, boundary_faces, check_volume
 from scipy.sparse import block_array, csr_array, diags_array, eye_array, kron
 from skfem import Basis, BilinearForm, ElementHex1, ElementTetP2, MeshHex, MeshTet
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.element import shape_functions
-from meeframe.core.errors import CaseError
-from meeframe.elements import Quad4, Quad9, Tri6
+from meeframe.core.errors import CaseError, MeshError
+from meeframe.elements import Quad4, Quad8, Quad9, Tri6
 from meeframe.geometry import block_mesh, box_mesh, sphere_mesh
 from meeframe.materials import library_material, rotation_about
 from meeframe.testing.strategies import scaled_stiffness
@@ -160,6 +160,38 @@ def test_tensor_grid_of_hex8():
     assert len(grid.cells) == 3 * 2 * 1
     widths = grid.points[grid.cells[:, 6]] - grid.points[grid.cells[:, 0]]
     assert np.prod(widths, axis=1).sum() == pytest.approx(1.0 * 0.7 * 0.3)
+
+
+@pytest.mark.parametrize("element", [Quad4(), Quad8(), Quad9()], ids=lambda e: e.name)
+def test_shells_fill_a_box(element):
+    """Its volume, its boundary, the zone's own elements; no shell is thicker than `growth` times the one inside."""
+    body = Body(MATERIAL.stiffness, block_mesh((0.5, 0.4), 0.7, (0.2, 0.24), (4, 6), 2, 2, element), (), "contact")
+    mesh = box_volume(body, 1.6, None, None, "shells")
+    check_volume(mesh)
+    xi, weights = cell_rule(mesh.element)
+    jacobians = np.linalg.det(gradients_of(mesh, xi))
+    assert (jacobians @ weights).sum() == pytest.approx(1.0 * 0.8 * 0.7, rel=1e-12)
+    middles = mesh.points[boundary_faces(mesh).nodes].mean(axis=1)
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    assert (np.minimum(np.abs(middles - low), np.abs(middles - high)).min(axis=1) < 1e-12).all()
+    zone = body.mesh.points[np.unique(body.mesh.blocks[0].connectivity[body.mesh.blocks[0].groups == 0])]
+    assert np.linalg.norm(mesh.points[:, None] - zone, axis=-1).min(axis=0).max() < 1e-12
+    line = np.sort(mesh.points[np.abs(mesh.points[:, :2]).max(axis=1) < 1e-12, 2])[::-1]
+    thick = -np.diff(line[:: 1 if element.name == "quad4" else 2])
+    assert (thick[1:] < 1.6 * thick[:-1] * (1 + 1e-9)).all()
+    assert thick[:4] == pytest.approx(0.045, rel=1e-12)
+    assert len(np.unique(np.round(mesh.points, 12), axis=0)) == len(mesh.points), "cells share their nodes"
+
+
+def test_shells_need_room():
+    body = Body(MATERIAL.stiffness, box_mesh((1.0, 1.0, 2.0), (2, 2, 2), Quad4()), (), "z+")
+    with pytest.raises(MeshError, match=r'0 m of the box, less than an element of 0\.5 m.*allowed: grid = "tensor"'):
+        FiniteElements(grid="shells").check(body)
+
+
+def gradients_of(mesh, xi):
+    """Derivatives of position by reference coordinates, (e, m, 3, 3)."""
+    return np.einsum("mnk,enx->emkx", tabulate(mesh.element, xi)[1], mesh.points[mesh.cells])
 
 
 @pytest.mark.parametrize("element", [Quad4(), Quad9(), Tri6()], ids=lambda e: e.name)
