@@ -9,18 +9,20 @@ Potentials of the indenter that follow from prescribed totals are unknowns besid
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, final
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask, own_response
 from meeframe.solvers.floating import POTENTIALS, Floating
+from meeframe.solvers.krylov import Linear, gmres
 
 KRYLOV_TOLERANCE: Final = 1e-13
 HARDLY: Final = 1e6
@@ -76,7 +78,7 @@ def eliminate(problem: ContactProblem) -> Elimination:
     """By factorisation if the compliance is held as a matrix, otherwise by Krylov iteration."""
     matrix = problem.system.dense()
     if matrix is None:
-        return KrylovElimination(problem)
+        return KrylovElimination.of(problem)
     size = problem.system.offset.size
     matrix = matrix.reshape(size, size)
     loaded = np.zeros(problem.system.offset.shape, bool)
@@ -183,7 +185,22 @@ class DenseElimination(Elimination):
 @final
 @dataclass(frozen=True, eq=False)
 class KrylovElimination(Elimination):
-    """Elimination by GMRES with Jacobi scaling from the diagonal blocks, for compliances without a matrix."""
+    """Elimination by GMRES, for compliances without a matrix.
+
+    fields: the potentials, 0 and 1, that the laws conduct; inverse: the system's approximate one in them, (n, k) of
+    (n, k), None if it has none or nothing conducts. Where a node conducts well, which is where its own response exceeds
+    its resistance, that preconditions; elsewhere the sum of the two does.
+    """
+
+    fields: list[int]
+    inverse: Callable[[Array], Array] | None
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "KrylovElimination":
+        """Of a problem."""
+        fields = [k for k, law in enumerate((problem.electric_law, problem.magnetic_law)) if conducts(law)]
+        inverse = problem.system.approximate_inverse([POTENTIALS.start + k for k in fields]) if fields else None
+        return cls(problem, fields, inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
         """See Elimination."""
@@ -231,11 +248,25 @@ class KrylovElimination(Elimination):
             left: Array = scale * (raised[conducts] + resistance * trial)
             return left
 
-        operator = LinearOperator((len(scale), len(scale)), matvec=equations, dtype=np.float64)
         # a pair that hardly conducts has hardly any flux, whatever it had before
         start = np.where(resistance < HARDLY * own, guess / scale, 0.0)
-        solved, _ = gmres(operator, scale * difference, start, rtol=KRYLOV_TOLERANCE, restart=60, maxiter=20)
+        precondition = self._preconditioner(own > resistance, scale, conducts)
+        solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start)
         return np.asarray(scale * solved)
+
+    def _preconditioner(self, well: Mask, scale: Array, conducts: Mask) -> Linear:
+        """Of the scaled equations; well: (a,) of the pairs that conduct, (n, 2), those that do so well."""
+        inverse, fields = self.inverse, self.fields
+        if inverse is None or not well.any():
+            return lambda values: values
+
+        def precondition(values: Array) -> Array:
+            asked = _filled(conducts, np.where(well, values / scale, 0.0))[:, fields]
+            found = np.zeros(conducts.shape)
+            found[:, fields] = inverse(asked)
+            return np.where(well, found[conducts] / scale, values)
+
+        return precondition
 
 
 def _filled(conducts: Mask, flux: Array) -> Array:

@@ -25,6 +25,9 @@ FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
 ROUND_OFF: Final = 1e-14
 """A normal traction below this fraction of the characteristic one is none."""
+LOOSEST: Final = 0.1
+TIGHTEST: Final = 1e-4
+"""Tolerances of the linear equations where there is no matrix."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
@@ -79,7 +82,7 @@ class SemismoothNewton(Solver):
         """One Newton step, a fraction of it, or a burst of gradient steps."""
         memory = _memory(iterate)
         point = memory.point
-        direction = newton_step(point.equation, point.linearise())
+        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.merits))
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
@@ -91,6 +94,16 @@ class SemismoothNewton(Solver):
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
         return _iterate(_Memory(moved, (moved.merit,), flips, burst))
+
+
+def _tolerance(merits: tuple[float, ...]) -> float:
+    """Fraction of the residual that may be left of the linear equations, by the merits of the last states.
+
+    Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
+    """
+    if len(merits) < 2:
+        return LOOSEST
+    return float(np.clip(0.5 * (merits[-1] / merits[-2]) ** 1.5, TIGHTEST, LOOSEST))
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:

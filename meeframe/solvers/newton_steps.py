@@ -5,18 +5,15 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
+from meeframe.solvers.newton_krylov import UNRESISTED, krylov_step, product
 from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
-KRYLOV_TOLERANCE: Final = 1e-8
-RESTART: Final = 80
-CYCLES: Final = 5
-UNRESISTED: Final = 1e-12
-"""Stiffness against a motion, as a fraction of the largest one, that is none."""
+ACCURATE: Final = 1e-10
+"""Fraction of the residual that iterations leave unless they are told otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,35 +29,38 @@ class Step:
         return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
-def newton_step(equation: Equation, blocks: Blocks) -> Step:
+def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE) -> Step:
     """The step that solves the linearised equations; not finite if they are singular.
 
     Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
-    graze) are eliminated beforehand: what remains is the size of the contact. Free motions are eliminated too, which
-    leaves the stiffness of the contact against them; a motion that nothing resists stays where it is.
+    graze) are eliminated beforehand: what remains is the size of the contact. A motion that nothing resists stays where
+    it is. tolerance: fraction of the residual that may be left where there is no matrix.
     """
     coupled = _coupled(blocks)
-    step = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, _diagonal(blocks.a)))
-    right = -blocks.residual
-    if step.any():
-        right = right - _product(equation, blocks, step)
-    # first the step at rest, then the responses to each motion
-    rights = np.concatenate([right[:, :, None], blocks.b @ equation.modes], axis=2)[coupled]
-    responses = np.zeros((*coupled.shape, rights.shape[1]))
-    responses[:, :, 0] = step
-    if rights.size:
-        responses[coupled] = _solve(equation, blocks, coupled, rights)
-    amounts = _amounts(equation, blocks, responses)
-    return Step(responses[:, :, 0] + responses[:, :, 1:] @ amounts, equation.units * amounts)
-
-
-def _solve(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> Array:
-    """Solutions (k, 1 + m) of the coupled rows (k of them)."""
+    given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
     matrix = equation.problem.system.dense()
     if matrix is None:
-        return _krylov(equation, blocks, coupled, rights)
-    size = equation.problem.system.offset.size
-    return _direct(equation, blocks, coupled, rights, matrix.reshape(size, size))
+        local, amounts = krylov_step(equation, blocks, coupled, given, tolerance)
+    else:
+        size = equation.problem.system.offset.size
+        local, amounts = _direct_step(equation, blocks, coupled, given, matrix.reshape(size, size))
+    return Step(local, equation.units * amounts)
+
+
+def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:
+    """Step (n, 6) and amounts (m,) of the motions: first the step at rest, then the responses to each motion.
+
+    Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, 6), what the other
+    rows say; matrix: (5n, 5n) compliance.
+    """
+    right = -blocks.residual - (product(equation, blocks, given) if given.any() else 0.0)
+    rights = np.concatenate([right[:, :, None], blocks.b @ equation.modes], axis=2)[coupled]
+    responses = np.zeros((*coupled.shape, rights.shape[1]))
+    responses[:, :, 0] = given
+    if rights.size:
+        responses[coupled] = _direct(equation, blocks, coupled, rights, matrix)
+    amounts = _amounts(equation, blocks, responses)
+    return responses[:, :, 0] + responses[:, :, 1:] @ amounts, amounts
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
@@ -74,21 +74,11 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
     return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
 
 
-def _diagonal(a: Array) -> Array:
-    return np.asarray(np.diagonal(a, axis1=1, axis2=2))
-
-
 def _coupled(blocks: Blocks) -> Mask:
     """Rows (n, 6) that are more than a statement on their own unknown."""
     others = blocks.a.copy()
     others[:, np.arange(6), np.arange(6)] = 0.0
     return np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
-
-
-def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
-    """(A + B C) step, (n, 6)."""
-    moved = equation.problem.system.apply(step[:, :N_FIELDS])
-    return np.asarray((blocks.a @ step[:, :, None] + blocks.b @ moved[:, :, None])[:, :, 0])
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:
@@ -122,34 +112,3 @@ def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, ma
         return np.full_like(rights, np.nan)
     solved[order] = unit[:, None] * lu_solve(factors, rights[order], check_finite=False)
     return solved
-
-
-def _krylov(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array) -> Array:
-    """Solutions by GMRES, preconditioned by the inverse of each node's own block."""
-    unit = np.broadcast_to(_unit(equation, np.arange(6)), coupled.shape)
-    both = coupled[:, :, None] & coupled[:, None, :]
-    extended = np.zeros((len(coupled), N_FIELDS, CLOSED + 1))
-    extended[:, :, :N_FIELDS] = equation.blocks
-    own = np.where(both, (blocks.a + blocks.b @ extended) * unit[:, None, :], np.eye(6))
-    # the own block of a grazing node says nothing on its closed fraction
-    empty = _diagonal(own) == 0.0
-    own[:, np.arange(6), np.arange(6)] += empty
-    inverse = np.linalg.pinv(own)
-
-    def full(values: Array) -> Array:
-        vector = np.zeros(coupled.shape)
-        vector[coupled] = values
-        return vector
-
-    def multiply(values: Array) -> Array:
-        return np.asarray(_product(equation, blocks, unit * full(values))[coupled])
-
-    def precondition(values: Array) -> Array:
-        return np.asarray((inverse @ full(values)[:, :, None])[:, :, 0][coupled])
-
-    shape = (len(rights), len(rights))
-    operator = LinearOperator(shape, matvec=multiply, dtype=np.float64)
-    preconditioner = LinearOperator(shape, matvec=precondition, dtype=np.float64)
-    options = {"rtol": KRYLOV_TOLERANCE, "restart": RESTART, "maxiter": CYCLES, "M": preconditioner}
-    solved = [gmres(operator, right, **options)[0] for right in rights.T]
-    return np.asarray(unit[coupled][:, None] * np.column_stack(solved))

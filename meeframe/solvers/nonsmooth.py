@@ -17,6 +17,7 @@ The length r is that of a stable gradient step. The active sets that the lineari
 of Uzawa's method would make; with r near the inverse of a node's own compliance they chatter from one step to the next.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -27,6 +28,7 @@ from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import (
     attraction_slope,
     augmented_traction,
+    conducts,
     contact_traction,
     lawful_traction,
     traction_tangents,
@@ -55,7 +57,8 @@ class Equation:
 
     scales: of its data; blocks: (n, 5, 5) response of each node to its own load; own: (n, 2) of its potentials to their
     flux; r: [Pa/m]; modes: (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free
-    motions; measures: (m, n, 5) of the loads by characteristic totals.
+    motions; measures: (m, n, 5) of the loads by characteristic totals; loaded: the fields that the laws load, and
+    inverse: the system's approximate one in them, None if it has none or is held as a matrix.
     """
 
     problem: ContactProblem
@@ -66,6 +69,8 @@ class Equation:
     modes: Array
     units: Array
     measures: Array
+    loaded: list[int]
+    inverse: Callable[[Array], Array] | None
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Equation":
@@ -77,7 +82,13 @@ class Equation:
         for k, freedom in enumerate(problem.freedoms):
             modes[k], measures[k] = units[k] * freedom.mode, freedom.measure / scales.totals[k]
         modes = np.moveaxis(modes, 0, 2)
-        return cls(problem, scales, blocks, own, 1.0 / scales.normal_compliance, modes, units, measures)
+        rubs = bool(problem.contact_law.tangential_scaling().any())
+        flows = [conducts(law) for law in (problem.electric_law, problem.magnetic_law)]
+        loaded = np.flatnonzero([rubs, rubs, True, *flows]).tolist()
+        system = problem.system
+        inverse = system.approximate_inverse(loaded) if system.dense() is None else None
+        r = 1.0 / scales.normal_compliance
+        return cls(problem, scales, blocks, own, r, modes, units, measures, loaded, inverse)
 
     def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """The equation at a load (n, 5) and motion (m,) of the freedoms.

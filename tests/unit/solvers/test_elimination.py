@@ -89,7 +89,7 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
 def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
     problem = random_problem(3, kappa)
     random = np.random.default_rng(4)
-    dense, krylov = eliminate(problem), KrylovElimination(problem)
+    dense, krylov = eliminate(problem), KrylovElimination.of(problem)
     factors = iterative = None
     for closed in (random.uniform(size=N), np.ones(N), np.zeros(N), (random.uniform(size=N) > 0.5).astype(float)):
         traction = random.normal(size=(N, 3))

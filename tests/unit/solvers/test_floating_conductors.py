@@ -114,7 +114,7 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
     unknown = np.linalg.solve(whole, np.concatenate([scale * potential[pairs], totals]))
     flux = np.zeros((n, 5))
     flux.flat[pairs] = scale * unknown[:k]
-    for elimination in (eliminate(problem), KrylovElimination(problem)):
+    for elimination in (eliminate(problem), KrylovElimination.of(problem)):
         conductors = elimination.prepare(resistance, None)
         response = elimination.respond(load[:, :3], conductors, np.zeros((n, 2)))
         found = response.flux + conductors.flux

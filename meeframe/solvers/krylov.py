@@ -1,0 +1,68 @@
+"""Krylov iteration for the linear equations that solvers meet without a matrix."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+
+Linear = Callable[[Array], Array]
+"""A linear map from (k,) to (k,)."""
+RESTART: Final = 60
+LEAST_FALL: Final = 0.9
+"""A cycle that leaves more of the residual is the last one."""
+BREAKDOWN: Final = 1e-14
+"""What is left of a product beside the directions before it is none below this fraction."""
+
+
+def gmres(
+    multiply: Linear, precondition: Linear, right: Array, tolerance: float, start: Array | None = None, most: int = 400
+) -> Array:
+    """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come.
+
+    Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
+    preconditioner need not be linear to the last digit, so that it may be of single precision. start: (k,).
+    Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
+    """
+    solution = np.zeros_like(right) if start is None else start.copy()
+    rest = right - multiply(solution) if solution.any() else right
+    size, goal = float(np.linalg.norm(rest)), tolerance * float(np.linalg.norm(right))
+    while size > goal and most > 0:
+        change, left, products = _cycle(multiply, precondition, rest, goal, min(RESTART, most))
+        solution = solution + change
+        if not goal < left < LEAST_FALL * size:
+            break
+        rest = right - multiply(solution)
+        size, most = float(np.linalg.norm(rest)), most - products - 1
+    return solution
+
+
+def _cycle(multiply: Linear, precondition: Linear, rest: Array, goal: float, most: int) -> tuple[Array, float, int]:
+    """Change (k,) that leaves least of the residual (k,) over at most so many directions; what it leaves; products."""
+    size = float(np.linalg.norm(rest))
+    basis, directions = [rest / size], list[Array]()
+    hessenberg = np.zeros((most + 1, most))
+    weights, left = np.zeros(0), size
+    for k in range(most):
+        directions.append(precondition(basis[k]))
+        product = multiply(directions[k])
+        length = float(np.linalg.norm(product))
+        for _ in range(2):  # orthogonal to the last digit
+            for i, vector in enumerate(basis):
+                part = float(vector @ product)
+                hessenberg[i, k] += part
+                product = product - part * vector
+        hessenberg[k + 1, k] = float(np.linalg.norm(product))
+        equations, first = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]
+        if not np.isfinite(equations).all():
+            break
+        weights = np.linalg.lstsq(equations, first, rcond=None)[0]
+        left = float(np.linalg.norm(first - equations @ weights))
+        if left <= goal or hessenberg[k + 1, k] <= BREAKDOWN * length:
+            break
+        basis.append(product / hessenberg[k + 1, k])
+    change = np.zeros_like(rest)
+    for weight, direction in zip(weights, directions, strict=False):
+        change += weight * direction
+    return change, left, len(directions)
