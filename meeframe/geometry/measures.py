@@ -3,11 +3,13 @@
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.element import Reference, SurfaceElement, shape_derivatives, shape_functions
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices, SurfaceMesh
 
+AFFINE = 1e-11
 ORDER = 6  # Gauss points per direction: exact for the volume under any element up to degree 3 in each direction
 
 
@@ -31,8 +33,22 @@ def gauss_rule(reference: Reference, n: int) -> tuple[Array, Array]:
 
 def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices, xi: Array) -> Array:
     """Normals at reference points xi (m, 2) of each element, as long as the surface Jacobian: (e, m, 3)."""
-    tangents = np.einsum("mnk,end->kemd", shape_derivatives(element, xi), points[connectivity])
-    return np.cross(tangents[0], tangents[1])
+    tangents = np.tensordot(points[connectivity], shape_derivatives(element, xi), axes=(1, 1))  # (e, 3, m, 2)
+    along, across = tangents[..., 0], tangents[..., 1]
+    normals = np.empty((len(connectivity), len(xi), 3))
+    for axis in range(3):
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        normals[:, :, axis] = along[:, first] * across[:, second] - along[:, second] * across[:, first]
+    return normals
+
+
+def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDArray[np.bool_]:
+    """Elements (e,) that are affine images of the reference domain, to AFFINE of their size."""
+    basis = np.column_stack([np.ones(len(element.nodes)), element.nodes])
+    bending = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
+    nodes = points[connectivity]
+    bent = np.abs(np.tensordot(nodes, bending, axes=(1, 1))).max(axis=(1, 2))
+    return np.asarray(bent <= AFFINE * np.ptp(nodes, axis=1).max(axis=1))
 
 
 def area(mesh: SurfaceMesh, group: str | None = None) -> float:

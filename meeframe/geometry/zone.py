@@ -8,7 +8,7 @@ from meeframe.core.element import shape_functions
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
-from meeframe.geometry.measures import ORDER, gauss_rule, normal_vectors
+from meeframe.geometry.measures import ORDER, affine, gauss_rule, normal_vectors
 
 STEEPEST = np.cos(np.pi / 4)  # an element's normal stays within 45 degrees of the zone's normal at its nodes
 SHORTEST_E1 = 0.1  # e1 follows the second axis where the normal is within 6 degrees of the first
@@ -37,18 +37,24 @@ def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
     such group, it has no elements, or it turns a sharp edge.
     """
     blocks = _zone_blocks(mesh, group)
-    numbers = np.unique(np.concatenate([block.connectivity.ravel() for block in blocks]))
-    weights, normals, cells = np.zeros(len(numbers)), np.zeros((len(numbers), 3)), []
+    used = np.zeros(len(mesh.points), bool)
     for block in blocks:
-        local = np.searchsorted(numbers, block.connectivity).astype(np.int64)
+        used[block.connectivity] = True
+    numbers, places = np.flatnonzero(used), np.cumsum(used) - 1
+    weights, normals = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
+    cells, corners = [], []
+    for block in blocks:
+        local = places[block.connectivity]
         cells.append((block.element.meshio_type, local))
-        np.add.at(weights, local, _shape_integrals(mesh, block))
-        np.add.at(normals, local, _weighted_normals(mesh, block))
+        corners.append(_unit_normals(mesh, block))
+        integrals = _shape_integrals(mesh, block)
+        np.add.at(weights, local, integrals)
+        np.add.at(normals, local, corners[-1] * integrals.sum(axis=1)[:, None, None])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (lengths > 0).all():
         raise MeshError(f"contact zone {group!r}: no normal at {mesh.points[numbers[np.argmin(lengths)]]} [m]")
     zone = ContactZone(mesh.points[numbers], frames_of(normals / lengths), weights, tuple(cells), numbers)
-    _check_smooth(mesh, blocks, zone, group)
+    _check_smooth(corners, zone, group)
     return zone
 
 
@@ -84,18 +90,15 @@ def _zone_blocks(mesh: SurfaceMesh, group: str) -> list[ElementBlock]:
 
 
 def _shape_integrals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
-    """int N_a dS over each element, (e, n)."""
+    """int N_a dS over each element, (e, n): the Jacobian of an element without curvature and warp is constant."""
     xi, weights = gauss_rule(block.element.reference, ORDER)
-    jacobians = np.linalg.norm(normal_vectors(mesh.points, block.element, block.connectivity, xi), axis=-1)
-    integrals: Array = (jacobians * weights) @ shape_functions(block.element, xi)
+    shapes = shape_functions(block.element, xi)
+    jacobians = np.linalg.norm(normal_vectors(mesh.points, block.element, block.connectivity, xi[:1]), axis=-1)
+    integrals: Array = jacobians * (weights @ shapes)
+    curved = np.flatnonzero(~affine(mesh.points, block.element, block.connectivity))
+    normals = normal_vectors(mesh.points, block.element, block.connectivity[curved], xi)
+    integrals[curved] = (np.linalg.norm(normals, axis=-1) * weights) @ shapes
     return integrals
-
-
-def _weighted_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
-    """Unit normals at the nodes of each element times its area, (e, n, 3)."""
-    areas = _shape_integrals(mesh, block).sum(axis=1)
-    weighted: Array = _unit_normals(mesh, block) * areas[:, None, None]
-    return weighted
 
 
 def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
@@ -105,9 +108,10 @@ def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
     return unit
 
 
-def _check_smooth(mesh: SurfaceMesh, blocks: list[ElementBlock], zone: ContactZone, group: str) -> None:
-    for block, (_, local) in zip(blocks, zone.cells, strict=True):
-        cosines = np.einsum("eni,eni->en", _unit_normals(mesh, block), zone.frames[local, 2])
+def _check_smooth(normals: list[Array], zone: ContactZone, group: str) -> None:
+    """normals: (e, n, 3) at the nodes of the elements of each block."""
+    for own, (_, local) in zip(normals, zone.cells, strict=True):
+        cosines = np.einsum("eni,eni->en", own, zone.frames[local, 2])
         sharp = np.unique(local[cosines < STEEPEST])
         if sharp.size:
             raise MeshError(
