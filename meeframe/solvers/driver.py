@@ -127,12 +127,12 @@ def solve(
     An iteration that goes astray raises nothing.
     """
     limits = limits or Limits()
-    scales = problem_scales(problem)
     by_residual = limits.criterion == "residual"
     fields = judged_fields(problem) if by_residual else ALL_FIELDS
     hopeless = cache(lambda: unreachable(problem, scales) if problem.freedoms else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
     with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
+        scales = problem_scales(problem)
         iterate = solver.init(problem, start)
         state = evaluate(problem, iterate, fields)
         looks = [(0, law_residual(problem, state, scales))] if by_residual else []

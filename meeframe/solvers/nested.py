@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import wraps
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -9,6 +12,8 @@ from meeframe.core.contact import ContactProblem, ContactState, Freedom
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Coarsening
 from meeframe.core.law import ContactLaw, attracts
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +24,20 @@ class Coarse:
     coarsening: Coarsening
 
 
+def once_for_each(function: Callable[[ContactProblem], Found]) -> Callable[[ContactProblem], Found]:
+    """The function, which remembers what it found for a problem as long as that lives."""
+    found: WeakKeyDictionary[ContactProblem, Found] = WeakKeyDictionary()
+
+    @wraps(function)
+    def remembering(problem: ContactProblem) -> Found:
+        if problem not in found:
+            found[problem] = function(problem)
+        return found[problem]
+
+    return remembering
+
+
+@once_for_each
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
     """The problem on the coarser reduced system; None if there is none, or if law or edges belong to these nodes.
 

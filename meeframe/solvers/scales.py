@@ -10,12 +10,12 @@ from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, conducts
 from meeframe.solvers.free_motion import balanced_projection, motions
-from meeframe.solvers.nested import coarse_problem
+from meeframe.solvers.nested import coarse_problem, once_for_each
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
 RESOLVED: Final = 4e-5
 """Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
-ENOUGH: Final = 20_000
+ENOUGH: Final = 5_000
 """Nodes that tell magnitudes."""
 FOUNDATION_STEPS: Final = 3
 """Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
@@ -45,6 +45,7 @@ class Scales:
         return float(self.load[2])
 
 
+@once_for_each
 def problem_scales(problem: ContactProblem) -> Scales:
     """Scales of a problem: five applications of the compliance, more if the indenter moves freely.
 
@@ -53,8 +54,8 @@ def problem_scales(problem: ContactProblem) -> Scales:
     they cause, where a law conducts. Pressures are at least as large as the attraction at first.
     An interface that yields by itself is in series with the body. Large problems are measured on a coarser division.
     """
-    while len(problem.gap) > ENOUGH and (coarse := coarse_problem(problem)) is not None:
-        problem = coarse.problem
+    if len(problem.gap) > ENOUGH and (coarse := coarse_problem(problem)) is not None:
+        return problem_scales(coarse.problem)
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
     overlap = problem.system.offset[:, 2] - position[:, 2]

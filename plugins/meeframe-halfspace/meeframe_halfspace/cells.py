@@ -47,6 +47,9 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
 def share_out(work: Callable[[int, int], None], count: int) -> None:
     """work(first, last) on parts of range(count), in as many threads as numba has."""
     threads = numba.get_num_threads()
+    if threads == 1:
+        work(0, count)
+        return
     bounds = np.linspace(0, count, min(4 * threads, count) + 1).astype(int)
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, bounds[:-1].tolist(), bounds[1:].tolist()))

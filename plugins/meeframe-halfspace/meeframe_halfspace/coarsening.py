@@ -44,18 +44,20 @@ def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
 
     Beyond the border they fall to zero in one of their spacings, unless the grid repeats itself.
     """
-    across = _between(np.moveaxis(values, 2, 0), size[1], periodic)  # (ny, k, cx)
-    both = _between(np.moveaxis(across, 2, 0), size[0], periodic)  # (nx, ny, k)
-    return np.moveaxis(both, 2, 0)
+    fine = np.empty((len(values), *size))
+    fine[:, ::2, ::2] = values
+    fine[:, 1::2, ::2] = _between(values, periodic)[:, : size[0] // 2]
+    fine[:, :, 1::2] = _between(fine[:, :, ::2].swapaxes(1, 2), periodic).swapaxes(1, 2)[:, :, : size[1] // 2]
+    return fine
 
 
-def _between(values: Array, count: int, periodic: bool) -> Array:
-    """The first `count` of values along the first axis and of the means between them."""
-    following = np.concatenate([values[1:], values[:1] if periodic else np.zeros_like(values[:1])])
-    fine = np.empty((2 * len(values), *values.shape[1:]))
-    fine[::2] = values
-    fine[1::2] = 0.5 * (values + following)
-    return fine[:count]
+def _between(values: Array, periodic: bool) -> Array:
+    """Means of values (k, m, l) and the next ones along the second axis; zero is beyond the last unless periodic."""
+    means = 0.5 * values
+    means[:, :-1] += 0.5 * values[:, 1:]
+    if periodic:
+        means[:, -1] += 0.5 * values[:, 0]
+    return means
 
 
 @final
