@@ -76,7 +76,8 @@ class SampledHeights(Indenter):
 def _read(file: str, _changed: int) -> Array:
     """Rows of a file, kept until it changes."""
     if file.lower().endswith(".npy"):
-        rows = np.load(file, allow_pickle=False)
+        with open(file, "rb") as raw:
+            rows = np.lib.format.read_array(raw, allow_pickle=False)
     else:
         with open(file, encoding="utf-8") as text:
             lines = [line.partition("#")[0].replace(",", " ").replace(";", " ") for line in text]

@@ -40,6 +40,8 @@ class HalfSpace(Formulation):
 
     def __post_init__(self) -> None:
         check_quantities(self)
+        if not isinstance(self.periodic, bool):
+            raise CaseError(f"half-space: periodic = {self.periodic!r}; allowed: true or false")
         if self.density == "trigonometric" and not self.periodic:
             raise CaseError("half-space: density = 'trigonometric' needs periodic = true: waves have no border")
         if self.edges == "resolved" and self.density != "bilinear":

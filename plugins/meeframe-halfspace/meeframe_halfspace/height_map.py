@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal, final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from meeframe.core.errors import CaseError
@@ -24,7 +25,8 @@ Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
 class MeasuredHeights(Indenter):
     """A rigid rough surface from a height map: see read_height_map for the files that are understood.
 
-    unit, lateral_unit: metres in the file's unit of heights and of coordinates; spacing: of a matrix along x and y;
+    unit, lateral_unit: metres in the file's unit of heights (by default what the file says, or metres) and of
+    coordinates; spacing: of a matrix along x and y, whatever the file says;
     dataset: in an HDF5 file. facing: 'up' as measured, so that peaks touch first, or 'down' as an indenter's height.
     levelled: take away the best plane. centred: the middle of the map on the indenter's axis; otherwise where its
     coordinates say. missing: heights that the file marks as missing are an error, or those of the nearest neighbour.
@@ -32,7 +34,7 @@ class MeasuredHeights(Indenter):
     """
 
     file: Path
-    unit: Length = 1.0
+    unit: Length | None = None
     lateral_unit: Length = 1.0
     spacing: tuple[Length, Length] | None = None
     dataset: str | None = None
@@ -62,9 +64,16 @@ def _changed(file: Path) -> int:
 def _sampled(given: MeasuredHeights, _changed: int) -> SampledHeights:
     """The map as an indenter, kept until the file changes."""
     scales = Scales(given.unit, given.lateral_unit, given.spacing, given.dataset)
-    surface = _filled(read_height_map(given.file, scales), given)
+    surface = read_height_map(given.file, scales)
+    gaps = ~np.isfinite(surface.heights)
+    if gaps.any() and (given.missing == "error" or gaps.all()):
+        raise CaseError(
+            f"height map {given.file}: {int(gaps.sum())} of {gaps.size} heights are missing; allowed: a full map, or "
+            "missing = 'nearest' to take those of the nearest neighbours"
+        )
     if given.levelled:
-        surface = surface.levelled()
+        surface = surface.levelled()  # by the measured heights alone
+    surface = _filled(surface, gaps)
     x, y = surface.x, surface.y
     if given.centred:
         x, y = x - (x[0] + x[-1]) / 2, y - (y[0] + y[-1]) / 2
@@ -73,14 +82,8 @@ def _sampled(given: MeasuredHeights, _changed: int) -> SampledHeights:
     return SampledHeights(np.column_stack([grid[0].ravel(), grid[1].ravel(), heights.ravel()]), given.interpolation)
 
 
-def _filled(surface: HeightMap, given: MeasuredHeights) -> HeightMap:
-    gaps = ~np.isfinite(surface.heights)
+def _filled(surface: HeightMap, gaps: NDArray[np.bool_]) -> HeightMap:
     if not gaps.any():
         return surface
-    if given.missing == "error" or gaps.all():
-        raise CaseError(
-            f"height map {given.file}: {int(gaps.sum())} of {gaps.size} heights are missing; allowed: a full map, or "
-            "missing = 'nearest' to take those of the nearest neighbours"
-        )
     nearest = distance_transform_edt(gaps, return_distances=False, return_indices=True)
     return HeightMap(surface.x, surface.y, surface.heights[tuple(nearest)])

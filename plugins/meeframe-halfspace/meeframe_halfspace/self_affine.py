@@ -55,7 +55,7 @@ class SelfAffine(Indenter):
                 f"self-affine: shortest = {self.shortest!r} m, roll-off {longest!r} m, period = {self.period!r} m; "
                 "allowed: shortest <= roll_off <= period"
             )
-        least = 2 * int(self.period / self.shortest) + 1
+        least = 2 * _most_waves(self) + 1
         if self.samples is not None and self.samples < least:
             raise CaseError(f"self-affine: samples = {self.samples!r}; the shortest wave needs at least {least}")
 
@@ -72,9 +72,14 @@ class SelfAffine(Indenter):
         return np.maximum(heights, 0.0)
 
 
+def _most_waves(surface: SelfAffine) -> int:
+    """Along the period, of the shortest ones; round-off of the quotient may not cost one."""
+    return int(surface.period / surface.shortest * (1 + 1e-12))
+
+
 def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
     """Numbers (m, 2) of waves along the period, of each pair of opposite ones one, amplitudes (m,) [m], phases (m,)."""
-    most = int(surface.period / surface.shortest * (1 + 1e-12))
+    most = _most_waves(surface)
     numbers = np.indices((2 * most + 1, 2 * most + 1)).reshape(2, -1).T - most
     square = (numbers**2).sum(axis=1)
     first = (numbers[:, 0] > 0) | ((numbers[:, 0] == 0) & (numbers[:, 1] > 0))
@@ -94,7 +99,7 @@ def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
 @lru_cache(maxsize=2)
 def _surface(surface: SelfAffine) -> Array:
     numbers, amplitudes, phases = _waves(surface)
-    count = surface.samples or SAMPLES_PER_WAVE * (int(surface.period / surface.shortest) + 1)
+    count = surface.samples or SAMPLES_PER_WAVE * (_most_waves(surface) + 1)
     spectrum = np.zeros((count, count), complex)
     # phases are those at the corner of the period, half a sample before the first one
     waves = amplitudes / 2.0 * np.exp(1j * (phases + np.pi / count * numbers.sum(axis=1)))

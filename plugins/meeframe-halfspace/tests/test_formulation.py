@@ -164,7 +164,15 @@ def test_uneven_spacing_is_refused():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"density": "linear"}, {"density": "trigonometric"}, {"matrix_up_to": -1}, {"matrix_up_to": 1.5}]
+    "wrong",
+    [
+        {"density": "linear"},
+        {"density": "trigonometric"},
+        {"matrix_up_to": -1},
+        {"matrix_up_to": 1.5},
+        {"periodic": "no"},
+        {"periodic": 1},
+    ],
 )
 def test_keys_out_of_bounds(wrong):
     with pytest.raises(CaseError, match=next(iter(wrong))):

@@ -27,6 +27,15 @@ def test_root_mean_squares_are_exact():
     assert np.sqrt(spectral(steep, 2)[0]) == pytest.approx(0.02, rel=1e-12)
 
 
+def test_root_mean_squares_are_exact_with_as_few_samples_as_are_allowed():
+    """Three waves but for the round-off of the quotient, which must not cost one."""
+    period, shortest = 0.3, 0.1  # the quotient is 2.9999999999999996
+    assert int(period / shortest) == 2
+    with pytest.raises(CaseError, match="at least 7"):
+        SelfAffine(period, shortest, 0.8, 1e-6, samples=6)
+    assert np.std(SelfAffine(period, shortest, 0.8, 1e-6, samples=7).surface()) == pytest.approx(1e-6, rel=1e-12)
+
+
 def test_spectrum_is_flat_then_falls_then_ends():
     _, size, q = spectral(ROUGH, 0)
     knee, end = 2.0 * np.pi * 3 / PERIOD, 2.0 * np.pi * 24 / PERIOD
@@ -85,6 +94,24 @@ def test_keys_of_random_surfaces(keys, message):
 
 NX, NY, DX, DY = 7, 5, 2e-6, 3e-6
 HEIGHTS = np.random.default_rng(5).normal(size=(NX, NY)) * 1e-7
+
+
+def test_files_without_scales_are_in_metres(tmp_path):
+    np.savetxt(tmp_path / "rows.txt", [[x, y, x + y] for x in (0.0, 1.0) for y in (0.0, 2.0)])
+    found = read_height_map(tmp_path / "rows.txt")
+    np.testing.assert_array_equal(found.heights, [[0.0, 2.0], [1.0, 3.0]])
+
+
+def test_what_the_user_gives_wins_over_the_header(tmp_path):
+    gwyddion(tmp_path / "map.txt")
+    found = read_height_map(tmp_path / "map.txt", Scales(unit=2e-9, spacing=(1e-6, 4e-6)))
+    np.testing.assert_allclose(found.heights, 2.0 * HEIGHTS, rtol=1e-9)
+    np.testing.assert_allclose(np.diff(found.x), 1e-6)
+    np.testing.assert_allclose(np.diff(found.y), 4e-6)
+    indenter = MeasuredHeights(tmp_path / "map.txt", unit=2e-9, facing="down")
+    highest = np.unravel_index(HEIGHTS.argmax(), HEIGHTS.shape)
+    x, y = (highest[0] - (NX - 1) / 2) * DX, (highest[1] - (NY - 1) / 2) * DY
+    assert indenter.height(np.array([x]), np.array([y])) == pytest.approx(2.0 * np.ptp(HEIGHTS), rel=1e-9)
 
 
 def surfer(path):
@@ -185,9 +212,25 @@ def test_levelled_takes_the_plane_away(tmp_path):
         ("1 2 3 4\n5 6 7 8\n", "spacing"),
         ("1 2 3\n4 5\n", "equally many"),
         ("nothing\n", "equally many"),
-        ("DSAA\n3 3\n0 1\n0 1\n0 1\n1 2 3\n", "do not make"),
-        ("ncols 3\nnrows 1\n1 2 3\n", "cellsize"),
         ("0 0 1\n1 0 1\n0 1 1\n", "no full grid"),
+        ("# Width: -20 um\n# Height: 20 um\n1 2\n3 4\n", "# width: -20 um: must be > 0"),
+        ("# Width: 20 s\n# Height: 20 um\n1 2\n3 4\n", "# width: 20 s: has the wrong unit"),
+        ("# Value units: V\n0 0 1\n1 0 1\n0 1 1\n1 1 1\n", "# value units: V: has the wrong unit"),
+        ("DSAA\n3 3\n0 1\n0 1\n0 1\n1 2 3\n", "do not make"),
+        ("DSAA", "header is not whole; allowed: DSAA, nx ny, x0 x1"),
+        ("DSAA\n2 2\n1 0\n0 1\n0 1\n1 2 3 4\n", "2 places along x do not rise from 1 to 0 m; allowed: .*x0 < x1"),
+        ("DSAA\n2 2\n0 1\n1 1\n0 1\n1 2 3 4\n", "2 places along y do not rise"),
+        ("DSAA\n2 2\n0 inf\n0 1\n0 1\n1 2 3 4\n", "2 places along x do not rise"),
+        ("ncols 2\nnrows 2\ncellsize inf\n1 2 3 4\n", "places along x do not rise"),
+        ("DSAA\n4 1\n0 1\n0 1\n0 1\n1 2 3 4\n", "1 places along y do not rise"),
+        ("DSAA\nmany 2\n0 1\n0 1\n0 1\n1 2 3 4\n", "'many'; allowed: DSAA"),
+        ("ncols 3\nnrows 1\n1 2 3\n", "lacks cellsize"),
+        ("ncols inf\nnrows 1\ncellsize 1\n1 2 3\n", "infinity.*allowed: ncols, nrows and cellsize > 0"),
+        ("ncols 2\nnrows 2\ncellsize -1\n1 2 3 4\n", "places along x do not rise.*cellsize > 0"),
+        ("ncols 2\nnrows 2\ncellsize 1\n", "0 heights do not make 2 rows of 2; allowed: ncols"),
+        ("ncols\n", "lacks ncols, nrows, cellsize"),
+        ("ncols 2\nncols 2\nnrows\n", "lacks nrows, cellsize"),
+        ("ncols two\nnrows 2\ncellsize 1\n1 2 3 4", "'two'; allowed: ncols"),
     ],
 )
 def test_files_that_do_not_serve(tmp_path, content, message):
@@ -195,6 +238,46 @@ def test_files_that_do_not_serve(tmp_path, content, message):
     path.write_text(content)
     with pytest.raises(CaseError, match=rf"map\.txt.*{message}"):
         read_height_map(path)
+
+
+def archive(path):
+    with path.open("wb") as file:
+        np.savez(file, HEIGHTS)
+
+
+def soft_link(path):
+    with h5py.File(path, "w") as file:
+        file["heights"] = h5py.SoftLink("/nowhere")
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("archive.npy", archive),
+        ("empty.npy", lambda path: path.write_bytes(b"")),
+        ("complex.npy", lambda path: np.save(path, HEIGHTS * 1j)),
+        ("objects.npy", lambda path: np.save(path, np.array([None, {}]), allow_pickle=True)),
+        ("link.h5", soft_link),
+        ("group.h5", lambda path: h5py.File(path, "w").create_group("heights").file.close()),
+        ("text.h5", lambda path: path.write_text("1 2 3")),
+    ],
+)
+def test_binary_files_that_do_not_serve(tmp_path, name, write):
+    write(tmp_path / name)
+    dataset = "heights" if name.endswith(".h5") else None
+    with pytest.raises(CaseError, match=rf"{name}: .*; allowed: .*real numbers"):
+        read_height_map(tmp_path / name, Scales(spacing=(DX, DY), dataset=dataset))
+
+
+def test_the_plane_is_that_of_the_measured_heights(tmp_path):
+    """A steep plane whose corner is missing: the nearest neighbours are no part of it."""
+    x, y = np.meshgrid(DX * np.arange(NX), DY * np.arange(NY), indexing="ij")
+    plane = 0.3 * x - 0.2 * y
+    plane[:3, :2] = np.nan
+    np.save(tmp_path / "plane.npy", plane.T)
+    flat = MeasuredHeights(tmp_path / "plane.npy", spacing=(DX, DY), levelled=True, missing="nearest")
+    at = np.random.default_rng(0).uniform(-2.0 * DX, 2.0 * DX, (2, 20))
+    np.testing.assert_allclose(flat.height(*at), 0.0, atol=1e-15)
 
 
 def test_a_file_that_is_not_there(tmp_path):

@@ -185,6 +185,8 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
         ("twice.csv", "0,0,0\n0,1,0\n1,0,0\n1,0,0\n", "no full rectangular grid"),
         ("line.csv", "0,0,0\n0,1,0\n", "no full rectangular grid"),
         ("noise.npy", "not numpy", "noise.npy: "),
+        ("empty.npy", "", "EOF"),
+        ("archive.npy", "PK\x03\x04 an archive", "magic string is not correct"),
     ],
 )
 def test_files_that_are_refused(name: str, content: str | None, text: str, tmp_path: Path) -> None:
