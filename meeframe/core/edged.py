@@ -50,8 +50,13 @@ class EdgedSystem(ReducedSystem):
         return self.original.recover(load)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        """That of the original, which does not know the edge."""
-        return self.original.approximate_inverse(fields)
+        """That of the original between factors by which nodes at the edge respond less to displacements."""
+        inverse = self.original.approximate_inverse(fields)
+        if inverse is None:
+            return None
+        before, after = (system.diagonal_blocks()[:, fields, fields] for system in (self.original, self))
+        factor = np.sqrt(before / after)
+        return lambda displacement: factor * inverse(factor * displacement)
 
 
 def _each(blocks: Array, load: Array) -> Array:

@@ -16,12 +16,12 @@ from scipy.ndimage import binary_dilation
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Edges, Rim
 from meeframe_halfspace.grid import Grid
-from meeframe_halfspace.outline import find_outline
+from meeframe_halfspace.outline import find_outline, fourfold
 from meeframe_halfspace.response import series_blocks
 from meeframe_halfspace.strip import edge_limits, edge_response
 
 MEAN_OFF: Final = 0.005
-"""Edges along the axes of the grid are exact; by the capacity of discs a round one is so many spacings too far out."""
+"""Edges along the axes of the grid are exact; by the capacity of discs round ones are so many spacings too far out."""
 OF_THE_RIM: Final = 1.5
 """So many spacings from where the indenter ends the edge is there."""
 
@@ -33,7 +33,7 @@ def resolved_edges(grid: Grid, waves: Array, scaling: Array, pressure: Array, ri
         _enter_rim(grid, rim, pressure, distance, outward)
     at = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
-    place = distance[at] - MEAN_OFF
+    place = distance[at] - MEAN_OFF * (1.0 - fourfold(outward[at]))
     covered = (pressure > 0.0).astype(float)
     # on average over nodes as large as the contact
     covered[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
