@@ -1,6 +1,7 @@
 """Points solved by other processes: local ones, or workers of a Dask cluster. Imported only where they are wanted."""
 
 import logging
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -122,7 +123,12 @@ class Cluster(Pool):
             return
         progress("workers", 0.0)
         client = self.connect()
-        waiting = self._submitted(client, points, str(systems))
+        try:
+            yield from self._solve(client, self._submitted(client, points, str(systems)))
+        except OSError as error:
+            raise self._lost() from error
+
+    def _solve(self, client: Any, waiting: Iterator[tuple[Any, Point]]) -> Iterator[tuple[Point, Outcome]]:
         running: dict[Any, Point] = {}
         finished = distributed.as_completed(loop=client.loop)
         while True:
@@ -151,12 +157,15 @@ class Cluster(Pool):
 
     def _outcome(self, future: Any) -> Outcome:
         if future.status in ("cancelled", "lost"):
-            raise CaseError(f"scheduler {self.address} was lost; allowed: one that runs; the same command then goes on")
+            raise self._lost()
         error = future.exception()
         if isinstance(error, distributed.KilledWorker):
             return Outcome(PointStatus.FAILED, f"every worker that tried it died: {error}")
         outcome: Outcome = future.result()
         return outcome
+
+    def _lost(self) -> CaseError:
+        return CaseError(f"scheduler {self.address} was lost; allowed: one that runs; the same command then goes on")
 
 
 @contextmanager
@@ -165,10 +174,13 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
     settings = {
         "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
+        "distributed.worker.preload": [__name__],
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(settings))
+        # what users can mend is said by errors
+        stack.enter_context(distributed.utils.silence_logging_cmgr(logging.CRITICAL))
 
         @cache
         def connect() -> Any:
@@ -179,11 +191,11 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
-    quiet = logging.CRITICAL  # what users can mend is said by errors
     if scheduler is None:
-        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": None, "silence_logs": quiet}
-        return distributed.Client(stack.enter_context(distributed.LocalCluster(n_workers=workers, **options)))
-    logging.getLogger("distributed").setLevel(quiet)
+        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": None}
+        return distributed.Client(
+            stack.enter_context(distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options))
+        )
     try:
         return distributed.Client(scheduler, timeout=_WAIT)
     except (OSError, ValueError, TypeError) as error:
@@ -191,3 +203,8 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
             f"scheduler {scheduler} does not answer ({error}); allowed: the address of a running Dask scheduler, such "
             "as tcp://host:8786"
         ) from None
+
+
+def dask_setup(_worker: Any) -> None:
+    """Called by Dask in each local worker: Ctrl-C on the terminal is for the process that waits for them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

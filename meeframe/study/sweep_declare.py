@@ -146,8 +146,8 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
     count = table.get("count")
     if not isinstance(count, int) or isinstance(count, bool) or count < 2:
         raise ValueError(f"count = {count!r}: allowed: a whole number from 2")
-    spaced: list[float] = _SCALES[scale](*numbers, count).tolist()
-    return spaced
+    # as one would write them, so that those of a longer axis are the same numbers
+    return [float(f"{number:.14g}") for number in _SCALES[scale](*numbers, count)]
 
 
 def _unit(values: list[Any]) -> str:

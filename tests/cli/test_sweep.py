@@ -1,0 +1,351 @@
+"""`meeframe sweep`: grids and lists on springs, whose contact has a closed form; resumed after every kind of death."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import xarray
+from typer.testing import CliRunner
+
+import meeframe
+from meeframe.cli import app
+
+PLUGIN = Path(__file__).with_name("slow_springs.py")
+DEPTHS = np.linspace(1e-5, 4e-5, 8)
+
+GRID = """
+title = "springs"
+case = "case.toml"
+fields = ["pressure"]
+
+[axes]
+"formulation.stiffness" = [1e14, 2e14]
+"steps[1].approach" = ["10 um", "0.02 mm", "-1 um"]
+
+[axes.law]
+smooth = {}
+rough = { "contact.law" = { name = "isotropic-coulomb", mu = 0.3 } }
+
+[[plots]]
+quantities = ["normal_force", "max_pressure"]
+lines = "formulation.stiffness"
+at = { law = "rough" }
+
+[[plots]]
+quantities = ["contact_area"]
+kind = "map"
+"""
+
+LINE = """
+case = "case.toml"
+[axes]
+"steps[1].approach" = { from = 1e-5, to = 4e-5, count = 8 }
+"""
+
+
+@pytest.fixture
+def study(write_case, tmp_path):
+    """Writes a study of the springs beside their case; gives its path."""
+
+    def write(text, pause=0.0):
+        log = json.dumps(str(tmp_path / "log"))
+        write_case(
+            ('name = "winkler"', f'name = "springs"\nlog = {log}'),
+            ("[[steps]]", f'[solver]\nname = "slow"\nlog = {log}\npause = {pause}\n\n[[steps]]'),
+        )
+        path = tmp_path / "sweep.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Lines of what was reduced or solved, since the beginning."""
+
+    def lines(kind):
+        path = tmp_path / "log"
+        return [line for line in path.read_text().splitlines() if line.startswith(kind)] if path.exists() else []
+
+    return lines
+
+
+def command(study, out, *options):
+    return ["sweep", str(study), "--out", str(out), "--plugin", str(PLUGIN), *map(str, options)]
+
+
+def sweep(study, out, *options):
+    """Exit status, standard output, standard error, of a run in this process."""
+    result = CliRunner().invoke(app, command(study, out, "--workers", 1, *options))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def opened(out):
+    with xarray.open_dataset(out / "sweep.h5", engine="h5netcdf") as found:
+        return found.load()
+
+
+def files(out):
+    """Result files of the points, each with what tells it from one written anew."""
+    paths = out.glob("points/*/result.h5")
+    return {path.parent.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths}
+
+
+def test_a_grid_end_to_end(study, tmp_path, log):
+    out, file = tmp_path / "out", study(GRID)
+    status, told, _ = sweep(file, out)
+    assert status == 0
+    assert told.count("converged") == 12
+    found = opened(out)
+    assert dict(found.sizes) == {"formulation.stiffness": 2, "steps[1].approach": 3, "law": 2, "node": 25}
+    np.testing.assert_allclose(found["steps[1].approach"], [1e-5, 2e-5, -1e-6])
+    assert found["steps[1].approach"].units == "m"
+    assert list(found["law"].values) == ["smooth", "rough"]
+    expected = found["formulation.stiffness"] * np.maximum(found["steps[1].approach"], 0.0)
+    np.testing.assert_allclose(found.max_pressure, expected.broadcast_like(found.max_pressure), rtol=1e-9)
+    assert (found.max_pressure.units, found.normal_force.units, found.zone_pressure.units) == ("Pa", "N", "Pa")
+    depth = np.maximum(found["steps[1].approach"] - (found.x**2 + found.y**2) / 0.2, 0.0)
+    pressure = found["formulation.stiffness"] * depth
+    np.testing.assert_allclose(found.zone_pressure, pressure.broadcast_like(found.zone_pressure), rtol=1e-6, atol=1.0)
+    assert (found.status == "converged").all()
+    assert len(log("reduced")) == 2, "points that differ in law and load share a reduced system"
+    assert len(log("solved")) == 12
+    assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+    point = out / "points" / str(found.key[1, 1, 0].item())
+    result = meeframe.read_result(point)
+    assert meeframe.resultants(result.zone, result.steps[-1]).max_pressure == float(found.max_pressure[1, 1, 0])
+    assert CliRunner().invoke(app, ["show", str(point)]).exit_code == 0
+    (point / "case.toml").write_text(result.provenance.case_text)
+    checked = CliRunner().invoke(app, ["check", str(point / "case.toml"), "--plugin", str(PLUGIN)])
+    assert checked.exit_code == 0, "the result holds the point's own case"
+
+    before = files(out)
+    assert sweep(file, out)[0] == 0
+    assert files(out) == before
+    assert len(log("solved")) == 12, "the second time nothing is computed"
+    xarray.testing.assert_identical(opened(out), found)
+
+
+def test_a_longer_axis_keeps_what_is_there(study, tmp_path, log):
+    out, shorter = tmp_path / "out", LINE.replace("4e-5, count = 8", "2e-5, count = 2")
+    assert sweep(study(shorter), out)[0] == 0
+    before = files(out)
+    longer = study(LINE.replace("4e-5, count = 8", "3e-5, count = 3"))
+    status, _, complained = sweep(longer, out)
+    assert status == 2
+    assert f"folder {out} holds another sweep, 2 of its 2 points are in this one of 3" in complained
+    assert files(out) == before
+    assert sweep(longer, out, "--overwrite")[0] == 0
+    assert before.items() <= files(out).items()
+    assert len(log("solved")) == 3
+    np.testing.assert_allclose(opened(out).max_pressure, [1e9, 2e9, 3e9])
+    assert sweep(study(shorter), out, "--overwrite")[0] == 0
+    assert files(out) == before, "what is no longer asked for is removed"
+
+
+def test_a_changed_case_is_another_sweep(study, tmp_path, write_case):
+    out, file = tmp_path / "out", study(LINE)
+    assert sweep(file, out)[0] == 0
+    case = tmp_path / "case.toml"
+    case.write_text("# a comment\n" + case.read_text())
+    assert sweep(file, out)[0] == 0, "what does not change the result does not count"
+    case.write_text(case.read_text().replace('"100 mm"', '"101 mm"'))
+    status, _, complained = sweep(file, out)
+    assert status == 2
+    assert "0 of its 8 points are in this one of 8" in complained
+
+
+def test_a_folder_with_something_else_is_left_alone(study, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "thesis.tex").write_text("")
+    status, _, complained = sweep(study(LINE), out)
+    assert status == 2
+    assert f"output folder {out} is not empty (thesis.tex)" in complained
+    assert sweep(study(LINE), out, "--overwrite")[0] == 0
+    assert (out / "thesis.tex").exists()
+
+
+def test_points_that_fail_do_not_stop_the_others(study, tmp_path, log):
+    text = """
+        case = "case.toml"
+        points = [
+            { label = "good", value = 1 },
+            { label = "no case", value = 2, set = { "indenter.radius" = "-1 mm" } },
+            { label = "does not converge", value = 3, set = { "solver" = { name = "uzawa", max_iterations = 1 } } },
+            { label = "is refused", value = 4, set = { "solver" = "projected-cg", "contact.law" = { name = "isotropic-coulomb", mu = 0.1 } } },
+            { label = "mesh", value = 5, set = { "mesh.divisions" = 6 } },
+        ]
+    """  # fmt: skip  # noqa: E501
+    out, file = tmp_path / "out", study(text)
+    status, told, _ = sweep(file, out)
+    assert status == 1
+    found = opened(out)
+    assert list(found.status.values) == ["converged", "refused", "not-converged", "refused", "converged"]
+    np.testing.assert_array_equal(found.point, [1.0, 2.0, 3.0, 4.0, 5.0])
+    assert np.isnan(found.max_pressure[[1, 3]]).all()
+    assert "indenter.radius" in str(found.message[1].item())
+    assert "frictionless" in str(found.message[3].item())
+    assert "no case: refused: indenter.radius" in told
+    before = files(out)
+    solved = len(log("solved"))
+    assert sweep(file, out)[0] == 1
+    assert (files(out), len(log("solved"))) == (before, solved)
+
+
+def test_zones_of_different_meshes_and_every_increment(study, tmp_path):
+    text = """
+        case = "case.toml"
+        fields = ["pressure"]
+        every_increment = true
+        set = { "steps[1].increments" = 2 }
+        [axes.size]
+        "mesh.divisions" = [2, 4]
+        "mesh.rings" = [3, 2]
+    """
+    out = tmp_path / "out"
+    assert sweep(study(text), out)[0] == 0
+    found = opened(out)
+    assert found.zone_pressure.dims == ("size", "node")
+    assert found.x.dims == ("size", "node")
+    np.testing.assert_array_equal(found["size"], [2, 4])
+    assert (~np.isnan(found.zone_pressure)).sum("node").values.tolist() == [9, 25]
+    np.testing.assert_allclose(found.max_pressure, [[5e8, 1e9]] * 2)
+
+
+@contextmanager
+def started(*arguments, told=os.devnull):
+    """A process of its own, as its group, what it tells in a file; killed with its children if it is still there."""
+    with open(told, "w") as file:
+        process = psutil.Popen(
+            [sys.executable, *map(str, arguments)], stdout=file, stderr=subprocess.STDOUT, start_new_session=True
+        )
+    try:
+        yield process
+    finally:
+        gone = process.poll() is not None
+        for each in () if gone else (*process.children(recursive=True), process):
+            each.kill()
+        process.wait()
+
+
+def wait_for(condition, process):
+    end = time.monotonic() + 240
+    while not condition():
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def assert_as_uninterrupted(study, out, tmp_path):
+    """Bit for bit, but for the seconds that it took."""
+    assert sweep(study, tmp_path / "whole")[0] == 0
+    found, expected = opened(out).drop_vars("seconds"), opened(tmp_path / "whole").drop_vars("seconds")
+    xarray.testing.assert_identical(found, expected)
+    np.testing.assert_allclose(found.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
+
+
+# a shell's background job is born deaf to SIGINT, and so are its children
+MAIN = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from meeframe.cli import main; main()"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT])
+def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death):
+    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+    with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+        wait_for(lambda: len(files(out)) >= 2, process)
+        children = process.children(recursive=True)
+        if death is signal.SIGINT:
+            os.killpg(process.pid, death)  # as from the terminal: to its workers too
+        else:
+            process.kill()
+        status = process.wait(timeout=60)
+    psutil.wait_procs(children, timeout=60)
+    before, solved = files(out), log("solved")
+    assert 2 <= len(before) < len(DEPTHS)
+    assert not (out / "sweep.h5").exists()
+    if death is signal.SIGINT:
+        assert status == 130, told.read_text()
+        assert f"of 8 points are finished and in {out}; the same command goes on" in told.read_text()
+        assert "Traceback" not in told.read_text()
+    assert sweep(file, out)[0] == 0
+    assert_nothing_twice(out, log, before, solved)
+    assert_as_uninterrupted(file, out, tmp_path)
+
+
+def assert_nothing_twice(out, log, before, solved):
+    """before, solved: finished files and lines of solutions at the time of death."""
+    assert before.items() <= files(out).items(), "finished points are not written again"
+    again = [line for line in log("solved")[len(solved) :] if line in solved]
+    assert len(again) <= len(solved) - len(before), "nor computed: only those in flight are"
+    assert len(log("reduced")) == 1, "nor the reduced system"
+
+
+def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
+    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+    with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
+        wait_for(lambda: files(out), process)
+        before, solved = files(out), log("solved")
+        children = process.children(recursive=True)
+        workers = [child for child in children if "multiprocessing.spawn" in " ".join(child.cmdline())]
+        assert len(workers) == 2
+        for worker in workers:
+            worker.kill()
+        status = process.wait(timeout=240)
+    assert status == 0, told.read_text()
+    assert_nothing_twice(out, log, before, solved)
+    assert_as_uninterrupted(file, out, tmp_path)
+
+
+def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log):
+    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+    place = tmp_path / "scheduler.json"
+    cluster = ("--scheduler-file", place, "--no-dashboard")
+    with (
+        started("-m", "distributed.cli.dask_scheduler", "--port", 0, *cluster) as scheduler,
+        started("-m", "distributed.cli.dask_worker", "--nthreads", 1, "--no-nanny", *cluster),
+    ):
+        wait_for(lambda: place.exists() and place.stat().st_size, scheduler)
+        address = json.loads(place.read_text())["address"]
+        with started("-m", "meeframe", *command(file, out, "--scheduler", address), told=told) as process:
+            wait_for(lambda: len(files(out)) >= 2, process)
+            scheduler.kill()
+            status = process.wait(timeout=120)
+    assert status == 2, told.read_text()
+    assert f"error: scheduler {address} was lost" in told.read_text()
+    assert "Traceback" not in told.read_text()
+    before, solved = files(out), log("solved")
+    assert 2 <= len(before) < len(DEPTHS)
+    assert sweep(file, out)[0] == 0
+    assert_nothing_twice(out, log, before, solved)
+    assert_as_uninterrupted(file, out, tmp_path)
+
+
+def test_a_scheduler_that_is_not_there(study, tmp_path):
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, command(study(LINE), out, "--scheduler", "tcp://127.0.0.1:1"))
+    assert result.exit_code == 2
+    assert "error: scheduler tcp://127.0.0.1:1 does not answer" in result.stderr
+
+
+@pytest.mark.parametrize(("options", "text"), [(("--scheduler", "tcp://a:1"), "allowed: one of them")])
+def test_workers_or_a_scheduler(study, tmp_path, options, text):
+    status, _, complained = sweep(study(LINE), tmp_path / "out", *options)
+    assert status == 2
+    assert text in complained
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,158 @@
+"""Study files of sweeps: the points that they stand for, and what is said of wrong ones."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meeframe.core.errors import CaseError
+from meeframe.study.declare import checked
+from meeframe.study.sweep_declare import SweepTable
+
+STUDY = """
+case = "case.toml"
+set = { "solver.tolerance" = 1e-8 }
+
+[axes]
+"contact.law.mu" = [0.0, 0.3, inf]
+
+[axes.load]
+light = { "steps[1].approach" = "10 um" }
+heavy = { "steps[1].approach" = "20 um", "solver.tolerance" = 1e-6 }
+
+[[plots]]
+quantities = ["normal_force"]
+x = "load"
+at = { "contact.law.mu" = 0.3 }
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text):
+        path = tmp_path / "study.toml"
+        path.write_text(text, encoding="utf-8")
+        return checked(SweepTable, path)
+
+    return read
+
+
+def axis_of(study):
+    ((axis, changes),) = study.varied()
+    return axis, changes
+
+
+def test_every_combination_the_last_axis_fastest(read):
+    study = read(STUDY)
+    found = list(study.changes())
+    assert [label for label, _ in found][:3] == [
+        "contact.law.mu = 0, load = light",
+        "contact.law.mu = 0, load = heavy",
+        "contact.law.mu = 0.3, load = light",
+    ]
+    assert found[3][1] == {"solver.tolerance": 1e-6, "contact.law.mu": 0.3, "steps[1].approach": "20 um"}
+    mu, load = study.result_axes()
+    np.testing.assert_array_equal(mu.values, [0.0, 0.3, np.inf])
+    assert (load.labels, load.values) == (("light", "heavy"), None)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected", "unit"),
+    [
+        ('["10 um", 2e-5]', [1e-5, 2e-5], "m"),
+        ('["90 deg", "180 deg"]', [np.pi / 2, np.pi], "rad"),
+        ("{ from = 0.0, to = 1.0, count = 3 }", [0.0, 0.5, 1.0], ""),
+        ('{ from = 1e-3, to = 10, count = 5, scale = "log" }', [1e-3, 1e-2, 0.1, 1.0, 10.0], ""),
+        ('["signorini", { name = "isotropic-coulomb", mu = 0.3 }]', None, ""),
+        ("[true, false]", None, ""),
+    ],
+)
+def test_values_of_an_axis(read, values, expected, unit):
+    axis, changes = axis_of(read(f'case = "c.toml"\n[axes]\n"some.key" = {values}'))
+    assert axis.unit == unit
+    assert [*changes[0]] == ["some.key"]
+    assert len(changes) == len(axis.labels)
+    if expected is None:
+        assert axis.values is None
+    else:
+        np.testing.assert_allclose(axis.values, expected, rtol=1e-13)
+
+
+def test_a_longer_range_has_the_same_numbers(read):
+    text = 'case = "c.toml"\n[axes]\nmu = {{ from = 1e-5, to = {}, count = {} }}'
+    (short, _), (long, _) = (axis_of(read(text.format(*ends))) for ends in (("3e-5", 3), ("8e-5", 8)))
+    assert short.labels == long.labels[:3]
+    np.testing.assert_array_equal(short.values, long.values[:3])
+
+
+def test_keys_side_by_side(read):
+    text = 'case = "c.toml"\n[axes.size]\n"mesh.divisions" = [4, 8]\n"mesh.rings" = [{}, 3]'
+    axis, changes = axis_of(read(text.format(2)))
+    np.testing.assert_array_equal(axis.values, [4, 8])
+    assert changes == ({"mesh.divisions": 4, "mesh.rings": 2}, {"mesh.divisions": 8, "mesh.rings": 3})
+    axis, _ = axis_of(read(text.replace("[4, 8]", "[4, 4]").format(2)))
+    assert (axis.labels, axis.values) == (("4, 2", "4, 3"), None), "told apart by both"
+
+
+def test_points_of_their_own(read):
+    points = '[[points]]\nlabel = "a"\nvalue = 1\n[[points]]\nlabel = "b"\nvalue = 2\nset = { "solver" = "auto" }\n'
+    (axis,) = read(f'case = "c.toml"\n{points}').result_axes()
+    assert (axis.name, axis.labels, axis.values.tolist()) == ("point", ("a", "b"), [1.0, 2.0])
+    (axis,) = read(f'case = "c.toml"\naxes = {{ mu = [0, 1] }}\n{points}').result_axes()
+    assert (axis.labels, axis.values) == (("mu = 0", "mu = 1", "a", "b"), None)
+
+
+WRONG = {
+    "unknown": (('case = "case.toml"', 'case = "case.toml"\naxis = 1'), "axis = 1: unknown key; did you mean 'axes'?"),
+    "axes.load": (('light = { "steps[1].approach" = "10 um" }', "light = 3"), "axes.load: allowed: a list of values"),
+    "lengths": (
+        ("[axes.load]", "[axes.a]\nx = [1, 2]\ny = [1]\n[axes.load]"), "axes.a: allowed: lists of one length", "y has 1"
+    ),
+    "empty": (("[0.0, 0.3, inf]", "[]"), "axes.contact.law.mu: allowed: lists of one length that are not empty"),
+    "twice": (("[0.0, 0.3, inf]", "[0.3, 0.3]"), "axes.contact.law.mu: values: '0.3' is given twice"),
+    "count": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 1 }"), "count = 1: allowed: a whole number from 2"),
+    "ends": (("[0.0, 0.3, inf]", "{ from = 0, count = 3 }"), "from = 0, to = None: allowed: two finite numbers"),
+    "log": (
+        ("[0.0, 0.3, inf]", '{ from = 0, to = 1, count = 3, scale = "log" }'), "allowed with scale = 'log': positive"
+    ),
+    "spacing": (
+        ("[0.0, 0.3, inf]", '{ from = 0, to = 1, count = 3, scale = "cubic" }'), "scale = 'cubic': allowed: linear, log"
+    ),
+    "range": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, steps = 3 }"), "unknown key 'steps'; allowed: count, from"),
+    "key": (('"contact.law.mu" = [', '"contact..mu" = ['), "'contact..mu' is not a key of a case file"),
+    "name": (("[axes.load]", "[axes.approach]"), "axes: 'approach' is the name of something else in sweep.h5"),
+    "quantity": (
+        ('["normal_force"]', '["normal_farce"]'),
+        "plots[1].quantities: unknown quantity 'normal_farce'; did you mean 'normal_force'?",
+    ),
+    "axis": (('x = "load"', 'x = "lode"'), "plots[1]: unknown axis 'lode'; did you mean 'load'?"),
+    "at": (('"contact.law.mu" = 0.3 }', '"contact.law.mu" = 0.4 }'), "plots[1].at.contact.law.mu: unknown value '0.4'"),
+    "fields": (
+        ("[axes]", 'fields = ["pressures"]\n[axes]'), "fields: unknown field 'pressures'; did you mean 'pressure'?"
+    ),
+    "no case": (('case = "case.toml"', ""), "case: missing key"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_studies(read, tmp_path, kind):
+    (old, new), *texts = WRONG[kind]
+    assert old in STUDY
+    with pytest.raises(CaseError) as caught:
+        read(STUDY.replace(old, new))
+    assert str(tmp_path / "study.toml") in str(caught.value)
+    for text in texts:
+        assert text in str(caught.value)
+
+
+def test_nothing_to_run(read):
+    with pytest.raises(CaseError, match=r"nothing to run: give \[axes\], \[\[points\]\] or both"):
+        read('case = "case.toml"')
+
+
+def test_the_documented_study_is_one(read):
+    page = Path(__file__).parents[3] / "docs" / "sweep.md"
+    first, *_ = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    study = read(first)
+    assert len(list(study.changes())) == 5 * 2 * 2 + 1
