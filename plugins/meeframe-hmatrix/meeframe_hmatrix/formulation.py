@@ -23,7 +23,7 @@ from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
 from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.clusters import cluster_tree
-from meeframe_hmatrix.integrals import prepare
+from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal_of, factorise, frames_to_units
 
@@ -103,7 +103,7 @@ class HierarchicalBEM(Formulation):
             integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
             system = assemble(integrals, self.tolerance, progress)
             factors, compliance = factorise(system, self.tolerance, progress)
-        return BoundarySystem(system, factors, compliance, tree, layout, units, body.mesh)
+        return BoundarySystem(system, factors, compliance, tree, layout, units, body.mesh, flux_unit(mesh))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

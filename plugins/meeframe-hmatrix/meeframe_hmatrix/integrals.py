@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import lstsq, qr
 
 from meeframe.core.element import shape_derivatives, shape_functions
 from meeframe.core.errors import MeshError
@@ -16,7 +16,6 @@ from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.layout import NONE, Layout
 from meeframe.kernels.assembly import Accuracy
 from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, shape_degree, tensor_rule
-from meeframe_hmatrix.blocks import kept_rank
 from meeframe_hmatrix.clusters import Cluster, ClusterTree, inverse
 from meeframe_hmatrix.kernels import (
     Columns,
@@ -28,6 +27,7 @@ from meeframe_hmatrix.kernels import (
     orders_from_box,
     orders_from_point,
     refined_points,
+    spread_out,
     tabulated_points,
 )
 
@@ -89,6 +89,14 @@ def prepare(
     )
 
 
+def flux_unit(mesh: SurfaceMesh) -> float:
+    """The unit of unknown fluxes that makes their coefficients as large as those of values, at the body's own distance.
+
+    Truncation sees both in one block; without it the values would be left to the round-off of the fluxes.
+    """
+    return float(1.0 / np.ptp(mesh.points, axis=0).max())
+
+
 def _columns(mesh: SurfaceMesh, layout: Layout, tree: ClusterTree) -> Columns:
     width = max(block.connectivity.shape[1] for block in mesh.blocks)
 
@@ -107,6 +115,7 @@ def _columns(mesh: SurfaceMesh, layout: Layout, tree: ClusterTree) -> Columns:
         ranked(layout.flux_column, tree.unknown_rank),
         layout.flux_data,
         ranked(layout.load_column, inverse(tree.loads)),
+        flux_unit(mesh),
     )
 
 
@@ -211,7 +220,7 @@ def _skeleton(
     positions = integrals.positions[row.sources]
     samples = FIRST_SAMPLES
     while True:
-        spread = _spread_out(points.places, samples + HELD_OUT)
+        spread = spread_out(points.places, *row.row_box, samples + HELD_OUT)
         offsets = (points.places[spread] - positions[:, None]).reshape(-1, 3)
         normals = np.broadcast_to(points.normals[spread], (len(positions), len(spread), 3)).reshape(-1, 3)
         u, t = integrals.kernel.evaluate(offsets, normals)
@@ -219,35 +228,37 @@ def _skeleton(
         both = np.stack([u, t]).reshape(2, len(positions), len(spread), 5, 5)[:, equations[0], :, :, equations[1]]
         sampled = both.transpose(0, 2, 1, 3).reshape(len(equations[0]), len(spread), -1)
         known = len(spread) if len(spread) < samples + HELD_OUT else samples
-        left, chosen = _interpolation(sampled[:, :known].reshape(len(sampled), -1), tolerance)
+        left, chosen = _interpolation(sampled[:, :known].reshape(len(sampled), -1), equations[0], tolerance)
         test = sampled[:, known:].reshape(len(sampled), -1)
         if known == len(spread) or np.linalg.norm(left @ test[chosen] - test) <= tolerance * np.linalg.norm(test):
             return left, chosen
         samples *= 2
 
 
-def _interpolation(sampled: Array, tolerance: float) -> tuple[Array, Indices]:
-    """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix: pivoted QR."""
-    triangle, pivots = qr(sampled.T, mode="r", pivoting=True, check_finite=False)
-    triangle = triangle[: min(sampled.shape)]
-    rank = max(1, kept_rank(np.linalg.norm(triangle, axis=1), tolerance / 4.0))
-    left = np.empty((len(sampled), rank))
-    left[pivots[:rank]] = np.eye(rank)
-    left[pivots[rank:]] = solve_triangular(triangle[:rank, :rank], triangle[:rank, rank:], check_finite=False).T
-    return left, pivots[:rank].astype(np.int64)
+def _interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
+    """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix.
 
-
-def _spread_out(places: Array, count: int) -> Indices:
-    """Points far from each other: each next one is the farthest from all before."""
-    if count >= len(places):
-        return np.arange(len(places))
-    chosen = np.zeros(count, np.int64)
-    chosen[0] = np.linalg.norm(places - places.mean(axis=0), axis=1).argmax()
-    gap = ((places - places[chosen[0]]) ** 2).sum(axis=1)
-    for number in range(1, count):
-        chosen[number] = gap.argmax()
-        gap = np.minimum(gap, ((places - places[chosen[number]]) ** 2).sum(axis=1))
-    return chosen
+    All rows of a source (m,) are taken together, because they cost as much as one; the next source is the one that is
+    worst off (block Gram-Schmidt with pivoting).
+    """
+    rest, bases, chosen = sampled.copy(), [], []
+    limit = tolerance / 4.0 * np.linalg.norm(sampled)
+    while True:
+        squares = (rest**2).sum(axis=1)
+        if squares.sum() <= limit**2 or len(chosen) == source[-1] + 1:
+            break
+        chosen.append(int(np.bincount(source, squares).argmax()))
+        rows = rest[source == chosen[-1]]
+        basis = qr(rows.T, mode="economic", check_finite=False)[0]
+        rest -= (rest @ basis) @ basis.T
+        rest[source == chosen[-1]] = 0.0
+        bases.append(basis)
+    places = np.flatnonzero(np.isin(source, chosen or [0]))
+    basis = np.concatenate(bases, axis=1) if bases else np.zeros((sampled.shape[1], 0))
+    parts = sampled @ basis
+    left: Array = lstsq(parts[places].T, parts.T, cond=tolerance / 100.0, check_finite=False)[0].T
+    left[places] = np.eye(len(places))
+    return left, places
 
 
 def _orders(integrals: Integrals, row: Cluster, elements: Indices) -> Indices:

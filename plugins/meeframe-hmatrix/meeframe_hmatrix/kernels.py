@@ -43,7 +43,8 @@ class Columns(NamedTuple):
     """Where the nodes of elements go; sites, unknowns and loads in the order of the tree.
 
     sites, patches: (e, k) of the nodes, negative beyond the last; value_column, value_data: (sites, 5);
-    flux_column, flux_data, load_column: (patches, 5). Columns are negative where there is none.
+    flux_column, flux_data, load_column: (patches, 5). Columns are negative where there is none. flux_unit: unknown
+    fluxes are in units of it.
     """
 
     sites: np.ndarray
@@ -53,6 +54,7 @@ class Columns(NamedTuple):
     flux_column: np.ndarray
     flux_data: np.ndarray
     load_column: np.ndarray
+    flux_unit: float
 
 
 class Window(NamedTuple):
@@ -122,6 +124,38 @@ def tabulated_points(elements, orders, origin, rules, out):
             out.elements[count] = elements[i]
             count += 1
     return count
+
+
+@njit(cache=True, nogil=True)
+def spread_out(places, low, high, count):
+    """Numbers of at most count of the places (n, 3), spread out as seen from a box.
+
+    The first is the nearest to the box; each next one is the farthest from those before, in terms of its distance from
+    the box, so that they are dense where it is close.
+    """
+    n = len(places)
+    if count >= n:
+        return np.arange(n)
+    scale, gap = np.empty(n), np.full(n, np.inf)
+    for i in range(n):
+        square = 0.0
+        for axis in range(3):
+            x = places[i, axis]
+            square += max(0.0, max(low[axis] - x, x - high[axis])) ** 2
+        scale[i] = 1.0 / square
+    chosen = np.empty(count, np.int64)
+    chosen[0] = scale.argmax()
+    for number in range(1, count):
+        farthest, largest = 0, -1.0
+        for i in range(n):
+            square = 0.0
+            for axis in range(3):
+                square += (places[i, axis] - places[chosen[number - 1], axis]) ** 2
+            gap[i] = min(gap[i], square * scale[i])
+            if gap[i] > largest:
+                farthest, largest = i, gap[i]
+        chosen[number] = farthest
+    return chosen
 
 
 @njit(cache=True, nogil=True)
@@ -199,7 +233,7 @@ def _enter_fluxes(u, patch, rows, columns, window, out):
                 continue
             coefficient = u[5 * j + k]
             if column >= 0:
-                out.unknown[row, window.unknown[column]] -= coefficient
+                out.unknown[row, window.unknown[column]] -= coefficient * columns.flux_unit
             elif load >= 0:
                 out.load[row, window.load[load]] += coefficient
             else:

@@ -37,7 +37,8 @@ MOST_ITERATIONS: Final = 200
 class BoundarySystem:
     """The system, in the order of the tree, with its truncated factors.
 
-    compliance: values (5 n) in the contact zone on loads (5 n), both in the order of the tree, units of the system.
+    compliance: values (5 n) in the contact zone on loads (5 n), both in the order of the tree, units of the system;
+    flux_unit: the unit of unknown fluxes.
     """
 
     system: System
@@ -47,6 +48,7 @@ class BoundarySystem:
     layout: Layout
     units: Units
     mesh: SurfaceMesh
+    flux_unit: float
 
     def unknowns(self, loads: Array) -> Array:
         """The unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
@@ -90,7 +92,8 @@ class BoundarySystem:
         flat = loads.ravel()
         unknowns = self.unknowns(flat[self.tree.loads])
         values = _filled(layout.value_data, layout.value_column, unknowns)
-        fluxes = _filled(_filled(layout.flux_data, layout.flux_column, unknowns), layout.load_column, flat)
+        fluxes = _filled(layout.flux_data, layout.flux_column, self.flux_unit * unknowns)
+        fluxes = _filled(fluxes, layout.load_column, flat)
         points = layout.patches.point
         cells = tuple(
             (block.element.meshio_type, connectivity)
