@@ -73,18 +73,22 @@ def richardson(
         return Extrapolation(f[2], spread, f[2], None, Basis.CONSTANT)
     if before * last <= 0.0:
         return Extrapolation(f[2], spread, f[2], None, Basis.FINEST)
-    with_theory = _limit(h[1:], f[1:], theoretical)
+    with_theory = of_order(h, f, theoretical)
     order = _observed(h, before / last, theoretical)
-    value = with_theory if order is None else _limit(h[1:], f[1:], order)
+    value = with_theory if order is None else of_order(h, f, order)
     # values scatter as nodes fall within the contact or outside: no less than what extrapolation took away
-    others = (with_theory, _limit(h[:2], f[:2], theoretical), f[2])
+    others = (with_theory, of_order(h[:2], f[:2], theoretical), f[2])
     error = max(abs(value - other) for other in others)
     return Extrapolation(value, error, f[2], order, Basis.THEORETICAL if order is None else Basis.OBSERVED)
 
 
-def _limit(h: Sequence[float], f: Sequence[float], order: float) -> float:
-    """From two meshes."""
-    return float(f[1] + (f[1] - f[0]) / ((h[0] / h[1]) ** order - 1.0))
+def of_order(sizes: Sequence[float], values: Sequence[float], order: float) -> float:
+    """The limit of value(h) = limit + c h^order from the last two meshes; sizes: of the elements, falling.
+
+    Linear in the values: of two methods whose values scatter alike, the scatter is not in the difference of the limits.
+    """
+    (coarse, fine), (before, last) = sizes[-2:], values[-2:]
+    return float(last + (last - before) / ((coarse / fine) ** order - 1.0))
 
 
 def _observed(h: Sequence[float], ratio: float, theoretical: float) -> float | None:

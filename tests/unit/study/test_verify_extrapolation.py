@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meeframe.core.errors import CaseError
-from meeframe.report.extrapolation import Basis, richardson
+from meeframe.report.extrapolation import Basis, of_order, richardson
 
 SIZES = (0.4, 0.2, 0.1)
 
@@ -42,6 +42,14 @@ def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, th
     assert found.error > 0.0
     if order > theoretical:
         assert abs(found.value - 1.0) <= found.error
+
+
+def test_one_order_for_two_methods_leaves_common_scatter_out():
+    """Of the same scatter, whatever it is, nothing is left in the difference of the limits; the rest is extrapolated."""
+    scatter = np.random.default_rng(5).normal(size=3)
+    one, other = (np.array(sequence(limit, c, 3.0, SIZES)) + scatter for limit, c in ((2.0, 0.4), (2.5, -7.0)))
+    assert of_order(SIZES, other, 3.0) - of_order(SIZES, one, 3.0) == pytest.approx(0.5, abs=1e-12)
+    assert of_order(SIZES[1:], sequence(2.0, 0.4, 3.0, SIZES[1:]), 3.0) == pytest.approx(2.0, abs=1e-12)
 
 
 def test_the_next_term_is_within_the_error():
