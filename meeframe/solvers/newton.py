@@ -5,13 +5,15 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, attracts
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
+from meeframe.solvers.driver import Limits, solve
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
+from meeframe.solvers.nested import nested_start
 from meeframe.solvers.newton_steps import Step, newton_step
 from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
 
@@ -28,6 +30,11 @@ ROUND_OFF: Final = 1e-14
 LOOSEST: Final = 0.1
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
+COARSE: Final = Limits(tolerance=1e-3, max_iterations=40)
+"""Of the coarser problem from which to start: the two differ by more."""
+ROUGHENING: Final = 100.0
+"""The first step from there may raise the merit so much: a smooth state violates the laws by little everywhere, and what
+is short in it is found at once."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
@@ -66,8 +73,10 @@ class SemismoothNewton(Solver):
     patience: ClassVar[int] = 40
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        """The converged state of the previous load step, or no load at all."""
+        """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
         n = len(problem.gap)
+        prolonged = nested_start(problem, _coarse_solution) if start is None and _matrixless(problem) else None
+        start = start if prolonged is None else prolonged
         closed = np.zeros(n) if start is None else start.closed
         equation = Equation.of(problem)
         motion = start_motion(problem, start)
@@ -76,7 +85,8 @@ class SemismoothNewton(Solver):
         held = start is not None and attracts(problem.contact_law)
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
-        return _iterate(_Memory(point, (point.merit,), np.zeros(n)))
+        rise = 1.0 if prolonged is None else ROUGHENING
+        return _iterate(_Memory(point, (rise * point.merit,), np.zeros(n)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One Newton step, a fraction of it, or a burst of gradient steps."""
@@ -104,6 +114,16 @@ def _tolerance(merits: tuple[float, ...]) -> float:
     if len(merits) < 2:
         return LOOSEST
     return float(np.clip(0.5 * (merits[-1] / merits[-2]) ** 1.5, TIGHTEST, LOOSEST))
+
+
+def _matrixless(problem: ContactProblem) -> bool:
+    return problem.system.dense() is None
+
+
+def _coarse_solution(problem: ContactProblem) -> ContactState | None:
+    """Of a problem on a coarser system, from which to start."""
+    solution = solve(problem, SemismoothNewton(), COARSE)
+    return solution.state if solution.status is Status.CONVERGED else None
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:
