@@ -1,10 +1,10 @@
 """Where the edge of a contact runs between the nodes of a grid, from the pressures at them.
 
 At the edge of a contact without singular pressure p^2 rises linearly with the distance d from it, p^2 = G d: a bilinear
-density reproduces that from the third node on. Nearer to the edge its nodal values differ from p by a function of d, in
-spacings, and of the direction of the edge: NEARER and FOURFOLD are its first terms, from Hertz's pressure on fine grids.
-They turn each pressure into a distance, and a quadratic function, fitted to the distances of the nodes around, says
-where zero is. Lengths in spacings.
+density reproduces that from the third node on. Nearer to the edge its nodal values differ from p by a function of d,
+in spacings, and of the direction of the edge: NEARER and FOURFOLD are its first terms, from Hertz's pressure on fine
+grids. They turn each pressure into a distance, and a quadratic function, fitted to the distances of the nodes around,
+says where zero is. Lengths in spacings.
 """
 
 from dataclasses import dataclass

@@ -1,0 +1,266 @@
+"""Edges between the nodes: strips, discs, ellipses and squares in closed form, in any place and direction on the grid."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.outline import find_outline
+from meeframe_halfspace.strip import edge_limits, edge_response, line_responses
+from scipy.linalg import toeplitz
+from scipy.special import ellipk
+
+from meeframe.case.case import Case
+from meeframe.case.solve import solve_case
+from meeframe.case.step import Step
+from meeframe.core.body import Body
+from meeframe.core.errors import CaseError
+from meeframe.core.pair import pair
+from meeframe.core.result import resultants
+from meeframe.core.turned import TurnedSystem, turned
+from meeframe.elements import Quad4
+from meeframe.geometry import find_rim, half_space_mesh
+from meeframe.geometry import indenters as rigid
+from meeframe.laws import Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.solvers import Auto, Limits, ProjectedCG, solve_to_edges
+from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere, indent
+from meeframe.testing.half_space import indentation_problem
+
+MATERIAL = library_material("batio3-cofe2o4")
+XI = axisymmetric_compliance(MATERIAL.stiffness)
+APPROACH = 5e-5
+SQUARE = 0.3667877
+"""Charge of a square of side 1 at potential 1 with the kernel 1/r (Read, J. Comput. Phys. 133 (1997) 1)."""
+
+
+def half_space(spacing, divisions, edges="resolved"):
+    width = spacing[0] * divisions, spacing[1] * divisions
+    mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
+    return HalfSpace(matrix_up_to=0, edges=edges).reduce(Body(MATERIAL.stiffness, mesh, (), "contact"))
+
+
+def pressed(system, height, approach, potentials=(None, None), kappa=np.inf, offset=(0.0, 0.0)):
+    """Totals of -t.nu, q and s; offset: of the indenter's axis [m]."""
+
+    def above(points, _frames):
+        return height(points[:, 0] + offset[0], points[:, 1] + offset[1]) - approach
+
+    conductivity = tuple(0.0 if value is None else kappa for value in potentials)
+    given = tuple(value or 0.0 for value in potentials)
+    nodes = above(system.points, None) + approach
+    problem = indentation_problem(system, nodes, approach, None, conductivity, given)
+    solver = Auto() if any(conductivity) else ProjectedCG()
+    reach = 2.0 * np.sqrt(system.weights.max())
+    solution, _ = solve_to_edges(
+        problem,
+        solver,
+        Limits(tolerance=1e-8),
+        rim=lambda: find_rim(above, system.points, system.frames, reach),
+    )
+    assert solution.status == "converged", solution.message
+    return system.weights @ solution.state.load[:, 2:] * [-1.0, 1.0, 1.0]
+
+
+INDENTERS = {
+    "sphere": (Sphere(0.1), rigid.Sphere(0.1)),
+    "cone": (Cone(0.02), rigid.Cone(0.02)),
+    "punch": (FlatPunch(2e-3), rigid.FlatPunch(2e-3)),
+}
+
+
+def errors(name, potentials, cells, offset=(0.0, 0.0), edges="resolved"):
+    """Relative errors of the totals that are not zero; offset: of the axis from a node, in spacings."""
+    shape, indenter = INDENTERS[name]
+    exact = indent(XI, shape, APPROACH, *potentials)
+    h = 2.0 * exact.contact_radius / cells
+    system = half_space((h, h), 2 * round(0.6 * cells), edges)
+    found = pressed(system, indenter.height, APPROACH, potentials, offset=(offset[0] * h, offset[1] * h))
+    true = np.array([exact.force, exact.charge, exact.magnetic_flux])
+    return found[true != 0.0] / true[true != 0.0] - 1.0
+
+
+# the strip
+
+
+def test_a_strip_ends_where_it_should():
+    """47 nodes, the edges 0.2 spacings beyond the first and 0.3 inside the last: charge and potential of that strip."""
+    count, beyond = 47, np.array([0.2, -0.3])
+    matrix = toeplitz(line_responses(count))
+    matrix[[0, -1], [0, -1]] += edge_response(beyond)
+    charge = np.linalg.solve(matrix, np.ones(count)).sum()
+    width = count - 1 + beyond.sum()
+    assert 1.0 / charge == pytest.approx(2.0 * np.log(2.0 / (width / 2.0)), rel=1e-4)
+
+
+def test_own_responses_grow_until_a_node_is_not_covered():
+    low, high = edge_limits()
+    assert high - low == pytest.approx(1.0)
+    assert edge_response(np.array([high, 2.0])) == pytest.approx(0.0, abs=1e-12)
+    assert (np.diff(edge_response(np.linspace(low, high, 50))) <= 0.0).all()
+
+
+# the outline
+
+
+@pytest.mark.parametrize("direction", [0.0, 0.3, 0.6, np.pi / 4])
+def test_outline_of_a_straight_edge(direction):
+    """Pressures that rise as they do beyond the reach of the edge, so that nothing has to be corrected, far from it."""
+    i, j = np.indices((41, 41)) - 20.0
+    distance = np.cos(direction) * i + np.sin(direction) * j + 0.37
+    outline = find_outline(np.sqrt(np.maximum(distance, 0.0)))
+    inner = (np.abs(outline.nodes - 20) < 15).all(axis=1)
+    assert inner.sum() > 30
+    off = outline.distance - distance[tuple(outline.nodes.T)]
+    assert np.abs(off[inner]).max() < 0.25
+    assert -outline.outward[inner] == pytest.approx(
+        np.tile([np.cos(direction), np.sin(direction)], (inner.sum(), 1)), abs=0.05
+    )
+
+
+def test_outline_of_an_elliptic_contact():
+    """The edge of a contact that was not used for NEARER: mean within 0.01 spacings, each node within 0.1."""
+    h = 1.0 / 21.3
+    system = half_space((h, h), 52)
+    x, y = system.points[:, 0] + 0.3 * h, system.points[:, 1] + 0.4 * h
+    problem = indentation_problem(system, x**2 / 2.0 + y**2 / 1.2, 0.5)
+    solution, _ = solve_to_edges(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    pressure = np.maximum(-solution.state.load[:, 2], 0.0)
+    # p = p_o sqrt(1 - (x/a)^2 - (y/b)^2): fitted where the grid resolves it
+    deep = pressure > 0.6 * pressure.max()
+    p_o, a, b = np.linalg.lstsq(np.stack([np.ones(deep.sum()), -(x**2)[deep], -(y**2)[deep]], 1), pressure[deep] ** 2)[
+        0
+    ]
+    outline = find_outline(pressure[system.grid.nodes])
+    numbers = system.grid.nodes[tuple(outline.nodes.T)]
+    value, slope = p_o - a * x**2 - b * y**2, np.hypot(2.0 * a * x, 2.0 * b * y)
+    off = outline.distance - (value / slope / h)[numbers]
+    near = np.abs(outline.distance) < 0.5
+    assert abs(off[near].mean()) < 0.02
+    assert np.abs(off[near]).max() < 0.12
+
+
+# contact
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize("cells", [64.0, 64.25])
+@pytest.mark.parametrize("name", ["sphere", "cone"])
+def test_charges_at_potentials_on_one_grid(name, cells, offset):
+    """Singular at the edge, and 2 to 3 times as sensitive to it as its parts, which nearly cancel."""
+    assert np.abs(errors(name, (-1.5e4, 30.0), cells, offset)).max() < 1e-3
+
+
+@pytest.mark.parametrize("cells", [64.0, 64.4])
+def test_punch_that_does_not_fit_the_cells(cells):
+    assert np.abs(errors("punch", (-1.5e4, 30.0), cells)).max() < 3e-4
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone"])
+def test_regular_charges_stay_right(name):
+    assert np.abs(errors(name, (0.0, 0.0), 64.25, (0.1, 0.2))).max() < 1e-4
+
+
+def test_order_of_the_punch():
+    """Above 1, which edges along nodes have: over 12 to 48 cells, root mean squares over places of the edge."""
+    grids = (12.0, 24.0, 48.0)
+    sizes = [
+        np.sqrt(np.mean([errors("punch", (None, None), cells + part)[0] ** 2 for part in (0.0, 0.25, 0.5, 0.75)]))
+        for cells in grids
+    ]
+    assert -np.polyfit(np.log(grids), np.log(sizes), 1)[0] > 1.3
+    assert sizes[-1] < 3e-4
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_elliptic_punch_on_oblong_cells(turn):
+    a, b, depth = 1.2e-3, 0.8e-3, 1e-6
+    system = half_space((2.0 * a / 31.3, 2.0 * b / 30.2), 50)
+    c, s = np.cos(turn), np.sin(turn)
+
+    def height(x, y):
+        return np.where(((c * x + s * y) / a) ** 2 + ((c * y - s * x) / b) ** 2 <= 1.0, 0.0, np.inf)
+
+    exact = depth / XI[0, 0] * a / ellipk(1.0 - (b / a) ** 2)
+    assert pressed(system, height, depth)[0] == pytest.approx(exact, rel=1e-3)
+
+
+def test_square_punch_askew_from_a_case():
+    """The whole way of a case; corners and edges across the grid."""
+    side, depth = 1e-3, 1e-6
+    mesh = half_space_mesh(2e-2, 1.6e-3, 60, 1, Quad4())
+    case = Case(
+        material=MATERIAL,
+        mesh=mesh,
+        conditions=(),
+        formulation=HalfSpace(edges="resolved"),
+        indenter=rigid.RectangularPunch(side / 2.0, side / 2.0),
+        contact_law=Signorini(),
+        steps=(Step(approach=depth),),
+        limits=Limits(tolerance=1e-8),
+    )
+    case = replace(case, placement=replace(case.placement, rotation=0.3))
+    result = solve_case(case)
+    assert result.steps[-1].status == "converged"
+    exact = depth / XI[0, 0] * SQUARE * side
+    assert -resultants(result.zone, result.steps[-1]).force[2] == pytest.approx(exact, rel=1e-3)
+
+
+def test_weak_conduction_counts_the_area():
+    """Q = kappa phi_o area, as the potential hardly changes: edges along nodes miss by several cells."""
+    exact = indent(XI, Sphere(0.1), APPROACH)
+    h = 2.0 * exact.contact_radius / 32.3
+    kappa = 1e-7 / (abs(XI[1, 1]) * exact.contact_radius)
+    system = half_space((h, h), 42)
+    potentials = [1e4, -1e4]
+    # what pressure causes does not change with the potential
+    found = [pressed(system, rigid.Sphere(0.1).height, APPROACH, (phi, None), kappa)[1] for phi in potentials]
+    area = np.pi * exact.contact_radius**2
+    assert (found[1] - found[0]) / (kappa * 2e4) == pytest.approx(area, rel=1e-3)
+
+
+# other systems
+
+
+def test_frames_of_friction_axes_and_two_bodies():
+    """In turned frames the same totals, but for the directions in which the rim is looked for; two equal bodies share
+    the approach."""
+    shape, indenter = INDENTERS["punch"]
+    h = 2.0 * shape.radius / 24.4
+    alone = half_space((h, h), 30)
+    direct = pressed(alone, indenter.height, APPROACH, (-1e4, None))
+    askew = turned(alone, np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(alone.points), 1)))
+    assert isinstance(askew, TurnedSystem)
+    assert pressed(askew, indenter.height, APPROACH, (-1e4, None)) == pytest.approx(direct, rel=3e-5)
+    sphere = rigid.Sphere(0.1)
+    h = 2.0 * np.sqrt(0.1 * APPROACH) / 24.4
+    alone = half_space((h, h), 30)
+    grounded = pressed(alone, sphere.height, APPROACH, (0.0, None))
+    both = pressed(pair(alone, alone), sphere.height, APPROACH, (None, None))
+    single = pressed(alone, sphere.height, APPROACH, (None, None))
+    assert both[0] == pytest.approx(single[0] / 2.0, rel=1e-6)
+    assert grounded[0] < single[0]
+
+
+def test_symmetric_positive_and_only_bilinear():
+    system = half_space((1e-4, 1e-4), 20)
+    r = np.hypot(*system.points[:, :2].T)
+    edges = system.edges(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
+    flipped = edges.own * np.array([1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
+    assert flipped == pytest.approx(flipped.transpose(0, 2, 1), rel=1e-9)
+    scale = np.sqrt(np.abs(np.einsum("nii->i", edges.own)))
+    symmetric = (edges.own + edges.own.transpose(0, 2, 1)) / np.outer(scale, scale)
+    assert np.linalg.eigvalsh(symmetric).min() > -1e-12
+    assert ((edges.covered > 0.0) & (edges.covered < 1.0)).sum() > 30
+    assert half_space((1e-4, 1e-4), 20, "nodes").edges(r) is None
+    with pytest.raises(CaseError, match="edges = 'resolved' with density = 'constant'"):
+        HalfSpace("constant", edges="resolved")
+
+
+def test_nothing_to_resolve_without_a_singular_load():
+    system = half_space((1e-4, 1e-4), 20)
+    problem = indentation_problem(system, rigid.Sphere(0.1).height(*system.points[:, :2].T), 2e-6)
+    problem = replace(problem, electric_law=StepConductivity(0.0))
+    _, same = solve_to_edges(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    assert same is problem
