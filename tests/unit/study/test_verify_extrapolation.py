@@ -45,7 +45,7 @@ def test_orders_out_of_bounds_give_way_to_theory_and_the_error_says_so(order, th
 
 
 def test_one_order_for_two_methods_leaves_common_scatter_out():
-    """Of the same scatter, whatever it is, nothing is left in the difference of the limits; the rest is extrapolated."""
+    """Of the same scatter nothing is left in the difference of the limits; the rest is extrapolated."""
     scatter = np.random.default_rng(5).normal(size=3)
     one, other = (np.array(sequence(limit, c, 3.0, SIZES)) + scatter for limit, c in ((2.0, 0.4), (2.5, -7.0)))
     assert of_order(SIZES, other, 3.0) - of_order(SIZES, one, 3.0) == pytest.approx(0.5, abs=1e-12)
