@@ -30,6 +30,9 @@ from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal
 LEAF_SIZE = 24
 """Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
 
+NUMBERS_A_DIGIT = 900.0
+"""Numbers stored for each unknown, digit of the tolerance and halving of a thousand unknowns (measured, generous)."""
+
 
 @final
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class HierarchicalBEM(Formulation):
     tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
     """
 
-    tolerance: Annotated[float, Quantity("", gt=0, lt=0.01)] = 1e-5
+    tolerance: Annotated[float, Quantity("", gt=0, lt=0.01)] = 1e-4
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
     quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
@@ -61,7 +64,7 @@ class HierarchicalBEM(Formulation):
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
-        _check_memory(layout.n_unknowns)
+        _check_memory(layout.n_unknowns, self.tolerance)
         self.fundamental_solution.bind(_scaled(body))
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -114,12 +117,17 @@ def _scaled(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
 
 
-def _check_memory(unknowns: int) -> None:
-    """Raises CaseError if the matrices are larger than the memory of the machine."""
-    needed = 0.0
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > available:
+def memory_of_machine() -> float:
+    """Bytes of memory of this machine."""
+    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+
+
+def _check_memory(unknowns: int, tolerance: float) -> None:
+    """Raises CaseError if the matrices and factors are larger than the memory of the machine."""
+    digits = -np.log10(tolerance)
+    needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_A_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
+    if needed > memory_of_machine():
         raise CaseError(
-            f"{unknowns} unknowns need matrices of about {needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} "
+            f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {memory_of_machine() / 1e9:.3g} "
             "GB: use a coarser mesh or a larger tolerance"
         )

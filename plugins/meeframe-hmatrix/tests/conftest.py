@@ -1,0 +1,48 @@
+"""What several tests share: a block like the paper's with data of all kinds, smooth loads."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.element import SurfaceElement
+from meeframe.core.fields import Array
+from meeframe.core.formulation import ReducedSystem
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh
+from meeframe.materials import library_material, rotation_about
+
+
+def block(divisions: int, element: SurfaceElement) -> Body:
+    """Base bonded and moved, potentials prescribed on base and two sides, tractions and fluxes on others."""
+    stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+    mesh = block_mesh(0.01, 0.02, 0.005, divisions, 3, 3, element)
+    moved = tuple(BoundaryCondition("base", field, "value", 1e-6 * (1 + field)) for field in range(3))
+    grounded = tuple(
+        BoundaryCondition(group, field, "value", 10.0 ** (9 - 5 * (field - 3)) * 1e-7)
+        for group in ("base", "side_x-", "side_x+")
+        for field in (3, 4)
+    )
+    pulled = (BoundaryCondition("top", 0, "flux", 1e5), BoundaryCondition("side_y+", 4, "flux", 1e-4))
+    return Body(stiffness, mesh, moved + grounded + pulled, "contact")
+
+
+def load_on(system: ReducedSystem) -> Array:
+    """(n, 5) [SI]: all fields, slowly varying."""
+    x, y = (system.points[:, :2] / np.ptp(system.points[:, :2])).T
+    shapes = np.stack([np.cos(3 * x), np.cos(2 * y), 1 + x * y, np.sin(3 * x) + 0.2, np.cos(x + 2 * y)], axis=1)
+    load: Array = shapes * np.array([1e7, 2e7, -1e8, 1e-3, 1e-1])
+    return load
+
+
+@pytest.fixture(scope="session")
+def make_block() -> Callable[..., Body]:
+    """block(divisions, element)."""
+    return lambda divisions, element=None: block(divisions, element or Quad4())
+
+
+@pytest.fixture(scope="session")
+def smooth_load() -> Callable[[ReducedSystem], Array]:
+    """load_on(system)."""
+    return load_on

@@ -1,0 +1,134 @@
+"""Hierarchical matrices by themselves: products, compression, truncated factors, against dense linear algebra."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from meeframe_hmatrix.arithmetic import (
+    eliminate,
+    lower_solution,
+    solve_lower,
+    solve_upper,
+    solve_upper_right,
+    upper_solution,
+)
+from meeframe_hmatrix.blocks import (
+    Dense,
+    LowRank,
+    Split,
+    compress,
+    leaves,
+    multiply,
+    multiply_transposed,
+    recompress,
+    stored,
+    to_dense,
+)
+from meeframe_hmatrix.kernels import spread_out
+from meeframe_hmatrix.product import stacked
+
+LEAF = 12
+
+
+def hierarchical(matrix, rows, columns, tolerance):
+    """Blocks of a matrix whose entries are smooth away from the diagonal; ranges of rows and columns are places."""
+    near = not (rows.stop <= columns.start - LEAF or columns.stop <= rows.start - LEAF)
+    entries = matrix[rows, columns]
+    if not near:
+        return LowRank(rows, columns, *recompress(entries, np.eye(entries.shape[1]), tolerance))
+    if len(entries) <= LEAF and entries.shape[1] <= LEAF:
+        return Dense(rows, columns, entries)
+    parts = [halves(part) for part in (rows, columns)]
+    return Split(rows, columns, tuple(tuple(hierarchical(matrix, r, c, tolerance) for c in parts[1]) for r in parts[0]))
+
+
+def halves(part):
+    middle = (part.start + part.stop) // 2
+    return [part] if part.stop - part.start <= LEAF else [slice(part.start, middle), slice(middle, part.stop)]
+
+
+def kernel_matrix(rows, columns):
+    """1 / distance along a line, unsymmetric, and diagonally dominant where square."""
+    x, y = np.linspace(0, 1, rows), np.linspace(0, 1, columns)
+    matrix = 1.0 / (np.abs(x[:, None] - y) + 0.01) * (1 + 0.3 * np.sin(5 * x[:, None] + y))
+    return matrix + (300.0 * np.eye(rows) if rows == columns else 0.0)
+
+
+@pytest.fixture(scope="module")
+def matrices():
+    """A square matrix whose halves are divided differently, right-hand sides, and both as blocks (1e-9)."""
+    square, wide = kernel_matrix(190, 190), kernel_matrix(190, 110)
+    return square, wide, whole(square, 1e-9), whole(wide, 1e-9)
+
+
+def whole(matrix, tolerance):
+    return hierarchical(matrix, slice(0, matrix.shape[0]), slice(0, matrix.shape[1]), tolerance)
+
+
+def error(actual, expected):
+    return np.linalg.norm(actual - expected) / np.linalg.norm(expected)
+
+
+def test_products_are_those_of_the_matrix(matrices):
+    square, wide, block, wide_block = matrices
+    random = np.random.default_rng(1)
+    assert {type(leaf) for leaf in leaves(block)} == {Dense, LowRank}
+    assert stored(block) < 0.6 * square.size
+    for matrix, blocks in ((square, block), (wide, wide_block)):
+        x, y = random.normal(size=(matrix.shape[1], 3)), random.normal(size=(matrix.shape[0], 2))
+        assert error(to_dense(blocks), matrix) < 2e-9
+        assert error(multiply(blocks, x), matrix @ x) < 1e-8
+        assert error(multiply_transposed(blocks, y), matrix.T @ y) < 1e-8
+        product = stacked(blocks)
+        assert error(product(x[:, 0]), to_dense(blocks) @ x[:, 0]) < 1e-13
+        assert product.stored == stored(blocks)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
+def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance):
+    random = np.random.default_rng(2)
+    u, v = (np.linalg.qr(random.normal(size=(size, 60)))[0] for size in (200, 150))
+    values = 10.0 ** -np.linspace(0, 12, 60)
+    matrix = u * values @ v.T
+    best = int((np.sqrt(np.cumsum(values[::-1] ** 2)[::-1]) > tolerance * np.linalg.norm(values)).sum())
+    for left, right in (
+        recompress(u * values, v.T, tolerance),
+        compress(lambda x: matrix @ x, lambda x: matrix.T @ x, matrix.shape, 3, tolerance),
+    ):
+        assert error(left @ right, matrix) < 1.5 * tolerance
+        assert best <= left.shape[1] <= best + 1
+
+
+def test_nothing_has_no_rank():
+    zero = np.zeros((40, 30))
+    for left, right in (recompress(zero, np.eye(30), 1e-3), compress(zero.dot, zero.T.dot, zero.shape, 2, 1e-3)):
+        assert left.shape == (40, 0)
+        assert right.shape == (0, 30)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
+def test_factors_solve_within_their_tolerance(matrices, tolerance):
+    square, wide, block, wide_block = matrices
+    x = np.random.default_rng(3).normal(size=(len(square), 2))
+    with ThreadPoolExecutor(2) as pool:
+        factors = eliminate(block, tolerance, pool)
+    assert error(upper_solution(factors, lower_solution(factors, x)), np.linalg.solve(square, x)) < tolerance
+    solved = solve_upper(factors, solve_lower(factors, wide_block, tolerance), tolerance)
+    assert error(to_dense(solved), np.linalg.solve(square, wide)) < 2 * tolerance
+    tall = whole(np.ascontiguousarray(wide.T), 1e-9)
+    upper = np.linalg.solve(square.T, wide).T @ to_dense_lower(factors, len(square))
+    assert error(to_dense(solve_upper_right(factors, tall, tolerance)), upper) < 4 * tolerance
+
+
+def to_dense_lower(factors, size):
+    """The lower factor, from its inverse."""
+    return np.linalg.inv(lower_solution(factors, np.eye(size)))
+
+
+def test_points_are_spread_out_and_dense_where_the_box_is_close():
+    places = np.random.default_rng(4).uniform((1, 0, 0), (9, 1, 1), (4000, 3))
+    chosen = spread_out(places, np.zeros(3), np.array([0.0, 1.0, 1.0]), 60)
+    assert len(set(chosen)) == 60
+    near = (places[chosen, 0] < 3).mean()
+    assert near > 0.5 > (places[:, 0] < 3).mean()
+    assert spread_out(places[:5], np.zeros(3), np.ones(3) / 2, 60).tolist() == [0, 1, 2, 3, 4]

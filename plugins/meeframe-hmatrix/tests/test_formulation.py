@@ -1,0 +1,129 @@
+"""The formulation against dense boundary elements: matrices, compliance, contact; its contract and its refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_hmatrix import HierarchicalBEM, formulation
+from meeframe_hmatrix.blocks import LowRank, leaves, stored
+
+from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.errors import CaseError, MeshError
+from meeframe.elements import Quad4, Quad8, Tri6
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import IsotropicCoulomb
+from meeframe.materials import library_material
+from meeframe.plugin.registry import Kind, load
+from meeframe.solvers import SemismoothNewton, solve
+from meeframe.testing import check_formulation
+from meeframe.testing.half_space import indentation_problem
+
+TOLERANCES = (1e-3, 1e-6)
+
+
+def relative(actual, expected):
+    """Largest difference of (n, ...) by field, relative to the largest value of the field."""
+    return np.abs(actual - expected).max(axis=0) / np.abs(expected).max(axis=0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_leaves():
+    """Leaves of eight nodes, so that coarse meshes have far blocks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(formulation, "LEAF_SIZE", 8)
+        yield
+
+
+@pytest.fixture(scope="module")
+def dense(make_block):
+    return DenseBEM().reduce(make_block(10))
+
+
+@pytest.fixture(scope="module")
+def systems(make_block):
+    """The reduced systems of two tolerances."""
+    return {tolerance: HierarchicalBEM(tolerance=tolerance).reduce(make_block(10)) for tolerance in TOLERANCES}
+
+
+def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, systems, smooth_load):
+    for tolerance, system in systems.items():
+        matrix = system.boundary.system.matrix
+        assert sum(isinstance(leaf, LowRank) for leaf in leaves(matrix)) > 100
+        found, expected = (s.apply(smooth_load(dense)) for s in (system, dense))
+        assert (relative(found, expected) < 5 * tolerance).all()
+        assert (relative(system.diagonal_blocks(), dense.diagonal_blocks()) < 5 * tolerance).all()
+        assert (relative(system.offset, dense.offset) < 5 * tolerance).all()
+    kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
+    assert kept[0] < 0.9 * kept[1]
+
+
+def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
+    found, expected = (s.recover(smooth_load(dense)) for s in (systems[1e-6], dense))
+    assert np.array_equal(found.points, expected.points)
+    assert (relative(found.values, expected.values) < 1e-4).all()
+    assert (relative(found.fluxes, expected.fluxes) < 1e-4).all()
+
+
+def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
+    x, y, _ = dense.points.T
+    loads = []
+    for system in (dense, systems[1e-6], systems[1e-3]):
+        law = IsotropicCoulomb(mu=0.3)
+        problem = indentation_problem(system, (x**2 + y**2) / 0.2, 2e-5, law, (1e3, 0.0), (10.0, 0.0), (2e-6, 0.0))
+        loads.append(solve(problem, SemismoothNewton()).state.load)
+    totals = np.abs([dense.weights @ load for load in loads])
+    assert (np.abs(totals[1] / totals[0] - 1)[[0, 2, 3]] < 1e-4).all()
+    assert (np.abs(totals[2] / totals[0] - 1)[[0, 2, 3]] < 2e-2).all()
+
+
+@pytest.mark.parametrize("element", [Quad8(), Tri6()], ids=["quad8", "tri6"])
+def test_other_elements(make_block, smooth_load, element):
+    body = make_block(3, element)
+    system, dense = HierarchicalBEM(tolerance=1e-5).reduce(body), DenseBEM().reduce(body)
+    found, expected = (s.apply(smooth_load(dense)) for s in (system, dense))
+    assert (relative(found, expected) < 5e-5).all()
+
+
+def test_half_space(smooth_load):
+    mesh = half_space_mesh(0.02, 0.005, 8, 5, Quad4())
+    body = Body(library_material("batio3-cofe2o4").stiffness, mesh, (), "contact")
+    system, dense = HierarchicalBEM(tolerance=1e-5).reduce(body), DenseBEM().reduce(body)
+    assert any(isinstance(leaf, LowRank) for leaf in leaves(system.boundary.system.matrix))
+    found, expected = (s.apply(smooth_load(dense)) for s in (system, dense))
+    assert (relative(found, expected) < 5e-5).all()
+
+
+def test_conforms():
+    check_formulation(HierarchicalBEM(tolerance=1e-5), tolerance=1e-3)
+
+
+def test_the_same_twice_over(make_block, smooth_load, systems):
+    again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(10))
+    assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
+
+
+def test_registered_with_checked_keys():
+    registry = load()
+    assert next(e for e in registry.entries if e.record.name == "hmatrix-bem").provider.name == "meeframe-hmatrix"
+    made = registry.create(Kind.FORMULATION, {"name": "hmatrix-bem", "tolerance": 1e-3})
+    assert made == HierarchicalBEM(tolerance=1e-3)
+    for value in (0.0, 0.5, -1.0):
+        with pytest.raises(CaseError, match="tolerance"):
+            HierarchicalBEM(tolerance=value)
+
+
+def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
+    body = make_block(4)
+    with pytest.raises(CaseError, match="no contact zone"):
+        HierarchicalBEM().check(replace(body, contact_group=None))
+    (block,) = body.mesh.blocks
+    opened = replace(body.mesh, blocks=(replace(block, connectivity=block.connectivity[1:], groups=block.groups[1:]),))
+    with pytest.raises(MeshError, match="closed"):
+        HierarchicalBEM().check(replace(body, mesh=opened))
+    with pytest.raises(CaseError, match="contradict"):
+        other = BoundaryCondition("side_y+", 2, "value", 1.0)
+        HierarchicalBEM().check(replace(body, conditions=(*body.conditions, other)))
+    monkeypatch.setattr(formulation, "memory_of_machine", lambda: 1e6)
+    with pytest.raises(CaseError, match=r"unknowns need about .* GB; this machine has 0.001"):
+        HierarchicalBEM().check(body)
