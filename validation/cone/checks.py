@@ -1,8 +1,10 @@
 """Love and Sneddon: a rigid cone on an isotropic half space."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+from case_files import totals_of
 from indentation import Run, convergence, pressure_plot
 from isotropic import APPROACH, MODULUS, STIFFNESS, elastic_response
 
@@ -22,5 +24,6 @@ def run(quick: bool) -> Iterator[Item]:
     radius = 2.0 * APPROACH / (np.pi * np.tan(ANGLE))
     yield Check("force, 64 cells", found.force, exact, 1e-3, "N")
     yield Check("contact radius, 64 cells", np.sqrt(found.contact_area / np.pi), radius, 0.01, "m")
+    yield from totals_of(Path(__file__).with_name("cone.toml"), {"force": exact})
     yield pressure_plot(case, 32, "cone")
     yield from convergence(case, (12, 24, 48) if quick else (12, 24, 48, 96), 2.0, 0.4, "cone")

@@ -1,8 +1,10 @@
 """Hertz: a rigid sphere on an isotropic half space."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+from case_files import totals_of
 from half_space import Pressed
 from indentation import Run, convergence, pressure_plot
 from isotropic import APPROACH, POISSON, STIFFNESS, YOUNG, elastic_response
@@ -17,7 +19,10 @@ EXACT = HertzContact(YOUNG, POISSON, 0.1, APPROACH)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Totals and pressure on 64 cells, then the order of convergence."""
+    """Totals and pressure on 64 cells, also by way of the case file, then the order of convergence."""
+    yield from totals_of(
+        Path(__file__).with_name("sphere.toml"), {"force": EXACT.force, "max_pressure": EXACT.peak_pressure}
+    )
     case = Run(STIFFNESS, elastic_response(), Sphere(EXACT.radius), APPROACH)
     yield from _on_64_cells(case.at(64))
     yield pressure_plot(case, 32, "sphere")

@@ -1,8 +1,10 @@
 """A rigid flat-ended circular punch that is tilted while its whole face stays in contact."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
+from case_files import solved
 from half_space import Pressed, press
 from indentation import OFFSETS
 from isotropic import APPROACH, MODULUS, STIFFNESS
@@ -26,6 +28,9 @@ def run(quick: bool) -> Iterator[Item]:
     found = tilted(64)
     yield Check("force, 64 cells", found.force, force, 1e-3, "N")
     yield Check("moment, 64 cells", moment_of(found), moment, 5e-3, "N m")
+    totals = solved(Path(__file__).with_name("punch.toml"))
+    yield Check("punch.toml, by meeframe run: force", -float(totals.force[2]), force, 1e-3, "N")
+    yield Check("punch.toml, by meeframe run: moment", float(totals.moment[1]), moment, 5e-3, "N m")
     forces, moments = zip(*((one.force, moment_of(one)) for one in map(tilted, 64 + np.array(OFFSETS))), strict=True)
     yield Check("force, mean of four grids of 64 to 65 cells", float(np.mean(forces)), force, 1e-2, "N")
     yield Check("moment, mean of four grids of 64 to 65 cells", float(np.mean(moments)), moment, 1e-2, "N m")

@@ -1,0 +1,28 @@
+"""Case files beside the checks, solved as `meeframe run` does: the whole way from a file to totals."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from meeframe.case.load import load_case
+from meeframe.case.solve import solve_case
+from meeframe.core.result import Resultants, resultants
+from meeframe.study.quantities import TOTALS
+from meeframe.study.validate import Check
+
+UNITS = {"force": "N", "charge": "C", "magnetic_flux": "Wb", "contact_area": "m^2", "max_pressure": "Pa"}
+
+
+def solved(file: Path) -> Resultants:
+    """Totals at the end of a case. Raises RuntimeError if it does not converge."""
+    result = solve_case(load_case(file))
+    if result.status != "converged":
+        raise RuntimeError(f"{file}: {result.status}")
+    return resultants(result.zone, result.steps[-1])
+
+
+def totals_of(file: Path, exact: Mapping[str, float], tolerance: float = 1e-3) -> Iterator[Check]:
+    """Totals of a case, by the names of TOTALS, against exact ones."""
+    found = solved(file)
+    for name, true in exact.items():
+        words = f"{file.parent.name}/{file.name}, by meeframe run: {name.replace('_', ' ')}"
+        yield Check(words, TOTALS[name](found), true, tolerance, UNITS[name])
