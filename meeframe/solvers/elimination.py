@@ -66,9 +66,10 @@ class Elimination(ABC):
         """Conductors of the resistances (n, 2); those of `previous` are used again as far as they fit."""
 
     @abstractmethod
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
+    def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
         """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer.
 
+        rest: part of the guess's error that may be left: iterations whose guesses get better need no more.
         Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above.
         Displacements that no contact condition asks for may be left zero.
         """
@@ -145,7 +146,7 @@ class DenseElimination(Elimination):
         moved += self.problem.system.offset
         return Conductors(resistance, flux[:, POTENTIALS], moved[:, MECHANICAL], potential, floating, factor)
 
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
+    def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
         """See Elimination. The guess is not used."""
         factor: _Factor | None = conductors.parts
         potential = np.zeros(0)
@@ -210,8 +211,8 @@ class KrylovElimination(Elimination):
         conducts = np.isfinite(resistance)
         own = own_response(self.problem)
 
-        def solve(difference: Array, near: Array) -> Array:
-            return self._solve(difference, resistance[conducts], own[conducts], conducts, near)
+        def solve(difference: Array, near: Array, rest: float = 0.0) -> Array:
+            return self._solve(difference, resistance[conducts], own[conducts], conducts, near, rest)
 
         floating = Floating.of(self.problem, conducts, lambda mode: solve(mode, np.zeros_like(mode)))
         alone = solve(_difference(self.problem)[conducts], guess[conducts])
@@ -220,12 +221,12 @@ class KrylovElimination(Elimination):
         moved = self.problem.system.offset + self._apply(np.zeros((len(flux), 3)), flux)
         return Conductors(resistance, flux, moved[:, MECHANICAL], potential, floating, solve)
 
-    def respond(self, traction: Array, conductors: Conductors, guess: Array) -> Response:
+    def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
         """See Elimination."""
         unloaded = np.zeros_like(traction)
         conducts = np.isfinite(conductors.resistance)
         moved = self._apply(traction, np.zeros_like(guess))
-        alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts])
+        alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts], rest)
         balanced, potential = conductors.floating.balance(alone, 0.0)
         flux = _filled(conducts, balanced)
         if flux.any():
@@ -235,7 +236,9 @@ class KrylovElimination(Elimination):
     def _apply(self, traction: Array, flux: Array) -> Array:
         return self.problem.system.apply(np.concatenate([traction, flux], axis=1))
 
-    def _solve(self, difference: Array, resistance: Array, own: Array, conducts: Mask, guess: Array) -> Array:
+    def _solve(
+        self, difference: Array, resistance: Array, own: Array, conducts: Mask, guess: Array, rest: float
+    ) -> Array:
         """Flux (a,) on the pairs (n, 2) that conduct with (C + R) flux = difference (a,); resistance, own: (a,)."""
         if difference.size == 0:
             return np.zeros(0)
@@ -251,7 +254,7 @@ class KrylovElimination(Elimination):
         # a pair that hardly conducts has hardly any flux, whatever it had before
         start = np.where(resistance < HARDLY * own, guess / scale, 0.0)
         precondition = self._preconditioner(own > resistance, scale, conducts)
-        solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start)
+        solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start, rest)
         return np.asarray(scale * solved)
 
     def _preconditioner(self, well: Mask, scale: Array, conducts: Mask) -> Linear:

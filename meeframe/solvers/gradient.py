@@ -17,6 +17,8 @@ from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenv
 FOLLOW_GROWTH: Final = 1.1
 FOLLOW_FALL: Final = 0.5
 LEAST_FOLLOW: Final = 1e-3
+FOLLOWED: Final = 1e-3
+"""Part of the change of the fluxes in a step that may be left for the next one where they are found by iteration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class Ground:
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
         """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
-        response = self.elimination.respond(traction, conductors, flux - conductors.flux)
+        response = self.elimination.respond(traction, conductors, flux - conductors.flux, FOLLOWED)
         floating = conductors.floating.numbers
         if floating.size:
             motion = motion.copy()

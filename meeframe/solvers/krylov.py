@@ -17,31 +17,40 @@ BREAKDOWN: Final = 1e-14
 
 
 def gmres(
-    multiply: Linear, precondition: Linear, right: Array, tolerance: float, start: Array | None = None, most: int = 400
+    multiply: Linear,
+    precondition: Linear,
+    right: Array,
+    tolerance: float,
+    start: Array | None = None,
+    rest: float = 0.0,
+    most: int = 400,
 ) -> Array:
     """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come.
 
+    start: (k,), of whose residual the part `rest` may be left too.
+
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
-    preconditioner need not be linear to the last digit, so that it may be of single precision. start: (k,).
+    preconditioner need not be linear to the last digit, so that it may be of single precision.
     Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
     solution = np.zeros_like(right) if start is None else start.copy()
-    rest = right - multiply(solution) if solution.any() else right
-    size, goal = float(np.linalg.norm(rest)), tolerance * float(np.linalg.norm(right))
+    residual = right - multiply(solution) if solution.any() else right
+    size = float(np.linalg.norm(residual))
+    goal = max(tolerance * float(np.linalg.norm(right)), rest * size)
     while size > goal and most > 0:
-        change, left, products = _cycle(multiply, precondition, rest, goal, min(RESTART, most))
+        change, left, products = _cycle(multiply, precondition, residual, goal, min(RESTART, most))
         solution = solution + change
         if not goal < left < LEAST_FALL * size:
             break
-        rest = right - multiply(solution)
-        size, most = float(np.linalg.norm(rest)), most - products - 1
+        residual = right - multiply(solution)
+        size, most = float(np.linalg.norm(residual)), most - products - 1
     return solution
 
 
-def _cycle(multiply: Linear, precondition: Linear, rest: Array, goal: float, most: int) -> tuple[Array, float, int]:
+def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:
     """Change (k,) that leaves least of the residual (k,) over at most so many directions; what it leaves; products."""
-    size = float(np.linalg.norm(rest))
-    basis, directions = [rest / size], list[Array]()
+    size = float(np.linalg.norm(residual))
+    basis, directions = [residual / size], list[Array]()
     hessenberg = np.zeros((most + 1, most))
     weights, left = np.zeros(0), size
     for k in range(most):
@@ -62,7 +71,7 @@ def _cycle(multiply: Linear, precondition: Linear, rest: Array, goal: float, mos
         if left <= goal or hessenberg[k + 1, k] <= BREAKDOWN * length:
             break
         basis.append(product / hessenberg[k + 1, k])
-    change = np.zeros_like(rest)
+    change = np.zeros_like(residual)
     for weight, direction in zip(weights, directions, strict=False):
         change += weight * direction
     return change, left, len(directions)

@@ -33,8 +33,8 @@ TIGHTEST: Final = 1e-4
 COARSE: Final = Limits(tolerance=1e-3, max_iterations=40)
 """Of the coarser problem from which to start: the two differ by more."""
 ROUGHENING: Final = 100.0
-"""The first step from there may raise the merit so much: a smooth state violates the laws by little everywhere, and what
-is short in it is found at once."""
+"""The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
+in it is found at once."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400

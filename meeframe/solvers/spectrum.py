@@ -60,7 +60,7 @@ def largest_eigenvalue(
     largest, norm = 0.0, float(np.linalg.norm(vector))
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm
-        response = elimination.respond(vector @ root, conductors, guess)
+        response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
         guess, vector = response.flux, weight * (response.displacement @ root)
         previous, norm = largest, float(np.linalg.norm(vector))
         largest = norm
