@@ -251,7 +251,7 @@ def wait_for(condition, process):
 
 def assert_as_uninterrupted(study, out, tmp_path):
     """Bit for bit, but for the seconds that it took."""
-    assert sweep(study, tmp_path / "whole")[0] == 0
+    assert_done(sweep(study, tmp_path / "whole"))
     found, expected = opened(out).drop_vars("seconds"), opened(tmp_path / "whole").drop_vars("seconds")
     xarray.testing.assert_identical(found, expected)
     np.testing.assert_allclose(found.max_pressure, 1e14 * DEPTHS, rtol=1e-9)
@@ -283,9 +283,14 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death):
         assert status == 130, told.read_text()
         assert f"of 8 points are finished and in {out}; the same command goes on" in told.read_text()
         assert "Traceback" not in told.read_text()
-    assert sweep(file, out)[0] == 0
+    assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
+
+
+def assert_done(ended):
+    status, _, complained = ended
+    assert status == 0, complained
 
 
 def assert_nothing_twice(out, log, before, solved):
@@ -331,7 +336,7 @@ def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log):
     assert "Traceback" not in told.read_text()
     before, solved = files(out), log("solved")
     assert 2 <= len(before) < len(DEPTHS)
-    assert sweep(file, out)[0] == 0
+    assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
 
