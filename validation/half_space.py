@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from meeframe_halfspace import HalfSpace
@@ -9,20 +10,25 @@ from meeframe_halfspace import HalfSpace
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, Solver, Status
 from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
-from meeframe.solvers import Auto, Limits, ProjectedCG, solve
+from meeframe.geometry import find_rim, half_space_mesh
+from meeframe.solvers import Auto, Limits, ProjectedCG, solve_to_edges
 from meeframe.testing.half_space import indentation_problem
 
 Height = Callable[[Array, Array], Array]
 """Of the indenter above its lowest point [m], inf where there is none, at x, y (n,) [m]."""
 
 
-def half_space(stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0) -> ReducedSystem:
+Edges = Literal["nodes", "resolved"]
+
+
+def half_space(
+    stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0, edges: Edges = "nodes"
+) -> ReducedSystem:
     """A rectangular zone on a half space, with so many divisions along x and along y."""
     mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
-    return HalfSpace(matrix_up_to=matrix_up_to).reduce(Body(stiffness, mesh, (), "contact"))
+    return HalfSpace(matrix_up_to=matrix_up_to, edges=edges).reduce(Body(stiffness, mesh, (), "contact"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,18 +83,27 @@ def press(
     conductivity: tuple[float, float] = (0.0, 0.0),
     potentials: tuple[float, float] = (0.0, 0.0),
     divisions: int | None = None,
+    edges: Edges = "nodes",
 ) -> Pressed:
-    """Press without friction; cells: in the contact width, along x and along y if there are two.
+    """Press without friction; cells: in the contact width, along x and along y if there are two; edges: see HalfSpace.
 
     Raises RuntimeError if the iteration does not converge.
     """
     spacing, across = np.broadcast_to(np.asarray(contact_width) / cells, (2,)).tolist()
     divisions = divisions or 2 * round(0.6 * cells)
-    system = half_space(stiffness, (divisions * spacing, divisions * across), divisions)
+    system = half_space(stiffness, (divisions * spacing, divisions * across), divisions, edges=edges)
     x, y, _ = system.points.T
     problem = indentation_problem(system, height(x, y), approach, None, conductivity, potentials)
     solver: Solver = Auto() if any(conductivity) else ProjectedCG()
-    solution = converged(solve(problem, solver, Limits(tolerance=1e-8)))
+
+    def gaps(points: Array, _frames: Array) -> Array:
+        return height(points[:, 0], points[:, 1]) - approach
+
+    def rim() -> Rim | None:
+        return find_rim(gaps, system.points, system.frames, 2.0 * max(spacing, across))
+
+    solution, _ = solve_to_edges(problem, solver, Limits(tolerance=1e-8), rim=rim)
+    converged(solution)
     return Pressed(system, solution.state.load, solution.state.displacement, spacing)
 
 

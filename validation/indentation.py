@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from half_space import Height, Pressed, observed_order, press
+from half_space import Edges, Height, Pressed, observed_order, press
 
 from meeframe.core.fields import Array
 from meeframe.core.indenter import Indenter
@@ -20,13 +20,17 @@ Potentials = tuple[float | None, float | None]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A shape pressed into a half space of point response xi by an approach [m], at potentials as in `indent`."""
+    """A shape pressed into a half space of point response xi by an approach [m], at potentials as in `indent`.
+
+    edges: of the contact, along nodes or resolved between them.
+    """
 
     stiffness: Array
     xi: Array
     shape: Shape
     approach: float
     potentials: Potentials = (None, None)
+    edges: Edges = "nodes"
 
     @property
     def exact(self) -> Indentation:
@@ -38,14 +42,14 @@ class Run:
         conductivity = tuple(0.0 if value is None else np.inf for value in self.potentials)
         given = tuple(value or 0.0 for value in self.potentials)
         width = 2.0 * self.exact.contact_radius
-        return press(
-            self.stiffness, height(self.shape), self.approach, width, cells, conductivity, given, self._divisions(cells)
-        )
+        divisions = self._divisions(cells)
+        pressed = (self.stiffness, height(self.shape), self.approach, width, cells)
+        return press(*pressed, conductivity, given, divisions, self.edges)
 
     def _divisions(self, cells: float) -> int:
-        # a punch ends where a grid with a node in the middle would put a row of nodes: an odd number of divisions
-        # has about as many nodes under it as its area asks
-        return 2 * round(0.6 * cells) + isinstance(self.shape, FlatPunch)
+        # a punch ends where a grid with a node in the middle would put a row of nodes: an odd number of divisions has
+        # about as many nodes under it as its area asks, which matters if edges run along nodes
+        return 2 * round(0.6 * cells) + (isinstance(self.shape, FlatPunch) and self.edges == "nodes")
 
 
 def height(shape: Shape) -> Height:
@@ -75,20 +79,29 @@ def total_checks(run: Run, cells: float, tolerance: float, name: str) -> Iterato
 
 def force_errors(run: Run, cells: float) -> Array:
     """Relative errors of the force on the grids of OFFSETS."""
-    return np.array([run.at(cells + part).force / run.exact.force - 1.0 for part in OFFSETS])
+    return _errors(run, cells, 0)
 
 
-def convergence(run: Run, grids: Sequence[int], order: float, tolerance: float, name: str) -> Iterator[Item]:
-    """Observed order of the force, by the root mean square over grids that differ in where the edge falls."""
-    errors = [float(np.sqrt(np.mean(force_errors(run, cells) ** 2))) for cells in grids]
+def _errors(run: Run, cells: float, number: int) -> Array:
+    """Relative errors of one of TOTALS on the grids of OFFSETS."""
+    exact = getattr(run.exact, TOTALS[number][0])
+    return np.array([run.at(cells + part).totals[number] / exact - 1.0 for part in OFFSETS])
+
+
+def convergence(
+    run: Run, grids: Sequence[int], order: float, tolerance: float, name: str, number: int = 0
+) -> Iterator[Item]:
+    """Observed order of one of TOTALS, by the root mean square over grids that differ in where the edge falls."""
+    total = TOTALS[number][0].replace("_", " ")
+    errors = [float(np.sqrt(np.mean(_errors(run, cells, number) ** 2))) for cells in grids]
     found = observed_order([float(cells) for cells in grids], errors)
-    yield Check(f"{name}: observed order of the force", found, order, tolerance, absolute=True)
+    yield Check(f"{name}: observed order of the {total}", found, order, tolerance, absolute=True)
     theory = errors[-1] * (grids[-1] / np.array(grids, float)) ** order
     curves = (
         Curve("computed", np.array(grids), np.array(errors), points=True),
         Curve(f"order {order:g}", grids, theory),
     )
-    yield Plot(f"{name}: error of the force", "cells across the contact", "relative error", curves, True, True)
+    yield Plot(f"{name}: error of the {total}", "cells across the contact", "relative error", curves, True, True)
 
 
 def pressure_plot(run: Run, cells: float, name: str) -> Plot:

@@ -1,7 +1,9 @@
 """A magneto-electro-elastic half space under sphere, cone and flat punch, insulating, conducting and at potentials."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
+from case_files import totals_of
 from conditions import at_potentials, conducting, fields, response
 from indentation import Run, convergence, pressure_plot
 
@@ -37,10 +39,14 @@ def run(quick: bool) -> Iterator[Item]:
         runs = {name: Run(STIFFNESS, XI, shape, APPROACH, CONDITIONS[name]) for name in chosen}
         yield from conducting(runs, 64, shape_name)
         held = Run(STIFFNESS, XI, shape, APPROACH, POTENTIALS)
-        if not quick or shape_name == "flat punch":
-            yield from at_potentials(held, 64, shape_name, f"{POTENTIALS[0]:g} V, {POTENTIALS[1]:g} A")
+        if not quick or shape_name != "cone":
+            yield from at_potentials(held, 64, shape_name, f"{POTENTIALS[0]:g} V, {POTENTIALS[1]:g} A", quick)
     emci = Run(STIFFNESS, XI, SPHERE, APPROACH, CONDITIONS["EMCI"])
+    totals = {name: getattr(emci.exact, name) for name in ("force", "charge", "magnetic_flux")}
+    yield from totals_of(Path(__file__).with_name("sphere.toml"), totals)
     yield pressure_plot(emci, 32, "sphere, EMCI")
     yield from fields(Run(STIFFNESS, XI, SPHERE, APPROACH), emci, 32)
     if not quick:
         yield from convergence(emci, (12, 24, 48), 2.0, 0.3, "sphere, EMCI")
+        held = Run(STIFFNESS, XI, SPHERE, APPROACH, POTENTIALS, "resolved")
+        yield from convergence(held, (16, 32, 64), 2.0, 0.5, "sphere at potentials, edge between the nodes", 1)

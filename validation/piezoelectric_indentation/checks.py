@@ -1,7 +1,9 @@
 """A piezoelectric half space under sphere, cone and flat punch, insulating, conducting and at potentials."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
+from case_files import totals_of
 from conditions import at_potentials, conducting, fields, response
 from indentation import Run
 
@@ -31,8 +33,10 @@ def run(quick: bool) -> Iterator[Item]:
         runs = {name: Run(STIFFNESS, XI, shape, APPROACH, given) for name, given in CONDITIONS.items()}
         if not quick or shape_name == "sphere":
             yield from conducting(runs, 64, shape_name)
-        if not quick or shape_name == "flat punch":
+        if not quick or shape_name != "sphere":
             held = Run(STIFFNESS, XI, shape, APPROACH, (POTENTIAL, None))
-            yield from at_potentials(held, 64, shape_name, f"{POTENTIAL:g} V")
-    sphere = (Run(STIFFNESS, XI, shapes["sphere"], APPROACH, given) for given in CONDITIONS.values())
-    yield from fields(*sphere, 32)
+            yield from at_potentials(held, 64, shape_name, f"{POTENTIAL:g} V", quick)
+    insulated, grounded = (Run(STIFFNESS, XI, shapes["sphere"], APPROACH, given) for given in CONDITIONS.values())
+    totals = {name: getattr(grounded.exact, name) for name in ("force", "charge")}
+    yield from totals_of(Path(__file__).with_name("sphere.toml"), totals)
+    yield from fields(insulated, grounded, 32)

@@ -1,4 +1,4 @@
-"""Edges between the nodes: strips, discs, ellipses and squares in closed form, in any place and direction on the grid."""
+"""Edges between the nodes: strips, discs, ellipses and squares in closed form, anywhere and in any direction."""
 
 from dataclasses import replace
 
