@@ -11,7 +11,9 @@ where R turns components in the local frames of the counter body into those of t
 frames that coincide.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Protocol, final
 
 import numpy as np
@@ -25,6 +27,7 @@ from meeframe.core.mesh import Indices
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
 COINCIDENT: Final = 1e-6
 """Nodes closer than this part of the zone's extent coincide."""
+ROUND_OFF: Final = 1e-14
 SAME_DIVISION: Final = 1e-3
 """Normals [rad] and weights (in parts of the largest) of coinciding nodes differ by less on zones divided alike."""
 
@@ -68,6 +71,30 @@ class PairSystem(ReducedSystem):
             response: Array = np.tensordot(self.matrix, load, 2)
             return response
         return self.first.apply(load) - self._seen_from_first(self.counter.apply(self.counter_load(load)))
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """Relative displacement in k fields alone, (n, k) for load (n, 5)."""
+        chosen = list(fields)
+        if self.matrix is not None or not self._aligned:
+            return self.apply(load)[:, chosen]
+        theirs = self.counter.response(self.counter_load(load), chosen)[self.partners]
+        return self.first.response(load, chosen) - self.rotation[:, chosen, chosen] * theirs
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """That of the first body, with the compliance that the other adds to each field at a node."""
+        inverse = self.first.approximate_inverse(fields)
+        if inverse is None:
+            return None
+        chosen = list(fields)
+        parts = (np.abs(blocks[:, chosen, chosen]) for blocks in (self.first.diagonal_blocks(), self.diagonal_blocks()))
+        alone, together = parts
+        share = np.sqrt(alone / together)
+        return lambda displacement: share * inverse(share * displacement)
+
+    @cached_property
+    def _aligned(self) -> bool:
+        """Whether frames coincide but for signs and round-off."""
+        return bool(np.abs(self.rotation[:, ~np.eye(N_FIELDS, dtype=bool)]).max(initial=0.0) < ROUND_OFF)
 
     def diagonal_blocks(self) -> Array:
         """Relative response of each node to its own load, (n, 5, 5)."""

@@ -1,6 +1,6 @@
 """A reduced system in other local frames: e1 along a direction field, as friction with principal axes asks for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, final
@@ -10,8 +10,9 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
 
+TANGENTIAL: Final = frozenset((0, 1))
 NORMAL_TO_SURFACE: Final = 1e-9
 """A direction whose part in the tangent plane is a smaller fraction of it points nowhere in that plane."""
 
@@ -65,6 +66,33 @@ class TurnedSystem(ReducedSystem):
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
         return _rotated(self.original.apply(_rotated(load, _inverse(self.cosine_sine))), self.cosine_sine)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """compliance(load) in k fields alone, (n, k) for load (n, 5)."""
+        asked = sorted(TANGENTIAL.union(fields)) if TANGENTIAL.intersection(fields) else list(fields)
+        found = self.original.response(_rotated(load, _inverse(self.cosine_sine)), asked)
+        if TANGENTIAL.intersection(fields):
+            found = _rotated(found, self.cosine_sine)
+        return found[:, [asked.index(field) for field in fields]]
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """That of the original, if it is asked for both tangential fields, first of all, or for none of them."""
+        tangential = TANGENTIAL.intersection(fields)
+        if tangential and tuple(fields[:2]) != (0, 1):
+            return None
+        inverse = self.original.approximate_inverse(fields)
+        if inverse is None or not tangential:
+            return inverse
+        back, forth = _inverse(self.cosine_sine), self.cosine_sine
+        return lambda displacement: _rotated(inverse(_rotated(displacement, back)), forth)
+
+    def coarser(self) -> Coarsening | None:
+        """That of the original, turned likewise."""
+        coarse = self.original.coarser()
+        if coarse is None:
+            return None
+        directions = self.frames[coarse.kept, 0]
+        return replace(coarse, system=turned(coarse.system, directions))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""

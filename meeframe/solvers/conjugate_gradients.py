@@ -6,12 +6,11 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw, attracts
 from meeframe.core.mesh import Indices
-from meeframe.solvers.driver import Limits, solve
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start
@@ -23,8 +22,8 @@ REFRESH: Final = 0.1
 """The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
 RENEWAL: Final = 50
 """And after so many steps in any case; the gap is then computed anew, free of accumulated round-off."""
-COARSE: Final = Limits(tolerance=1e-3, max_iterations=200)
-"""Of the coarser problem from which to start: the two differ by more."""
+COARSE, MOST_COARSE = 1e-3, 100
+"""Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
 OUTDATED: Final = 0.02
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
 
@@ -109,7 +108,7 @@ class ProjectedCG(Solver):
             if not free.size:
                 free = np.flatnonzero(np.isfinite(problem.gap))
                 trial = pressure - response.at(pressure, flux, motion).gap / scales.normal_compliance
-            pressure = _spread(modes.balanced(trial[free], free), free, n)
+            pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
         still, nodes = np.zeros(n), np.zeros(0, np.int64)
@@ -121,12 +120,13 @@ class ProjectedCG(Solver):
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
         memory = _memory(iterate)
         free = np.flatnonzero((memory.pressure > 0.0) | (memory.effect.gap < 0.0))
-        memory = _conjugate(memory, free)
+        modes = memory.modes.on(free)
+        memory = _conjugate(memory, modes, free)
         direction = memory.direction[free]
         effect = memory.response.change(memory.direction)
         # the indenter follows, so that only what it cannot follow resists
         weighted = memory.weight[free] * direction
-        curvature = float(weighted @ memory.modes.without(effect.gap[free], free))
+        curvature = float(weighted @ modes.without(effect.gap[free]))
         if curvature <= 0.0:
             return _iterate(_refreshed(memory))
         length = float(weighted @ memory.residual[free]) / curvature
@@ -137,14 +137,19 @@ class ProjectedCG(Solver):
             there = Effect(*(getattr(here, part) - length * getattr(effect, part) for part in parts))
             memory = _placed(memory, _spread(moved, free, len(memory.pressure)), there)
         else:
-            moved = memory.modes.balanced(moved, free)
+            moved = modes.balanced(moved)
             memory = _renewed(memory, _spread(moved, free, len(memory.pressure)))
         due = isinstance(memory.response, Conducting) and _violation(memory) <= REFRESH * memory.start
         return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
-    def _coarse_solution(self, problem: ContactProblem) -> ContactState | None:
-        found = solve(problem, self, COARSE)
-        return found.state if found.status is Status.CONVERGED else None
+    def _coarse_solution(self, problem: ContactProblem) -> Iterate:
+        """By steps until the solver thinks that it is near enough."""
+        iterate = self.init(problem, None)
+        for _ in range(MOST_COARSE):
+            if iterate.estimate is not None and iterate.estimate <= COARSE:
+                break
+            iterate = self.step(problem, iterate)
+        return iterate
 
 
 def _normal_inverse(problem: ContactProblem) -> Inverse | None:
@@ -153,27 +158,27 @@ def _normal_inverse(problem: ContactProblem) -> Inverse | None:
     return None if inverse is None else lambda opening: inverse(opening[:, None])[:, 0]
 
 
-def _conjugate(memory: _Memory, free: Indices) -> _Memory:
+def _conjugate(memory: _Memory, modes: NormalModes, free: Indices) -> _Memory:
     """Memory with the next direction on the free nodes (f,): that of Polak and Ribiere, or steepest descent.
 
-    Without a preconditioner nodes that come in restart the conjugation.
+    modes: on these nodes. Without a preconditioner nodes that come in restart the conjugation.
     """
     residual, weight = memory.effect.gap[free], memory.weight[free]
     guides = memory.guides
     if memory.inverse is None:
-        steepest = memory.modes.without(residual, free)
+        steepest = modes.without(residual)
         fresh = np.setdiff1d(free, memory.free, assume_unique=True).size > 0
     else:
         fresh = False
-        if memory.modes.numbers.size and (guides is None or not guides.fit(free)):
+        if modes.numbers.size and (guides is None or not guides.fit(free)):
             guides = _guides(memory, memory.inverse, free)
         preconditioned = memory.inverse(_spread(residual, free, len(memory.pressure)))[free]
-        steepest = memory.modes.without(preconditioned, free, None if guides is None else guides.along[:, free])
+        steepest = modes.without(preconditioned, None if guides is None else guides.along[:, free])
     change = residual - memory.residual[free]
     share = 0.0 if fresh or memory.product <= 0.0 else max(float((weight * steepest) @ change) / memory.product, 0.0)
-    direction = memory.modes.without(steepest + share * memory.direction[free], free)
+    direction = modes.without(steepest + share * memory.direction[free])
     if float((weight * direction) @ residual) <= 0.0:
-        direction = memory.modes.without(residual, free)
+        direction = modes.without(residual)
     n = len(memory.pressure)
     return replace(
         memory,
@@ -198,7 +203,7 @@ def _refreshed(memory: _Memory) -> _Memory:
     pressure, n = memory.pressure, len(memory.pressure)
     if memory.modes.numbers.size:
         free = np.flatnonzero(pressure > 0.0)
-        pressure = _spread(memory.modes.balanced(pressure[free], free), free, n)
+        pressure = _spread(memory.modes.on(free).balanced(pressure[free]), free, n)
     response = memory.response.updated(pressure, memory.effect)
     kept = response is memory.response or (
         isinstance(response, Conducting) and response.same_conductors(memory.response)

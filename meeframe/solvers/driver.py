@@ -158,7 +158,7 @@ def solve(
                 window = min(window, HOPELESS)
         if fields != ALL_FIELDS:
             state = evaluate(problem, iterate)
-        final = law_residual(problem, state, scales)
+        final = looks[-1][1] if by_residual else law_residual(problem, state, scales)
     status, message = verdict
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED

@@ -8,8 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Freedom
-from meeframe.core.fields import Array
+from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
 from meeframe.core.formulation import Coarsening
 from meeframe.core.law import ContactLaw, attracts
 
@@ -58,22 +57,19 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
 
 
 def nested_start(
-    problem: ContactProblem, solution: Callable[[ContactProblem], ContactState | None]
+    problem: ContactProblem, solution: Callable[[ContactProblem], ContactState | Iterate | None]
 ) -> ContactState | None:
-    """A state from which to start: the solution of the coarse problem, interpolated; None if there is none.
+    """A state from which to start, the interpolated load of the coarse problem; None if there is no such problem.
 
-    solution: of a problem, or None if it was not found.
+    solution: of a problem, as well as is worth while, or None. The displacement is that of the unloaded body: whoever
+    starts there finds his own.
     """
     coarse = coarse_problem(problem)
     found = None if coarse is None else solution(coarse.problem)
     if coarse is None or found is None:
         return None
-    prolong = coarse.coarsening.prolong
-    load, displacement = prolong(found.load), prolong(found.displacement)
+    load = np.zeros_like(problem.system.offset)
+    loaded = np.flatnonzero(found.load.any(axis=0))
+    load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     load[~np.isfinite(problem.gap)] = 0.0
-    closed = _touching(load).astype(float)
-    return ContactState(load, displacement, closed, found.motion)
-
-
-def _touching(load: Array) -> Array:
-    return np.asarray(load[:, 2] < 0.0)
+    return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)

@@ -32,13 +32,15 @@ ROUND_OFF: Final = 1e-10
 class NormalModes:
     """Normal parts of the mechanical freedoms.
 
-    numbers: (k,) among the problem's freedoms; mode, measure: (k, n), zero where there is no indenter above.
+    numbers: (k,) among the problem's freedoms; mode, measure: (k, f), zero where there is no indenter above; nodes:
+    (f,) to which they belong, all n of them at first.
     """
 
     problem: ContactProblem
     numbers: Indices
     mode: Array
     measure: Array
+    nodes: Indices
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "NormalModes":
@@ -61,31 +63,35 @@ class NormalModes:
                     "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
                     "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
                 )
-        return cls(problem, numbers, mode, measure)
+        return cls(problem, numbers, mode, measure, np.arange(len(problem.gap)))
 
-    def amounts(self, values: Array, free: Indices, along: Array | None = None) -> Array:
-        """Amounts (k,) with which values (f,) + amounts @ along have no resultants on the free nodes (f,).
+    def on(self, free: Indices) -> "NormalModes":
+        """On the free nodes (f,) alone, numbers among the present ones."""
+        return NormalModes(self.problem, self.numbers, self.mode[:, free], self.measure[:, free], self.nodes[free])
 
-        along: (k, f), the modes if not given. The smallest amounts, in their own units, where the free nodes do not
+    def amounts(self, values: Array, along: Array | None = None) -> Array:
+        """Amounts (k,) with which values (f,) + amounts @ along have no resultants.
+
+        along: (k, f), the modes if not given. The smallest amounts, in their own units, where the nodes do not
         determine them.
         """
-        measure = self.measure[:, free]
-        gram = measure @ (self.mode[:, free] if along is None else along).T
+        gram = self.measure @ (self.mode if along is None else along).T
         size = np.sqrt(np.abs(np.diag(gram)))
         size[size == 0.0] = 1.0
-        inverse = np.linalg.pinv(gram / size[:, None] / size) / size[:, None] / size
-        return np.asarray(-inverse @ (measure @ values))
+        scaled, right = gram / size[:, None] / size, -(self.measure @ values) / size
+        if len(size) == 1:
+            return np.asarray(right * np.sign(scaled[0]) / size)
+        return np.asarray(np.linalg.pinv(scaled) @ right / size)
 
-    def without(self, values: Array, free: Indices, along: Array | None = None) -> Array:
-        """Values (f,) on the free nodes (f,) without resultants; along: (k, f), how these are taken out, by the modes
-        if not given.
+    def without(self, values: Array, along: Array | None = None) -> Array:
+        """Values (f,) without resultants, which are taken out along (k, f), the modes if not given.
 
         Where the nodes are so few that the resultants determine all of them, that is zero and not its round-off.
         """
         if self.numbers.size == 0:
             return values
-        along = self.mode[:, free] if along is None else along
-        rest = values + self.amounts(values, free, along) @ along
+        along = self.mode if along is None else along
+        rest = values + self.amounts(values, along) @ along
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
     def rested(self, pressure: Array, gap: Array, motion: Array) -> tuple[Array, Array]:
@@ -96,7 +102,7 @@ class NormalModes:
         free = pressed if pressed.any() else gap < 0.0
         for _ in range(ROUNDS):
             nodes = np.flatnonzero(free)
-            amounts = self.amounts(gap[nodes], nodes)
+            amounts = self.on(nodes).amounts(gap[nodes])
             moved = gap + amounts @ self.mode
             following = pressed | (moved < 0.0)
             if np.array_equal(following, free):
@@ -106,35 +112,34 @@ class NormalModes:
         motion[self.numbers] += amounts
         return moved, motion
 
-    def balanced(self, pressure: Array, free: Indices) -> Array:
-        """The nearest compression (f,) with the prescribed resultants to pressures (f,) on the free nodes (f,)."""
+    def balanced(self, pressure: Array) -> Array:
+        """The nearest compression (f,) with the prescribed resultants to pressures (f,)."""
         if self.numbers.size == 0:
             return np.maximum(pressure, 0.0)
-        found = self._balanced(pressure, free)
-        return self._searched(pressure, free) if found is None else found
+        found = self._balanced(pressure)
+        return self._searched(pressure) if found is None else found
 
-    def _balanced(self, pressure: Array, free: Indices) -> Array | None:
+    def _balanced(self, pressure: Array) -> Array | None:
         """By Newton's method on the motions, piecewise linear and so exact; None if that leads nowhere."""
-        mode, measure = self.mode[:, free], self.measure[:, free]
         totals = np.array([self.problem.freedoms[number].total for number in self.numbers])
-        moved, pressed = pressure, pressure > 0.0
+        pressed = pressure > 0.0
         for _ in range(ROUNDS):
-            on = np.flatnonzero(pressed)
-            gram = measure[:, on] @ mode[:, on].T
-            if not on.size or np.linalg.cond(gram) > SINGULAR:
+            measure = np.where(pressed, self.measure, 0.0)
+            gram = measure @ self.mode.T
+            if not pressed.any() or np.linalg.cond(gram) > SINGULAR:
                 return None
-            moved = pressure - np.linalg.solve(gram, measure[:, on] @ pressure[on] + totals) @ mode
+            moved = pressure - np.linalg.solve(gram, measure @ pressure + totals) @ self.mode
             following = moved > 0.0
             if np.array_equal(following, pressed):
                 return np.maximum(moved, 0.0)
             pressed = following
         return None
 
-    def _searched(self, pressure: Array, free: Indices) -> Array:
+    def _searched(self, pressure: Array) -> Array:
         """By the damped method for whatever law and modes."""
-        traction, apart = np.zeros((2, self.mode.shape[1], 3))
+        traction, apart = np.zeros((2, len(self.problem.gap), 3))
         apart[:, NORMAL] = np.inf
-        apart[free, NORMAL] = 0.0
-        traction[free, NORMAL] = -pressure
+        apart[self.nodes, NORMAL] = 0.0
+        traction[self.nodes, NORMAL] = -pressure
         found = balanced_projection(self.problem, traction, apart, (1.0, 1.0))
-        return np.asarray(-found.traction[free, NORMAL])
+        return np.asarray(-found.traction[self.nodes, NORMAL])

@@ -1,7 +1,8 @@
 """The regular grid that the nodes of a flat contact zone form."""
 
 from dataclasses import dataclass
-from typing import Final
+from functools import cached_property
+from typing import Final, Literal
 
 import numpy as np
 
@@ -28,15 +29,34 @@ class Grid:
         """Nodes along e1 and e2."""
         return self.nodes.shape[0], self.nodes.shape[1]
 
+    @cached_property
+    def _order(self) -> Literal["C", "F"] | None:
+        """Whether the nodes are numbered along the second axis first, or along the first; None if they are not."""
+        counted = np.arange(self.nodes.size)
+        if np.array_equal(self.nodes.ravel("C"), counted):
+            return "C"
+        return "F" if np.array_equal(self.nodes.ravel("F"), counted) else None
+
+    def place(self, values: Array) -> Array:
+        """Nodal values (n,) on the grid, (nx, ny)."""
+        return values[self.nodes] if self._order is None else values.reshape(self.size, order=self._order)
+
     def gather(self, values: Array) -> Array:
-        """Nodal values (n, 5) on the grid, (5, nx, ny)."""
-        return np.ascontiguousarray(np.moveaxis(values[self.nodes], -1, 0))
+        """Nodal values (n, k) on the grid, (k, nx, ny)."""
+        gathered = np.empty((values.shape[1], *self.size))
+        for field, part in enumerate(gathered):
+            part[...] = self.place(values[:, field])
+        return gathered
 
     def scatter(self, values: Array) -> Array:
-        """Values on the grid, (5, nx, ny), at the nodes, (n, 5)."""
-        nodal = np.empty((self.nodes.size, len(values)))
-        nodal[self.nodes.ravel()] = values.reshape(len(values), -1).T
-        return nodal
+        """Values on the grid, (k, nx, ny), at the nodes, (n, k); fields are stored one after another."""
+        nodal = np.empty((len(values), self.nodes.size))
+        for part, value in zip(nodal, values, strict=True):
+            if self._order is None:
+                part[self.nodes] = value
+            else:
+                part.reshape(self.size, order=self._order)[...] = value
+        return nodal.T
 
     def weights(self, periodic: bool) -> Array:
         """Area that belongs to each node [m^2]: a cell, of which a free grid has half or a quarter on its border."""

@@ -48,7 +48,7 @@ class HalfSpaceSystem(ReducedSystem):
         Columns of the load may be stored one after another: it then takes the shortest time.
         """
         loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
-        scaled = {field: (load[:, field] * self.shares * self.factors[field])[self.grid.nodes] for field in loaded}
+        scaled = {field: self.grid.place(load[:, field] * self.shares * self.factors[field]) for field in loaded}
         chosen = list(fields)
         response = self.grid.scatter(self.convolution.response(scaled, chosen))
         response *= (self.factors * SIGNS)[chosen]

@@ -1,0 +1,173 @@
+"""Coarser grids and chosen fields of a half space; pressures found with a preconditioner and from coarser grids."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace, SelfAffine
+from meeframe_halfspace.system import dense_matrix
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, Freedom, Status
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.pair import pair
+from meeframe.core.turned import turned
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, Signorini
+from meeframe.materials import Material, library_material, rotation_about
+from meeframe.solvers import Limits, ProjectedCG, residual, solve
+from meeframe.testing.closed_forms_friction import contact_modulus
+
+YOUNG, POISSON = 200e9, 0.3
+MODULUS = contact_modulus(YOUNG, POISSON)
+ISOTROPIC = Material.isotropic(YOUNG, POISSON).stiffness
+ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
+FORCE = 4.0 * MODULUS * CONTACT**3 / (3.0 * RADIUS)
+GRIDS = [
+    (HalfSpace(matrix_up_to=0), (63, 80)),
+    (HalfSpace("constant", matrix_up_to=0), (64, 69)),
+    (HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (63, 79)),
+]
+
+
+def system_of(formulation: HalfSpace, divisions: tuple[int, int], stiffness: Array = ANISOTROPIC) -> ReducedSystem:
+    width = tuple(WIDTH * count / divisions[0] for count in divisions)
+    mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())  # type: ignore[arg-type]
+    return formulation.reduce(Body(stiffness, mesh, (), "contact"))
+
+
+def random_load(system: ReducedSystem) -> Array:
+    own = np.abs(system.diagonal_blocks()[len(system.points) // 2])
+    return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(own))
+
+
+@pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
+def test_coarse_system_is_the_fine_one_seen_at_every_second_node(
+    formulation: HalfSpace, divisions: tuple[int, int]
+) -> None:
+    """Loads that are bilinear between the coarse nodes are loads of the fine grid, too: then both agree exactly."""
+    fine = system_of(formulation, divisions)
+    coarse = fine.coarser()
+    assert coarse is not None
+    np.testing.assert_array_equal(coarse.system.points, fine.points[coarse.kept])
+    load = random_load(coarse.system)
+    inner = (np.abs(coarse.system.points[:, :2]) < 0.45 * np.ptp(fine.points[:, :2], axis=0)).all(axis=1)
+    if not formulation.periodic:
+        load[~inner] = 0.0  # a free grid ends in half a density
+    expected = fine.apply(coarse.prolong(load))[coarse.kept]
+    scale = np.abs(expected).max(axis=0)
+    assert (np.abs(coarse.system.apply(load) - expected) / scale).max() < 1e-13
+    np.testing.assert_allclose(coarse.prolong(load)[coarse.kept], load, rtol=1e-15)
+    total = coarse.system.weights @ load
+    assert fine.weights @ coarse.prolong(load) == pytest.approx(total, abs=1e-12 * np.abs(load).sum(axis=0).max())
+
+
+def test_coarse_system_responds_as_one_made_on_its_own_grid() -> None:
+    """A bilinear density twice as wide is what the coarser mesh would have: 33 x 41 nodes of 65 x 81."""
+    fine = system_of(HalfSpace(matrix_up_to=0), (64, 80))
+    made = system_of(HalfSpace(matrix_up_to=0), (32, 40))
+    coarse = fine.coarser()
+    assert coarse is not None
+    order, other = (np.lexsort(np.round(s.points[:, :2] / WIDTH, 9).T) for s in (coarse.system, made))
+    load = random_load(made)
+    # beyond offsets across the whole zone the finer grid does not know the density
+    load[(np.abs(made.points[:, :2]) > 0.4 * np.ptp(made.points[:, :2], axis=0)).any(axis=1)] = 0.0
+    moved = np.empty_like(load)
+    moved[order] = load[other]
+    expected = made.apply(load)
+    scale = np.abs(expected).max(axis=0)
+    assert (np.abs(coarse.system.apply(moved)[order] - expected[other]) / scale).max() < 1e-11
+    np.testing.assert_allclose(
+        coarse.system.diagonal_blocks()[order], made.diagonal_blocks()[other], rtol=1e-9, atol=1e-9 * scale.min()
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Plain(ReducedSystem):
+    """A reduced system without what is optional."""
+
+    inner: ReducedSystem
+
+    @classmethod
+    def of(cls, inner: ReducedSystem) -> "Plain":
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
+
+    def apply(self, load: Array) -> Array:
+        return self.inner.apply(load)
+
+    def diagonal_blocks(self) -> Array:
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.inner.recover(load)
+
+
+@pytest.mark.parametrize("fields", [(2,), (0, 1), (4, 1), (0, 1, 2, 3, 4)])
+def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
+    """Of the system itself, with turned axes, and of two bodies."""
+    system = system_of(HalfSpace(matrix_up_to=0), (9, 6))
+    directions = np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(system.points), 1))
+    load = random_load(system)
+    load[:, 0] = 0.0
+    expected = np.tensordot(dense_matrix(system), load, 2)
+    scale = np.abs(expected).max(axis=0)[list(fields)]
+    assert (np.abs(system.response(load, fields) - expected[:, list(fields)]) / scale).max() < 1e-12
+    for whole, plain in (
+        (turned(system, directions), turned(Plain.of(system), directions)),
+        (pair(system, system), pair(Plain.of(system), Plain.of(system))),
+    ):
+        expected = plain.apply(load)[:, list(fields)]
+        assert (np.abs(whole.response(load, fields) - expected) / np.abs(expected).max(axis=0)).max() < 1e-12
+
+
+def contact(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
+    press = np.zeros((len(gap), 5))
+    press[:, 2] = -1.0
+    freedom = Freedom(press, system.weights[:, None] * press, force)
+    none = np.zeros((len(gap), 2))
+    return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
+
+
+def hertz(n: int) -> ContactProblem:
+    system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1), ISOTROPIC)
+    return contact(system, (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS), FORCE)
+
+
+def test_hertz_in_a_number_of_steps_that_hardly_depends_on_the_grid() -> None:
+    errors, steps = [], []
+    for n in (64, 128, 256):
+        solution = solve(hertz(n), ProjectedCG(), Limits(tolerance=1e-10))
+        assert solution.status is Status.CONVERGED
+        errors.append(abs(float(solution.state.motion[0]) / (CONTACT**2 / RADIUS) - 1.0))
+        steps.append(solution.iterations)
+    assert errors[-1] < 3e-5
+    assert errors[0] > 4.0 * errors[1] > 12.0 * errors[2]  # towards the closed form, and faster than the spacing
+    assert max(steps) < 1.3 * min(steps) < 26.0
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic: bool) -> None:
+    """A rough surface: the same pressures without them, in at least twice as many steps."""
+    n = 96
+    formulation = HalfSpace("trigonometric" if periodic else "constant", periodic=periodic, matrix_up_to=0)
+    system = system_of(formulation, (n - 1, n - 1), ANISOTROPIC)
+    heights = SelfAffine(WIDTH, 8 * WIDTH / n, 0.8, rms_slope=0.1, roll_off=WIDTH / 2, seed=5, samples=n).surface()
+    gap = np.empty(n * n)
+    gap[np.lexsort((system.points[:, 1], system.points[:, 0]))] = (heights - heights.min()).ravel()
+    problem = contact(system, gap, 0.004 * MODULUS * WIDTH**2)
+    fast = solve(problem, ProjectedCG(), Limits(tolerance=1e-11))
+    slow = solve(replace(problem, system=Plain.of(system)), ProjectedCG(), Limits(tolerance=1e-11))
+    assert fast.status is slow.status is Status.CONVERGED
+    pressures = [-solution.state.load[:, 2] for solution in (fast, slow)]
+    assert np.abs(pressures[0] - pressures[1]).max() < 1e-8 * pressures[1].max()
+    assert fast.state.motion == pytest.approx(slow.state.motion, rel=1e-10)
+    assert 2 * fast.iterations <= slow.iterations
+    # the judge measures large problems on a coarser division, the state as it is
+    for state in (fast.state, slow.state):
+        assert residual(replace(problem, system=Plain.of(system)), state) < 1e-10
