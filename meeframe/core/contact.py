@@ -83,7 +83,7 @@ class ContactProblem:
         n = len(self.system.points)
         covered = np.zeros(n) if self.covered is None else self.covered
         if np.shape(covered) != (n,) or not ((covered >= 0.0) & (covered <= 1.0)).all():
-            raise CaseError(f"covered parts of the {n} nodes of the contact problem; allowed: (n,) from 0 to 1")
+            raise CaseError(f"covered of the contact problem is {covered!r}; allowed: ({n},) numbers from 0 to 1")
         for freedom in self.freedoms:
             if len(freedom.mode) != n:
                 raise CaseError(f"a freedom of the contact problem has {len(freedom.mode)} nodes; {n} are needed")

@@ -1,0 +1,40 @@
+"""Where indenters end, against circles and rectangles."""
+
+import numpy as np
+import pytest
+
+from meeframe.geometry import find_rim, frames_of
+
+RADIUS, REACH = 1.03, 0.2
+X, Y = (side.ravel() for side in np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-1.5, 1.5, 31)))
+POINTS = np.stack([X, Y, np.zeros_like(X)], axis=1)
+FRAMES = frames_of(np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
+
+
+def punch(points, _frames):
+    """A round end that is tilted: the gap grows along x."""
+    x, y = points[:, 0], points[:, 1]
+    return np.where(np.hypot(x, y) <= RADIUS, 0.1 * x + 0.3, np.inf)
+
+
+def test_distance_and_direction_from_a_circle():
+    rim = find_rim(punch, POINTS, FRAMES, REACH)
+    exact = RADIUS - np.hypot(X, Y)
+    near = np.abs(exact) < 0.95 * REACH
+    assert near.sum() > 100
+    assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3)
+    assert (np.sign(rim.distance[~near]) == np.sign(exact[~near])).all()
+    cosine = np.einsum("na,na->n", rim.outward[near], POINTS[near, :2] / np.hypot(X, Y)[near, None])
+    assert cosine.min() > 0.99
+
+
+def test_the_gap_goes_straight_on_beside_it():
+    rim = find_rim(punch, POINTS, FRAMES, REACH)
+    distance = RADIUS - np.hypot(X, Y)
+    beside = (distance < 0.0) & (distance > -0.95 * REACH)
+    assert rim.gap[beside] == pytest.approx((0.1 * X + 0.3)[beside], abs=1e-6)
+    assert np.isinf(rim.gap[distance > 0.0]).all()
+
+
+def test_an_indenter_without_an_end_has_no_rim():
+    assert find_rim(lambda points, _frames: points[:, 0] ** 2, POINTS, FRAMES, REACH) is None
