@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
 
 
 class Kernel(ABC):
@@ -19,6 +20,15 @@ class Kernel(ABC):
         offset: (n, 3), nowhere zero; normal: (n, 3) unit normals at x.
         Returns U (n, 5, 5), symmetric in J and K, and T (n, 5, 5); C-contiguous. Safe to call from several threads.
         """
+
+    def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
+        """Sums of U and T times weights over the points of plane pieces of surface; None if `evaluate` has to serve.
+
+        offset: (n, 3); weights: (n, k); starts: (m + 1,), piece e has the points from starts[e] to starts[e + 1];
+        normals: (m, 3) unit normals of the pieces. Returns sums for U and T, (m, k, 25), entry 5 J + K.
+        A plane has one normal, with which the stiffness need be contracted once and not at every point.
+        """
+        return None
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:

@@ -87,10 +87,14 @@ def pair_rule(
         capacity *= 4
 
 
-def tensor_rule(element: SurfaceElement, nodes: Array, order: int) -> ElementRule:
-    """Tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands."""
-    points, weights = np.empty((order**2, 2)), np.empty(order**2)
-    kernels.tensor_rule(order, element.reference == "triangle", gauss_table(), points, weights)
+def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: int | None = None) -> ElementRule:
+    """Tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
+
+    order_eta: points along eta if they are not as many as along xi.
+    """
+    count = order * (order_eta or order)
+    points, weights = np.empty((count, 2)), np.empty(count)
+    kernels.rectangular_rule(order, order_eta or order, element.reference == "triangle", gauss_table(), points, weights)
     return mapped(element, nodes, points, weights)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, pair_rule
-from meeframe.kernels.quadrature_order import required_order
+from meeframe.kernels.quadrature_order import required_orders
 from meeframe.kernels.shape import map_rule
 
 
@@ -36,14 +36,16 @@ class Buffers(NamedTuple):
 class RuleTable(NamedTuple):
     """Tensor rules on all elements of a block.
 
-    centres (e, 3), sizes (e, 2), least_orders (e,), degree: for required_order; starts: (orders,) first row of the rule
-    of each order, negative where it is not tabulated, in positions (., 3), normals (., 3) and shape_weights (., k).
+    centres (e, 3), sizes (e, 2), least_orders (e,), degree: for required_orders; square: both directions get the larger
+    order; starts: (orders, orders) first row of the rules of those orders along xi and eta, negative where they are not
+    tabulated, in positions (., 3), normals (., 3) and shape_weights (., k).
     """
 
     centres: np.ndarray
     sizes: np.ndarray
     least_orders: np.ndarray
     degree: int
+    square: bool
     starts: np.ndarray
     positions: np.ndarray
     normals: np.ndarray
@@ -86,6 +88,33 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
                 value_panel[value, i] += sum_t[a, i]
                 flux_panel[flux, i] += sum_u[a, i]
                 total[i] += sum_t[a, i]
+
+
+@njit(cache=True, nogil=True)
+def piece_starts(elements):
+    """Where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
+    starts = np.empty(len(elements) + 1, np.int64)
+    count = 0
+    for point in range(len(elements)):
+        if point == 0 or elements[point] != elements[point - 1]:
+            starts[count] = point
+            count += 1
+    starts[count] = len(elements)
+    return starts[: count + 1]
+
+
+@njit(cache=True, nogil=True)
+def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
+    """Add integrals u, t (m, k, 25) over pieces of elements (m,) to the panels; the rest as in accumulate."""
+    for piece in range(len(elements)):
+        element = elements[piece]
+        for a in range(u.shape[1]):
+            value = value_nodes[element, a]
+            flux = flux_nodes[element, a]
+            for i in range(25):
+                value_panel[value, i] += t[piece, a, i]
+                flux_panel[flux, i] += u[piece, a, i]
+                total[i] += t[piece, a, i]
 
 
 @njit(cache=True, nogil=True)
@@ -137,28 +166,41 @@ def enter_rows(
 
     rows: (5,), negative where a field is not collocated here; *_column, *_data: (nodes, 5).
     """
-    for field in range(5):
-        row = rows[field]
-        if row < 0:
-            continue
-        for node in range(len(value_column)):
-            for j in range(5):
+    for node in range(len(value_column)):
+        for j in range(5):
+            column = value_column[node, j]
+            for field in range(5):
+                row = rows[field]
+                if row < 0:
+                    continue
                 coefficient = value_panel[node, 5 * j + field]
-                column = value_column[node, j]
                 if column >= 0:
                     matrix[row, column] = coefficient
                 else:
                     rhs[row] -= coefficient * value_data[node, j]
-        for node in range(len(flux_column)):
-            for j in range(5):
+    for node in range(len(flux_column)):
+        for j in range(5):
+            column = flux_column[node, j]
+            load = load_column[node, j]
+            for field in range(5):
+                row = rows[field]
+                if row < 0:
+                    continue
                 coefficient = flux_panel[node, 5 * j + field]
-                column = flux_column[node, j]
                 if column >= 0:
                     matrix[row, column] = -coefficient
-                elif load_column[node, j] >= 0:
-                    load_matrix[row, load_column[node, j]] = coefficient
+                elif load >= 0:
+                    load_matrix[row, load] = coefficient
                 else:
                     rhs[row] += coefficient * flux_data[node, j]
+
+
+@njit(cache=True, nogil=True)
+def _tabulated(order, rules):
+    """The smallest tabulated order that is not below this one, or the number of orders in the table."""
+    while order < len(rules.starts) and rules.starts[order, order] < 0:
+        order += 1
+    return min(order, len(rules.starts))
 
 
 @njit(cache=True, nogil=True)
@@ -180,18 +222,19 @@ def far_points(source, own, accuracy, rules, out):
         dz = rules.centres[element, 2] - source[2]
         distance = sqrt(dx * dx + dy * dy + dz * dz)
         size_xi, size_eta = rules.sizes[element]
-        order = required_order(distance, size_xi, size_eta, rules.degree, accuracy.tolerance, accuracy.anisotropy)
-        order = max(order, rules.least_orders[element])
-        while order < n_orders and rules.starts[order] < 0:
-            order += 1
-        if order >= n_orders:
+        xi, eta = required_orders(distance, size_xi, size_eta, rules.degree, accuracy.tolerance, accuracy.anisotropy)
+        if rules.square:
+            xi = eta = max(xi, eta)
+        xi = _tabulated(max(xi, rules.least_orders[element]), rules)
+        eta = _tabulated(max(eta, rules.least_orders[element]), rules)
+        if xi == n_orders or eta == n_orders:
             out.near[n_near] = element
             n_near += 1
             continue
-        n = order * order
+        n = xi * eta
         if count + n > len(out.elements):
             return BUFFER_TOO_SMALL, n_near
-        row = rules.starts[order] + element * n
+        row = rules.starts[xi, eta] + element * n
         for _ in range(n):
             for axis in range(3):
                 out.offsets[count, axis] = rules.positions[row, axis] - source[axis]
@@ -202,6 +245,19 @@ def far_points(source, own, accuracy, rules, out):
             count += 1
             row += 1
     return count, n_near
+
+
+@njit(cache=True, nogil=True)
+def tabulate_rule(table, nodes, points, weights, positions, normals, shape_weights):
+    """Map a rule, points (q, 2) and weights (q,), to elements with nodes (e, n, 3): rows e q of the RuleTable."""
+    n = len(weights)
+    measures, shapes = np.empty(n), np.empty((n, nodes.shape[1]))
+    for element in range(len(nodes)):
+        rows = slice(element * n, (element + 1) * n)
+        map_rule(table, nodes[element], points, weights, positions[rows], normals[rows], measures, shapes)
+        for point in range(n):
+            for a in range(nodes.shape[1]):
+                shape_weights[element * n + point, a] = measures[point] * shapes[point, a]
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,7 @@ from meeframe.kernels.quadrature_order import (
     order_for,
     reaches,
     required_order,
+    required_orders,
     turning_spread,
 )
 from meeframe.kernels.shape import geometry_polynomial, normal_at, position_at, tangent_at
@@ -32,7 +33,9 @@ __all__ = [
     "GaussTable",
     "element_extents",
     "pair_rule",
+    "rectangular_rule",
     "required_order",
+    "required_orders",
     "shape_degree",
     "tensor_rule",
 ]
@@ -231,10 +234,16 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, a
 @njit(cache=True, nogil=True)
 def tensor_rule(order, triangle, gauss, points, weights):
     """Fill points (order^2, 2) and weights (order^2,) with the tensor Gauss rule of the whole reference domain."""
+    rectangular_rule(order, order, triangle, gauss, points, weights)
+
+
+@njit(cache=True, nogil=True)
+def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
+    """As tensor_rule, with points (order_xi * order_eta, 2) of different numbers in the two directions."""
     corners = np.empty((4, 2))
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
-    return _emit(corners, cell, order, order, gauss, points, weights, 0)
+    _emit(corners, cell, order_xi, order_eta, gauss, points, weights, 0)
 
 
 @njit(cache=True, nogil=True)

@@ -31,8 +31,8 @@ def order_for(spread, degree, tolerance, anisotropy):
 
 
 @njit(cache=True, nogil=True)
-def required_order(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
-    """Points per direction of a tensor Gauss rule over a whole element, for a relative error below tolerance.
+def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
+    """Points along xi and along eta of a tensor Gauss rule over a whole element, for a relative error below tolerance.
 
     distance: source to centre; size_xi, size_eta: from element_extents, same unit; degree: from shape_degree. For
     curved elements the least orders of element_extents apply too. Large, UNREACHABLE_ORDER at worst, where the source
@@ -40,6 +40,13 @@ def required_order(distance, size_xi, size_eta, degree, tolerance, anisotropy=MO
     """
     along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
     along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
+    return along_xi, along_eta
+
+
+@njit(cache=True, nogil=True)
+def required_order(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
+    """The larger of required_orders."""
+    along_xi, along_eta = required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy)
     return max(along_xi, along_eta)
 
 

@@ -4,8 +4,9 @@ On the faces |x_a| = max |x|, with u = x_b / x_a and v = x_c / x_a in [-1, 1] an
     4 pi |x_a| U = G(u, v),
 so that with s = x_a |x_a|
     4 pi s U,b = G_u,   4 pi s U,c = G_v,   4 pi s U,a = -(G + u G_u + v G_v).
-G is stored as monomial coefficients of degree 7 in the local coordinates of cells x cells squares a face,
-table (3 cells^2, 8 * 8 * 16): powers along u, powers along v, packed upper triangle and one column of padding.
+G is a polynomial of total degree 8 in the local coordinates s, t of each of cells x cells squares a face. The table
+(3 cells^2, 45 * 16) holds its coefficients: of s^(8 - i) t^(i - j) in row i (i + 1) / 2 + j, of 16 columns: the packed
+upper triangle and one of padding.
 """
 
 import math
@@ -15,7 +16,7 @@ from numba import njit
 
 from meeframe.kernels.modulation import PACKED
 
-TERMS = 8
+DEGREE = 8
 WIDTH = 16
 # Points whose tractions are computed together, and points whose results stay in the second-level cache.
 BLOCK = 32
@@ -61,31 +62,40 @@ def _sort_by_cell(offset, cells):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _interpolate(table, cell, s, t, rows, value):
-    """G, G_s, G_t into value (48,) at local coordinates s, t of one cell of the table; rows (256,) is scratch."""
-    t2, t3 = t * t, t * t * t
-    t4, t5, t6 = t2 * t2, t2 * t3, t3 * t3
-    t7 = t3 * t4
-    d2, d3, d4, d5, d6, d7 = 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4, 6.0 * t5, 7.0 * t6
-    for i in range(TERMS):
-        for c in range(WIDTH):
-            o = 128 * i + c
-            a1, a2, a3, a4 = table[cell, o + 16], table[cell, o + 32], table[cell, o + 48], table[cell, o + 64]
-            a5, a6, a7 = table[cell, o + 80], table[cell, o + 96], table[cell, o + 112]
-            rows[32 * i + c] = table[cell, o] + t * a1 + t2 * a2 + t3 * a3 + t4 * a4 + t5 * a5 + t6 * a6 + t7 * a7
-            rows[32 * i + 16 + c] = a1 + d2 * a2 + d3 * a3 + d4 * a4 + d5 * a5 + d6 * a6 + d7 * a7
-    s2, s3 = s * s, s * s * s
-    s4, s5, s6 = s2 * s2, s2 * s3, s3 * s3
-    s7 = s3 * s4
-    e2, e3, e4, e5, e6, e7 = 2.0 * s, 3.0 * s2, 4.0 * s3, 5.0 * s4, 6.0 * s5, 7.0 * s6
-    for c in range(WIDTH):
-        a1, a2, a3, a4 = rows[c + 32], rows[c + 64], rows[c + 96], rows[c + 128]
-        a5, a6, a7 = rows[c + 160], rows[c + 192], rows[c + 224]
-        b1, b2, b3, b4 = rows[c + 48], rows[c + 80], rows[c + 112], rows[c + 144]
-        b5, b6, b7 = rows[c + 176], rows[c + 208], rows[c + 240]
-        value[c] = rows[c] + s * a1 + s2 * a2 + s3 * a3 + s4 * a4 + s5 * a5 + s6 * a6 + s7 * a7
-        value[16 + c] = a1 + e2 * a2 + e3 * a3 + e4 * a4 + e5 * a5 + e6 * a6 + e7 * a7
-        value[32 + c] = rows[c + 16] + s * b1 + s2 * b2 + s3 * b3 + s4 * b4 + s5 * b5 + s6 * b6 + s7 * b7
+def _interpolate(table, cell, s, t, value):
+    """G, G_s, G_t into value (48,) at local coordinates s, t of one cell of the table, by Horner's rule in both.
+
+    The bounds of the inner loops are constants, so that the compiler unrolls them and makes vectors of the columns.
+    """
+    for column in range(WIDTH):
+        g, g_s, g_t = 0.0, 0.0, 0.0
+        entry = column
+        for degree in range(DEGREE + 1):
+            row, row_t = 0.0, 0.0
+            for _ in range(degree + 1):
+                row_t = row_t * t + row
+                row = row * t + table[cell, entry]
+                entry += WIDTH
+            g_s = g_s * s + g
+            g = g * s + row
+            g_t = g_t * s + row_t
+        value[column], value[WIDTH + column], value[2 * WIDTH + column] = g, g_s, g_t
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _locate(x, y, z, cells):
+    """Face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
+    face, xa, u, v = _face(x, y, z)
+    i, j = _cell(u, cells), _cell(v, cells)
+    return (
+        face,
+        xa,
+        u,
+        v,
+        (face * cells + i) * cells + j,
+        (u + 1.0) * cells - (2 * i + 1),
+        (v + 1.0) * cells - (2 * j + 1),
+    )
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -116,39 +126,36 @@ def _tractions(coefficients, place, sources, rows, traction):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(table, cells, face, offset, normal, point, p, scratch, value, place, sources, u_out):
-    """Evaluate G at one point of a face; fill column p of place and sources (see _tractions), and U."""
-    _, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
-    i, j = _cell(u, cells), _cell(v, cells)
-    cell = (face * cells + i) * cells + j
-    _interpolate(table, cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
+def _gather(table, cells, offset, normal, point, p, value, place, sources, u_out):
+    """Evaluate G at one point; fill column p of place and sources (see _tractions), and U."""
+    _, xa, u, v, cell, s, t = _locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
+    _interpolate(table, cell, s, t, value)
+    for axis in range(3):
+        place[BLOCK * axis + p] = normal[point, axis]
+    place[3 * BLOCK + p], place[4 * BLOCK + p] = u, v
+    place[5 * BLOCK + p] = 0.25 / (math.pi * xa * abs(xa))
     scale = 0.25 / (math.pi * abs(xa))
-    for i in range(3):
-        place[i * BLOCK + p] = normal[point, i]
-    place[3 * BLOCK + p], place[4 * BLOCK + p], place[5 * BLOCK + p] = u, v, scale / xa
-    for c in range(16, 48):
-        value[c] *= cells
+    for q in range(25):
+        u_out[point, q] = scale * value[FLAT[q]]
     for k in range(5):
         for m in range(5):
+            o = BLOCK * (15 * k + m) + p
             entry = FLAT[5 * k + m]
-            u_out[point, 5 * k + m] = scale * value[entry]
-            column = BLOCK * (15 * k + m) + p
-            sources[column] = value[entry]
-            sources[column + 5 * BLOCK] = value[entry + 16]
-            sources[column + 10 * BLOCK] = value[entry + 32]
+            sources[o] = value[entry]
+            sources[o + 5 * BLOCK] = cells * value[WIDTH + entry]
+            sources[o + 10 * BLOCK] = cells * value[2 * WIDTH + entry]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate_chunk(table, cells, coefficients, offset, normal, work, u_out, t_out):
     """U and T (n, 25) of points few enough for their results to stay in cache; work: scratch arrays."""
-    scratch, value, place, rows, sources, traction = work
+    value, place, rows, sources, traction = work
     order, bounds = _sort_by_cell(offset, cells)
     for face in range(3):
         for first in range(bounds[face], bounds[face + 1], BLOCK):
             used = min(BLOCK, bounds[face + 1] - first)
             for p in range(used):
-                point = order[first + p]
-                _gather(table, cells, face, offset, normal, point, p, scratch, value, place, sources, u_out)
+                _gather(table, cells, offset, normal, order[first + p], p, value, place, sources, u_out)
             # Columns beyond those used hold old points: finite, and not written out.
             _tractions(coefficients[face], place, sources, rows, traction)
             for p in range(used):
@@ -162,7 +169,6 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in _tractions."""
     n = offset.shape[0]
     work = (
-        np.empty(2 * TERMS * WIDTH),
         np.empty(3 * WIDTH),
         np.zeros(6 * BLOCK),
         np.empty(15 * BLOCK),
@@ -174,18 +180,86 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
         _evaluate_chunk(table, cells, coefficients, offset[part], normal[part], work, u_out[part], t_out[part])
 
 
+@njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
+def _at_point(table, cells, offset, value, field):
+    """U, U,x U,y and U,z at one point into field (64,), packed, 16 columns each; value (48,) is scratch."""
+    face, xa, u, v, cell, s, t = _locate(offset[0], offset[1], offset[2], cells)
+    _interpolate(table, cell, s, t, value)
+    scale = 0.25 / (math.pi * abs(xa))
+    steep = scale / xa
+    a, b, c = WIDTH * (1 + face), WIDTH * (1 + (face + 1) % 3), WIDTH * (1 + (face + 2) % 3)
+    for column in range(WIDTH):
+        g = value[column]
+        g_u = steep * cells * value[WIDTH + column]
+        g_v = steep * cells * value[2 * WIDTH + column]
+        field[column] = scale * g
+        field[a + column] = -(steep * g + u * g_u + v * g_v)
+        field[b + column] = g_u
+        field[c + column] = g_v
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _flat_tractions(coefficients, normal, sums, spread, row, t_out):
+    """Tractions (k, 25) of summed derivatives sums (k, 64) on a plane with one normal.
+
+    coefficients (225,): C_iJMl as [J, M, l, i]; spread (3, 5, 8 k) and row (8 k,) are scratch, five of eight in use.
+    """
+    n_nodes = len(sums)
+    for node in range(n_nodes):
+        for part in range(3):
+            for q in range(25):
+                spread[part, q // 5, 8 * node + q % 5] = sums[node, WIDTH * (1 + part) + FLAT[q]]
+    x, y, z = normal
+    for j in range(5):
+        row[:] = 0.0
+        for part in range(3):
+            o = 45 * j + 3 * part
+            c0 = coefficients[o] * x + coefficients[o + 1] * y + coefficients[o + 2] * z
+            c1 = coefficients[o + 9] * x + coefficients[o + 10] * y + coefficients[o + 11] * z
+            c2 = coefficients[o + 18] * x + coefficients[o + 19] * y + coefficients[o + 20] * z
+            c3 = coefficients[o + 27] * x + coefficients[o + 28] * y + coefficients[o + 29] * z
+            c4 = coefficients[o + 36] * x + coefficients[o + 37] * y + coefficients[o + 38] * z
+            r = spread[part]
+            for i in range(len(row)):
+                row[i] += c0 * r[0, i] + c1 * r[1, i] + c2 * r[2, i] + c3 * r[3, i] + c4 * r[4, i]
+        for node in range(n_nodes):
+            for k in range(5):
+                t_out[node, 5 * j + k] = row[8 * node + k]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def integrate(table, cells, coefficients, offset, weights, starts, normals, u_out, t_out):
+    """Write sums of weights (n, k) times U and T at points starts[e]..starts[e + 1] of plane pieces e, (m, k, 25).
+
+    offset (n, 3), starts (m + 1,), normals (m, 3); coefficients as in _flat_tractions. A derivative is summed before
+    it is contracted with stiffness and normal: a piece costs that once and not at every point.
+    """
+    n_nodes = weights.shape[1]
+    value, field = np.empty(3 * WIDTH), np.empty(4 * WIDTH)
+    sums, spread, row = np.empty((n_nodes, 4 * WIDTH)), np.zeros((3, 5, 8 * n_nodes)), np.empty(8 * n_nodes)
+    for piece in range(len(normals)):
+        sums[:] = 0.0
+        for point in range(starts[piece], starts[piece + 1]):
+            _at_point(table, cells, offset[point], value, field)
+            for node in range(n_nodes):
+                weight = weights[point, node]
+                for i in range(4 * WIDTH):
+                    sums[node, i] += weight * field[i]
+        for node in range(n_nodes):
+            for q in range(25):
+                u_out[piece, node, q] = sums[node, FLAT[q]]
+        _flat_tractions(coefficients, normals[piece], sums, spread, row, t_out[piece])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradient(table, cells, offset):
     """U,q (n, 5, 5, 3) for offset (n, 3)."""
     n = offset.shape[0]
     out = np.empty((n, 5, 5, 3))
-    scratch = np.empty(2 * TERMS * WIDTH)
     value = np.empty(3 * WIDTH)
     for point in range(n):
-        face, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
-        i, j = _cell(u, cells), _cell(v, cells)
-        cell = (face * cells + i) * cells + j
-        _interpolate(table, cell, (u + 1.0) * cells - (2 * i + 1), (v + 1.0) * cells - (2 * j + 1), scratch, value)
+        face, xa, u, v, cell, s, t = _locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
+        _interpolate(table, cell, s, t, value)
         scale = 0.25 / (math.pi * abs(xa) * xa)
         for j in range(5):
             for k in range(5):

@@ -58,7 +58,8 @@ def figures(result: Result) -> "dict[str, Figure]":
 
 def save_figure(figure: "Figure", path: Path) -> None:
     """Write a figure as PNG."""
-    figure.savefig(path, dpi=150, format="png")
+    # light compression: files a third larger, written in two thirds of the time
+    figure.savefig(path, dpi=150, format="png", pil_kwargs={"compress_level": 1})
 
 
 def _title(result: Result) -> str:

@@ -6,7 +6,7 @@ import pytest
 from meeframe.elements import Quad4, Quad9, Tri3
 from meeframe.elements.quadrature import MOST_GAUSS_POINTS, element_extents, pair_rule, shape_table, tensor_rule
 from meeframe.fundamental import LineIntegral
-from meeframe.kernels.quadrature import required_order, shape_degree
+from meeframe.kernels.quadrature import required_order, required_orders, shape_degree
 from meeframe.materials import library_material
 from meeframe.testing.polygon import single_layer
 from meeframe.testing.strategies import scaled_stiffness
@@ -83,6 +83,32 @@ def test_required_order_suffices_for_the_kernels(element, nodes, material):
             ):
                 assert np.abs(value - reference).max() < 1.2 * tolerance * np.abs(reference).sum(axis=0).max()
     assert served > 50
+
+
+@pytest.mark.parametrize("name", ["quad4", "quad4, seven to one", "quad4, trapezoid", "quad9"])
+def test_fewer_points_suffice_along_the_shorter_side(name):
+    """Orders for each direction keep the same tolerance as the larger for both, with fewer points."""
+    element, nodes = ELEMENTS[name]
+    kernel = LineIntegral().bind(scaled_stiffness(library_material("batio3-cofe2o4")))
+    rng = np.random.default_rng(1)
+    degree = shape_degree(shape_table(element))
+    extents = element_extents(element, nodes[None], 1e-5)
+    sizes, least = extents.sizes[0], extents.least_orders[0]
+    rectangular = square = 0
+    for direction in rng.normal(size=(60, 3)):
+        distance = sizes.max() * 10 ** rng.uniform(-0.2, 1.5)
+        source = extents.centres[0] + distance * direction / np.linalg.norm(direction)
+        orders = [max(order, least) for order in required_orders(distance, *sizes, degree, 1e-5, 1.9)]
+        if max(orders) > MOST_GAUSS_POINTS:
+            continue
+        rectangular += orders[0] * orders[1]
+        square += max(orders) ** 2
+        exact = integrals(kernel, pair_rule(element, nodes, source, 1e-10), source)
+        found = integrals(kernel, tensor_rule(element, nodes, *orders), source)
+        for value, reference in zip(found, exact, strict=True):
+            assert np.abs(value - reference).max() < 1.2e-5 * np.abs(reference).sum(axis=0).max()
+    assert rectangular <= square
+    assert name != "quad4, seven to one" or rectangular < 0.7 * square
 
 
 def integrals(kernel, rule, source):

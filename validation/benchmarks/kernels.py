@@ -1,174 +1,232 @@
-"""Time of the fundamental solutions: python validation/benchmarks/kernels.py [--points N] [--repeats N] [--json FILE].
+"""Fundamental solutions: time of a pair, error against the line integral, and how near the machine's limits they are.
 
-A pair is U and T at one point, 50 component values. Times are medians over the repeats, in directions without order.
-Time on a core is processor time of all threads, which other load on the machine disturbs less than wall time.
+A pair is U and T at one point, 50 component values. Times are medians of processor time on one thread, which other load
+on the machine disturbs less than wall time.
 """
 
-import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-COMPONENTS = 50
-TARGET = 0.4
-COLD_FLAG = "--cold-run"
+import numpy as np
+from common import Record, command_line, median_time, prose, table, verdict
+from machine import limits
+
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fundamental import Kernel
+from meeframe.elements import Quad4
+from meeframe.elements.quadrature import tensor_rule
+from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
+from meeframe.geometry import block_mesh
+from meeframe.kernels.tabulated import DEGREE, WIDTH
+from meeframe.materials import Material, library_material
+
+TITLE = "Fundamental solution"
+TARGET = 0.25
+"""Microseconds a pair and core."""
+FASTER = 100
+"""So many times faster than the residue form must the table be."""
+ERRORS = {"U": 1e-8, "T": 1e-7}
+MATERIALS = ("batio3-cofe2o4", "orthotropic-mee")
+ORDER = 3
+"""Points along each direction of an element, the most frequent order of the main job."""
+POINTS_PER_CALL = 1024
+START = """
+import json, time
+start = time.perf_counter()
+import numpy as np
+from meeframe.fundamental import Tabulated
+from meeframe.materials import library_material
+material = library_material("batio3-cofe2o4")
+imported = time.perf_counter()
+kernel = Tabulated().bind(material.scaling.scale_stiffness(material.stiffness))
+bound = time.perf_counter()
+kernel.evaluate(np.ones((1000, 3)), np.eye(3)[np.zeros(1000, int)])
+print(json.dumps({"import": imported - start, "bind": bound - imported, "evaluate": time.perf_counter() - bound}))
+"""
 
 
-def problem(points):
-    """Scaled stiffness of Table 1, offsets and unit normals."""
-    import numpy as np
-
-    from meeframe.materials import library_material
-
-    material = library_material("batio3-cofe2o4")
-    random = np.random.default_rng(1)
-    offset, normal = random.normal(size=(2, points, 3))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    return material.scaling.scale_stiffness(material.stiffness), offset, normal
-
-
-def median_time(action, repeats):
-    """Median wall and processor time of an action after one call to warm up [s]."""
-    action()
-    walls, processors = [], []
-    for _ in range(repeats):
-        wall, processor = time.perf_counter(), time.process_time()
-        action()
-        walls.append(time.perf_counter() - wall)
-        processors.append(time.process_time() - processor)
-    return {"wall": statistics.median(walls), "processor": statistics.median(processors)}
-
-
-def per_pair(kernel, offset, normal, threads, repeats):
-    """Median wall and processor time per pair [us] in some threads."""
-    parts = [slice(k * len(offset) // threads, (k + 1) * len(offset) // threads) for k in range(threads)]
-    with ThreadPoolExecutor(threads) as pool:
-
-        def action():
-            list(pool.map(lambda part: kernel.evaluate(offset[part], normal[part]), parts))
-
-        return {clock: 1e6 * seconds / len(offset) for clock, seconds in median_time(action, repeats).items()}
-
-
-def as_assembled(kernel, threads, repeats):
-    """As per_pair, for the calls of an assembly: 1024 points at a time of the paper's mesh, seen from its nodes."""
-    import numpy as np
-
-    from meeframe.elements import Quad4
-    from meeframe.elements.quadrature import tensor_rule
-    from meeframe.geometry import block_mesh
-
-    mesh = block_mesh(0.05, 0.12, 0.005, 16, 7, 2, Quad4())
-    rules = [tensor_rule(Quad4(), nodes, 4) for nodes in mesh.points[mesh.blocks[0].connectivity]]
-    positions, normals = (np.concatenate([getattr(rule, name) for rule in rules]) for name in ("positions", "normals"))
-    sources = mesh.points[::40]
-
-    def collocate(source):
-        offset = positions - source
-        for first in range(0, len(offset), 1024):
-            kernel.evaluate(offset[first : first + 1024], normals[first : first + 1024])
-
-    with ThreadPoolExecutor(threads) as pool:
-        seconds = median_time(lambda: list(pool.map(collocate, sources)), repeats)
-    return {clock: 1e6 * value / (len(sources) * len(positions)) for clock, value in seconds.items()}
-
-
-def cold_run():
-    """Import, bind and evaluate once; print the three times."""
-    start = time.perf_counter()
-    from meeframe.fundamental import Tabulated
-
-    stiffness, offset, normal = problem(1000)
-    imported = time.perf_counter()
+def measure(quick: bool) -> Record:
+    """Fewer points and repeats if `quick`."""
+    repeats, most = (3, 20_000) if quick else (15, 200_000)
+    stiffness = _stiffness(MATERIALS[0])
     kernel = Tabulated().bind(stiffness)
-    bound = time.perf_counter()
-    kernel.evaluate(offset, normal)
-    done = time.perf_counter()
-    print(json.dumps({"import": imported - start, "bind": bound - imported, "evaluate": done - bound}))
-
-
-def first_run(cache):
-    """Times of a fresh process with a numba cache directory."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
-    command = [sys.executable, __file__, COLD_FLAG]
-    output = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
-    return json.loads(output)
-
-
-def measure(points, repeats):
-    """All times as one record."""
-    from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
-    from meeframe.materials import Material
-
+    offset, normal = _scattered(most)
     with tempfile.TemporaryDirectory() as cache:
-        record = {"load_average": os.getloadavg()[0]}
-        record |= {"cold_process_s": first_run(cache), "warm_process_s": first_run(cache)}
-    stiffness, offset, normal = problem(points)
-    record["bind_warm_s"] = median_time(lambda: Tabulated().bind(stiffness), 3)
-    kernel = Tabulated().bind(stiffness)
-    record["tabulated_us"] = {
-        str(size): {
-            str(threads): per_pair(kernel, offset[:size], normal[:size], threads, repeats) for threads in (1, 2)
-        }
-        for size in sorted({1000 * 2, 20000, points})
+        record: Record = {"start_cold_s": _start(cache), "start_warm_s": _start(cache)}
+    calls = {f"{size} points without order": (offset[:size], normal[:size]) for size in (2000, 20_000, most)}
+    record |= {
+        "repeats": repeats,
+        "cells": kernel.cells,
+        "errors": {name: _errors(_stiffness(name), 2000 if quick else 20_000) for name in MATERIALS},
+        "tabulated_us": {name: _pair_us(kernel, *points, repeats) for name, points in calls.items()},
+        "others_us": _others(stiffness, offset[:2000], normal[:2000], repeats),
+        "limits": limits(quick),
     }
-    isotropic = Material.isotropic(210e9, 0.3)
-    few = 2000
-    others = {
-        "line-integral": LineIntegral().bind(stiffness),
-        "residue": Residue().bind(stiffness),
-        "isotropic": Isotropic().bind(isotropic.scaling.scale_stiffness(isotropic.stiffness)),
-    }
-    record["assembly_calls_us"] = {threads: as_assembled(kernel, threads, repeats) for threads in (1, 2)}
-    record["others_us"] = {
-        name: per_pair(other, offset[:few], normal[:few], 1, repeats) for name, other in others.items()
-    }
+    record["assembly_us"], record["summed_us"] = _assembly_us(kernel, repeats)
     return record
 
 
-def show(record):
-    """Print a record as a table."""
-    for name in ("cold_process_s", "warm_process_s"):
-        times = record[name]
-        print(f"{name[:4]} process: " + ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in times.items()))
-    print(f"bind, warm: {record['bind_warm_s']['wall']:.2f} s")
-    print(f"load of the machine before the run: {record['load_average']:.1f}")
-    print("\ntabulated      points  threads  us/pair (wall)  us/pair/core  component values/s")
-    for size, by_threads in record["tabulated_us"].items():
-        for threads, times in by_threads.items():
-            wall, core = times["wall"], times["processor"]
-            verdict = "" if core <= TARGET else f"  above the target of {TARGET}"
-            print(f"{size:>20}  {threads:>7}  {wall:>14.3f}  {core:>12.3f}  {COMPONENTS / wall * 1e6:>18.2e}{verdict}")
-    print("\nothers, one thread:")
-    for threads, times in record["assembly_calls_us"].items():
-        rate = COMPONENTS / times["wall"] * 1e6
-        print(f"as assembled, {threads} threads: {times['processor']:.3f} us/pair/core, {rate:.2e} component values/s")
-    for name, times in record["others_us"].items():
-        wall = times["wall"]
-        print(f"{name:>20}  {wall:>10.3f} us/pair  {COMPONENTS / wall * 1e6:.2e} component values/s")
+def _stiffness(name: str) -> Array:
+    material = library_material(name)
+    return material.scaling.scale_stiffness(material.stiffness)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--points", type=int, default=200_000, help="points of the largest call")
-    parser.add_argument("--repeats", type=int, default=15)
-    parser.add_argument("--json", type=Path, help="also write the record to this file")
-    parser.add_argument(COLD_FLAG, action="store_true", help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.cold_run:
-        cold_run()
-        return
-    record = measure(arguments.points, arguments.repeats)
-    show(record)
-    if arguments.json:
-        arguments.json.write_text(json.dumps(record, indent=2) + "\n")
+def _scattered(count: int) -> tuple[Array, Array]:
+    """Offsets and unit normals (count, 3) in no order."""
+    offset, normal = np.random.default_rng(1).normal(size=(2, count, 3))
+    return offset, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def _start(cache: str) -> Record:
+    """Times of a fresh process with a numba cache directory [s]."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": cache}
+    output = subprocess.run([sys.executable, "-c", START], env=environment, check=True, capture_output=True, text=True)
+    return json.loads(output.stdout)
+
+
+def _errors(stiffness: Array, count: int) -> Record:
+    """Largest differences to the line integral in random directions, relative to the largest entry of each matrix."""
+    offset, normal = _scattered(count)
+    exact = LineIntegral().bind(stiffness).evaluate(offset, normal)
+    found = Tabulated().bind(stiffness).evaluate(offset, normal)
+    return {
+        name: float((np.abs(f - e).max(axis=(1, 2)) / np.abs(e).max(axis=(1, 2))).max())
+        for name, f, e in zip(ERRORS, found, exact, strict=True)
+    }
+
+
+def _pair_us(kernel: Kernel, offset: Array, normal: Array, repeats: int) -> float:
+    """Microseconds a pair; short calls are repeated."""
+    calls = max(1, 20_000 // len(offset))
+
+    def action() -> None:
+        for _ in range(calls):
+            kernel.evaluate(offset, normal)
+
+    return 1e6 * median_time(action, repeats)["processor"] / (calls * len(offset))
+
+
+def _others(stiffness: Array, offset: Array, normal: Array, repeats: int) -> Record:
+    """Microseconds a pair of the other forms, one call each."""
+    isotropic = Material.isotropic(210e9, 0.3)
+    kernels = {
+        "residue": Residue().bind(stiffness),
+        "line-integral": LineIntegral().bind(stiffness),
+        "isotropic": Isotropic().bind(isotropic.scaling.scale_stiffness(isotropic.stiffness)),
+    }
+    return {
+        name: 1e6
+        * median_time(lambda kernel=kernel: kernel.evaluate(offset, normal), repeats)["processor"]
+        / len(offset)
+        for name, kernel in kernels.items()
+    }
+
+
+def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
+    """Microseconds a pair on the elements of the main job seen from its nodes: U and T; their sums over elements."""
+    mesh = block_mesh(0.05, 0.12, 0.005, 16, 7, 2, Quad4())
+    rules = [tensor_rule(Quad4(), nodes, ORDER) for nodes in mesh.points[mesh.blocks[0].connectivity]]
+    positions, normals = (np.concatenate([getattr(rule, name) for rule in rules]) for name in ("positions", "normals"))
+    weights = np.concatenate([rule.measures[:, None] * rule.shapes for rule in rules])
+    starts = np.arange(0, len(positions) + 1, ORDER**2)
+    offsets = [positions - source - 1e-5 for source in mesh.points[::40]]
+
+    def pairs() -> None:
+        for offset in offsets:
+            for first in range(0, len(offset), POINTS_PER_CALL):
+                part = slice(first, first + POINTS_PER_CALL)
+                kernel.evaluate(offset[part], normals[part])
+
+    def sums() -> None:
+        for offset in offsets:
+            kernel.integrate(offset, weights, starts, normals[:: ORDER**2])
+
+    count = 1e-6 * len(offsets) * len(positions)
+    return tuple(median_time(action, repeats)["processor"] / count for action in (pairs, sums))
+
+
+def arithmetic() -> Record:
+    """Operations (a multiplication or an addition each) of one pair, from the formulas, and bytes of its coefficients.
+
+    Interpolation: two multiply-adds for each coefficient, three for each row, in all columns. U: one product an entry.
+    T: 25 x 3 contractions of stiffness and normal, of which 25 go into the two others; 25 sums of 15 products, scaled.
+    A point of a sum over an element: derivatives of all columns, then a multiply-add for each node, matrix and column.
+    """
+    coefficients = (DEGREE + 1) * (DEGREE + 2) // 2
+    entries = N_FIELDS**2
+    interpolation = WIDTH * (4 * coefficients + 6 * (DEGREE + 1))
+    pair = entries + entries * (3 * 5 + 2 * 2) + entries * 30
+    contraction = entries * 15 + 4 * entries * 30
+    return {
+        "pair": interpolation + pair,
+        "summed": interpolation + 11 * WIDTH + 4 * 4 * 2 * WIDTH + contraction / ORDER**2,
+        "bytes": 8 * WIDTH * coefficients,
+    }
+
+
+def section(record: Record, _pictures: Path) -> str:
+    """Times, errors, roofline."""
+    times = {"calls of an assembly": record["assembly_us"], **record["tabulated_us"]}
+    ratio = record["others_us"]["residue"] / record["assembly_us"]
+    rows = [[name, f"{us:.3f}", f"{50 / us:.0f}", verdict(us <= TARGET)] for name, us in times.items()]
+    rows.append(["sums over plane elements, with four shape functions", f"{record['summed_us']:.3f}", "", ""])
+    rows += [[name, f"{us:.2f}", f"{50 / us:.1f}", ""] for name, us in record["others_us"].items()]
+    errors = [
+        [name, *(f"{error[kind]:.1e}" for kind in ERRORS), verdict(all(error[k] <= ERRORS[k] for k in ERRORS))]
+        for name, error in record["errors"].items()
+    ]
+    starts = " and ".join(f"{sum(record[f'start_{kind}_s'].values()):.1f} s {kind}" for kind in ("cold", "warm"))
+    return "\n\n".join(
+        [
+            prose(
+                f"One thread, {record['repeats']} repeats. Demanded: {TARGET} µs a pair, {FASTER} times faster than the"
+                f" residue form: {ratio:.0f} times in the calls of an assembly, {verdict(ratio >= FASTER)}. A new"
+                f" process has its first values after {starts}."
+            ),
+            table(("what", "µs a pair", "million values a second", f"at most {TARGET} µs"), rows),
+            prose(
+                "Largest error against the line integral in random directions, relative to the largest entry. The"
+                f" tolerance {ERRORS['U']:g} is that of U; T, a derivative, is allowed ten times as much."
+            ),
+            table(("material", *ERRORS, ""), errors),
+            *_roofline(record),
+        ]
+    )
+
+
+def _roofline(record: Record) -> list[str]:
+    """Arithmetic and traffic beside what a core can do."""
+    done, bounds = arithmetic(), record["limits"]
+    peak, reading = bounds["peak_gflops"], bounds["reading_gb_s"]
+    rows = []
+    for name, key, us in (("pair", "pair", record["assembly_us"]), ("summed", "summed", record["summed_us"])):
+        rate, traffic = done[key] / us / 1e3, done["bytes"] / us / 1e3
+        rows.append(
+            [
+                name,
+                f"{done[key]:.0f}",
+                f"{rate:.0f}",
+                f"{100 * rate / peak:.0f} %",
+                f"{done['bytes']}",
+                f"{traffic:.0f}",
+            ]
+        )
+    megabytes = 3 * record["cells"] ** 2 * done["bytes"] / 1e6
+    return [
+        prose(
+            f"Against one core, which was measured in the same run to reach {peak:.0f} GFLOP/s on registers and to read"
+            f" {', '.join(f'{rate:.0f} GB/s from {level}' for level, rate in reading.items())}: operations from the"
+            f" formulas, and the {done['bytes']} bytes of coefficients of the cell each point lies in. The table"
+            f" ({record['cells']} cells along a face) has {megabytes:.1f} MB; points of one cell follow one another, so"
+            " that most coefficients come from the first two levels."
+        ),
+        table(("", "operations", "GFLOP/s", "of the peak", "bytes of the table", "GB/s"), rows),
+    ]
 
 
 if __name__ == "__main__":
-    main()
+    command_line(__doc__, measure, section)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import get_num_threads
 
-from meeframe.core.element import shape_derivatives, shape_functions
+from meeframe.core.element import shape_functions
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import Progress
@@ -17,11 +17,13 @@ from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.kernels import assembly as kernels
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, shape_degree, tensor_rule
+from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, rectangular_rule, shape_degree
 
 TABULATED_ORDERS = (2, 3, 4, 5, 6, 8)
 # Quadrature points handed to the fundamental solution at a time: their kernels fit the second-level cache.
 POINTS_PER_CALL = 1024
+PIECES_PER_CALL = 128
+PLANE = 1e-12
 SOURCES_PER_TASK = 8
 
 
@@ -39,7 +41,7 @@ class Problem:
     """What every task reads.
 
     mesh: in units of the system; accuracy, rules: how its elements are integrated; exterior: (s, 25) terms of the plane
-    outside the mesh of a semi-infinite body.
+    outside the mesh of a semi-infinite body; planes: for each block whose elements are all plane, their normals (e, 3).
     """
 
     mesh: SurfaceMesh
@@ -49,6 +51,7 @@ class Problem:
     accuracy: kernels.Accuracy
     exterior: Array | None
     rules: tuple[kernels.RuleTable, ...]
+    planes: tuple[Array | None, ...]
 
 
 def assemble(
@@ -62,7 +65,8 @@ def assemble(
     """The boundary element system (eqs. 19, 20)."""
     rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
-    problem = Problem(mesh, layout, sources, kernel, accuracy, exterior, rules)
+    planes = tuple(_planes(rule) for rule in rules)
+    problem = Problem(mesh, layout, sources, kernel, accuracy, exterior, rules, planes)
     n = layout.n_unknowns
     system = System(np.zeros((n, n)), np.zeros((n, N_FIELDS * len(layout.zone)), order="F"), np.zeros(n))
     n_sources = len(sources.position)
@@ -145,6 +149,8 @@ def _add_others(
 
 def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> None:
     """Add count quadrature points on elements of a block to the panels."""
+    if _add_planes(problem, number, count, buffers, panels):
+        return
     for first in range(0, count, POINTS_PER_CALL):
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
@@ -159,6 +165,30 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
             panels.flux,
             panels.total,
         )
+
+
+def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> bool:
+    """As _accumulate if the block is plane and the kernel integrates over planes; else nothing is added, and False."""
+    planes = problem.planes[number]
+    if planes is None:
+        return False
+    starts = kernels.piece_starts(buffers.elements[:count])
+    for first in range(0, len(starts) - 1, PIECES_PER_CALL):
+        part = starts[first : first + PIECES_PER_CALL + 1]
+        elements = buffers.elements[part[:-1]]
+        sums = problem.kernel.integrate(buffers.offsets, buffers.shape_weights, part, planes[elements])
+        if sums is None:
+            return False
+        kernels.add_pieces(
+            *sums,
+            elements,
+            problem.mesh.blocks[number].connectivity,
+            problem.layout.patches.connectivity[number],
+            panels.value,
+            panels.flux,
+            panels.total,
+        )
+    return True
 
 
 def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, panels: _Panels) -> kernels.Buffers:
@@ -224,32 +254,31 @@ def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position
 
 
 def _tabulate(block: ElementBlock, points: Array, tolerance: float) -> kernels.RuleTable:
-    """Tensor rules of the tabulated orders on all elements of a block."""
-    starts = np.full(max(TABULATED_ORDERS) + 1, -1)
-    rows = 0
-    parts = []
-    for order in TABULATED_ORDERS:
-        starts[order] = rows
-        rows += order**2 * len(block.connectivity)
-        parts.append(_tensor_rules(block, points, order))
-    positions, normals, shape_weights = (np.concatenate(part) for part in zip(*parts, strict=True))
-    extents = element_extents(block.element, points[block.connectivity], tolerance)
+    """Tensor rules of the tabulated orders on all elements of a block; triangles have the same in both directions."""
+    triangle = block.element.reference == "triangle"
+    orders = [(xi, eta) for xi in TABULATED_ORDERS for eta in TABULATED_ORDERS if xi == eta or not triangle]
+    starts = np.full((max(TABULATED_ORDERS) + 1, max(TABULATED_ORDERS) + 1), -1)
+    nodes = np.ascontiguousarray(points[block.connectivity])
+    n_elements, n_nodes = block.connectivity.shape
+    n_rows = n_elements * sum(xi * eta for xi, eta in orders)
+    parts = np.empty((n_rows, 3)), np.empty((n_rows, 3)), np.empty((n_rows, n_nodes))
+    row = 0
+    for xi, eta in orders:
+        starts[xi, eta] = row
+        rule, weights = np.empty((xi * eta, 2)), np.empty(xi * eta)
+        rectangular_rule(xi, eta, triangle, gauss_table(), rule, weights)
+        rows = slice(row, row + n_elements * xi * eta)
+        kernels.tabulate_rule(shape_table(block.element), nodes, rule, weights, *(part[rows] for part in parts))
+        row = rows.stop
+    extents = element_extents(block.element, nodes, tolerance)
     degree = shape_degree(shape_table(block.element))
-    return kernels.RuleTable(
-        extents.centres, extents.sizes, extents.least_orders, degree, starts, positions, normals, shape_weights
-    )
+    return kernels.RuleTable(extents.centres, extents.sizes, extents.least_orders, degree, triangle, starts, *parts)
 
 
-def _tensor_rules(block: ElementBlock, points: Array, order: int) -> tuple[Array, Array, Array]:
-    """Positions, normals (e * order^2, 3) and shape functions times measure (e * order^2, k) on all elements."""
-    xi, weights = np.empty((order**2, 2)), np.empty(order**2)
-    tensor_rule(order, block.element.reference == "triangle", gauss_table(), xi, weights)
-    nodes = points[block.connectivity]
-    shapes = shape_functions(block.element, xi)
-    positions = np.einsum("qa,eax->eqx", shapes, nodes)
-    tangents = np.einsum("qak,eax->eqkx", shape_derivatives(block.element, xi), nodes)
-    areas = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-    ratios = np.linalg.norm(areas, axis=2)
-    normals = areas / ratios[:, :, None]
-    shape_weights = shapes * (ratios * weights)[:, :, None]
-    return positions.reshape(-1, 3), normals.reshape(-1, 3), shape_weights.reshape(-1, shapes.shape[1])
+def _planes(rules: kernels.RuleTable) -> Array | None:
+    """Normals (e, 3) of the elements of a block if they are all plane."""
+    order = max(TABULATED_ORDERS)
+    first = rules.starts[order, order]
+    normals = rules.normals[first : first + order**2 * len(rules.centres)].reshape(-1, order**2, 3)
+    plane = bool((np.abs(normals - normals[:, :1]) < PLANE).all())
+    return np.ascontiguousarray(normals[:, 0]) if plane else None

@@ -11,10 +11,12 @@ from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MaterialError, MeshError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
+from meeframe.fundamental.tabulated import TabulatedKernel
 from meeframe.geometry import block_mesh, box_mesh
 from meeframe.materials import library_material, rotation_about
 from meeframe.testing import check_formulation
@@ -61,6 +63,16 @@ def test_linear_fields_by_the_production_kernel():
     )
     assert values < 1e-5
     assert fluxes < 1e-4
+
+
+def test_plane_elements_are_integrated_like_others(monkeypatch):
+    """Sums over plane elements leave the reduced system as it is by pairs U and T at every point."""
+    body = small_block()
+    planes = DenseBEM().reduce(body).dense()
+    monkeypatch.setattr(TabulatedKernel, "integrate", Kernel.integrate)
+    pairs = DenseBEM().reduce(body).dense()
+    scale = np.abs(pairs).max(axis=(0, 2))
+    assert (np.abs(planes - pairs).max(axis=(0, 2)) < 1e-10 * scale).all()
 
 
 BASE = tuple(BoundaryCondition("base", field, "value") for field in range(5))

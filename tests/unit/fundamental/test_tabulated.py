@@ -1,6 +1,7 @@
 """The table against the line integral, in all directions."""
 
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -34,6 +35,21 @@ def test_boundaries_of_cells_and_faces(stiffness, random):
     corners = np.vstack(faces)
     nudges = 10.0 ** random.uniform(-16.0, -6.0, corners.shape) * random.choice([-1.0, 1.0], corners.shape)
     assert_equals_line_integral(stiffness, np.vstack([corners, -corners, corners + nudges, np.eye(3)]), random)
+
+
+def test_sums_over_plane_pieces(stiffness, random):
+    """Pieces of 0 to 40 points, each with a normal of its own, against sums of the line integral."""
+    sizes = np.append(random.integers(1, 40, 60), [1, 0, 5])
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    offset, normal = random.normal(size=(starts[-1], 3)), unit_vectors(random, len(sizes))
+    weights = random.uniform(0.1, 1.0, (starts[-1], 4))
+    exact = LineIntegral().bind(stiffness).evaluate(offset, np.repeat(normal, sizes, axis=0))
+    found = Tabulated().bind(stiffness).integrate(offset, weights, starts, normal)
+    for sums, kernel, tolerance in zip(found, exact, (DISPLACEMENT, TRACTION), strict=True):
+        terms = weights[:, :, None] * kernel.reshape(-1, 1, 25)
+        whole = [terms[a:b].sum(axis=0) for a, b in pairwise(starts)]
+        most = [np.abs(terms[a:b]).max(axis=2).sum(axis=0) for a, b in pairwise(starts)]
+        assert (np.abs(sums - whole).max(axis=2) <= tolerance * np.array(most)).all()
 
 
 def test_the_check_at_bind_time_sees_the_largest_error(orthotropic, random):
