@@ -81,9 +81,13 @@ def sphere(friction: float, poisson: float, cells: int, increments: int) -> list
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The punch for several mu/beta, the sphere along its path; the grid resolves radii to half a cell."""
+    """The punch for several mu/beta, the sphere along its path; radii by areas of cells are good to a quarter of one.
+
+    On the sphere's path the share falls short in first order of the steps (16 cells: its mean by 0.027, 0.012, 0.005 in
+    16, 32, 64 of them), as slip is counted from one to the next: the mean is extrapolated in their number.
+    """
     cells = 16 if quick else 24
-    tolerance = 1.0 / cells
+    tolerance = 0.5 / cells
     cases = ((0.2, 0.0), (0.2, 0.3)) if quick else ((0.2, 0.0), (0.3, 0.0), (0.15, 0.3), (0.2, 0.3), (0.1, 0.4))
     shares = []
     for friction, poisson in cases:
@@ -92,16 +96,23 @@ def run(quick: bool) -> Iterator[Item]:
         yield Check(name, state.stick_share, exact, tolerance, absolute=True)
         shares.append((friction * 2.0 * (1.0 - poisson) / (1.0 - 2.0 * poisson), state.stick_share))
     friction, poisson = 0.2, 0.3
-    found, exact = sphere(friction, poisson, cells, cells), stick_share(friction, poisson)
+    coarse, found = (sphere(friction, poisson, cells, steps) for steps in (cells, 2 * cells))
+    exact = stick_share(friction, poisson)
     radii = np.array([a for a, _ in found])
     computed = np.array([state.stick_share for _, state in found])
     name = f"sphere, mu = {friction:g}, nu = {poisson:g}"
-    mean = float(computed[radii > 0.5].mean())
-    yield Check(f"{name}: c/a, mean over the second half of the path", mean, exact, tolerance / 2.0, absolute=True)
+    mean = 2.0 * _mean_share(found) - _mean_share(coarse)
+    words = f"{name}: c/a, mean over the second half of the path, from {cells} and {2 * cells} steps"
+    yield Check(words, mean, exact, tolerance / 2.0, absolute=True)
     yield Check(
         f"{name}: c/a at the end, {cells} x {cells} cells", float(computed[-1]), exact, tolerance, absolute=True
     )
     yield from _plots(shares, radii, computed, exact, found[-1][1], name)
+
+
+def _mean_share(path: list[tuple[float, State]]) -> float:
+    """Over the second half of a sphere's path."""
+    return float(np.mean([state.stick_share for radius, state in path if radius > 0.5]))
 
 
 def _plots(
