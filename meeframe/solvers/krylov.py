@@ -37,13 +37,14 @@ def gmres(
     residual = right - multiply(solution) if solution.any() else right
     size = float(np.linalg.norm(residual))
     goal = max(tolerance * float(np.linalg.norm(right)), rest * size)
-    while size > goal and most > 0:
+    while size > goal:
         change, left, products = _cycle(multiply, precondition, residual, goal, min(RESTART, most))
         solution = solution + change
-        if not goal < left < LEAST_FALL * size:
+        most -= products + 1
+        if most <= 0 or not goal < left < LEAST_FALL * size:
             break
         residual = right - multiply(solution)
-        size, most = float(np.linalg.norm(residual)), most - products - 1
+        size = float(np.linalg.norm(residual))
     return solution
 
 

@@ -1,0 +1,171 @@
+"""The approximate inverse, and what it changes: how fast friction and conduction are solved, not what is found."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import final
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, ContactSolution, Status
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
+from meeframe.materials import library_material
+from meeframe.solvers import BarzilaiBorwein, Limits, SemismoothNewton, residual, solve
+from meeframe.solvers.conduction import own_response
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+
+MEDIUM = library_material("orthotropic-mee")
+RADIUS, FORCE, MU, WIDTH = 0.1, 450.0, 0.3, 7e-3
+INSULATING, CONDUCTING, RESISTING = (0.0, 0.0), (np.inf, np.inf), (3.0, 0.2)
+"""Conductivities in units of the inverse own response of a node."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Counted(ReducedSystem):
+    """A reduced system that counts its products; without its approximate inverse if it is not helped."""
+
+    inner: ReducedSystem
+    helped: bool
+    products: list[None] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, inner: ReducedSystem, helped: bool) -> "Counted":
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, helped)
+
+    def apply(self, load: Array) -> Array:
+        self.products.append(None)
+        return self.inner.apply(load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        self.products.append(None)
+        return self.inner.response(load, fields)
+
+    def diagonal_blocks(self) -> Array:
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return self.inner.dense()
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.inner.recover(load)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        return self.inner.approximate_inverse(fields) if self.helped else None
+
+    def coarser(self) -> Coarsening | None:
+        return self.inner.coarser() if self.helped else None
+
+
+def reduced(n: int, matrix_up_to: int = 0, periodic: bool = False) -> ReducedSystem:
+    mesh = half_space_mesh(10.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
+    return HalfSpace(matrix_up_to=matrix_up_to, periodic=periodic).reduce(Body(MEDIUM.stiffness, mesh, (), "contact"))
+
+
+def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem:
+    """A sphere pressed on and dragged by half of what friction bears, both as forces."""
+    x, y, _ = system.points.T
+    freedoms = tuple(
+        freedom(system, mode, total) for mode, total in ((PRESS, FORCE), (SLIDE, 0.5 * MU * FORCE), (ASIDE, 0.0))
+    )
+    none = np.zeros((len(x), 2))
+    problem = ContactProblem(
+        system,
+        law or IsotropicCoulomb(MU),
+        Insulating(),
+        Insulating(),
+        (x**2 + y**2) / (2.0 * RADIUS),
+        none,
+        none,
+        freedoms,
+    )
+    own = own_response(problem)[len(x) // 2]
+    laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
+    return replace(problem, electric_law=laws[0], magnetic_law=laws[1])
+
+
+def solved(problem: ContactProblem, solver=None, tolerance=1e-10) -> ContactSolution:
+    solution = solve(problem, solver or SemismoothNewton(), Limits(tolerance=tolerance))
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_inverse_of_a_load(periodic) -> None:
+    """Exact but for single precision on a periodic surface; on a free one near where the load is, not at the border."""
+    system = reduced(32, periodic=periodic)
+    x, y, _ = system.points.T
+    fields = [0, 1, 2, 3, 4]
+    load = np.random.default_rng(3).normal(size=system.offset.shape)
+    inside = np.hypot(x, y) < 0.3 * WIDTH
+    load *= inside[:, None] / np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5
+    found = system.approximate_inverse(fields)(system.apply(load))
+    error = np.abs(found - load) / np.abs(load).max(axis=0)
+    assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
+
+
+def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
+    """Not a block of the inverse: the inverse of a block."""
+    system = reduced(32, periodic=True)
+    load = np.zeros_like(system.offset)
+    load[:, [0, 2]] = np.random.default_rng(4).normal(size=(len(load), 2))
+    moved = system.apply(load)[:, [0, 2]]
+    np.testing.assert_allclose(system.approximate_inverse([0, 2])(moved), load[:, [0, 2]], atol=1e-4)
+
+
+@pytest.mark.parametrize("kappa", [INSULATING, CONDUCTING, RESISTING])
+@pytest.mark.parametrize(
+    "law", [IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.3)], ids=["isotropic", "orthotropic"]
+)
+def test_answers_are_those_of_factorisation(law, kappa) -> None:
+    """By the matrix, which knows no preconditioner and no coarser grid."""
+    expected = solved(dragged(reduced(24, matrix_up_to=600), law, kappa), tolerance=1e-12).state
+    problem = dragged(reduced(24), law, kappa)
+    found = solved(problem, tolerance=1e-12).state
+    scale = np.abs(expected.load).max(axis=0)
+    scale[scale == 0.0] = 1.0
+    assert (np.abs(found.load - expected.load) / scale).max() < 1e-9
+    np.testing.assert_allclose(found.motion, expected.motion, atol=1e-9 * np.abs(expected.motion).max())
+    assert residual(problem, found) < 2e-12
+
+
+def test_gradient_iterations_conduct_as_without_it() -> None:
+    """The potentials eliminated with the approximate inverse and without."""
+    found, products = [], []
+    for helped in (True, False):
+        system = Counted.of(reduced(24), helped)
+        found.append(solved(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
+        products.append(len(system.products))
+    assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
+    assert products[0] < 0.6 * products[1]
+
+
+def test_products_hardly_grow_with_the_grid() -> None:
+    """Of the whole solution, to residual 1e-10. Without help they do grow, so that this can fail."""
+    counts = {}
+    for n, helped in ((32, True), (128, True), (32, False), (64, False)):
+        system = Counted.of(reduced(n), helped)
+        assert solved(dragged(system)).residual <= 1e-10
+        counts[n, helped] = len(system.products)
+    assert counts[128, True] < 1.5 * counts[32, True]
+    assert counts[64, False] > counts[32, False] > counts[32, True]
+
+
+def test_a_newton_step_takes_half_the_products() -> None:
+    """Stick, slip and flux together, to eight digits, with the approximate inverse and without."""
+    counts = []
+    for helped in (True, False):
+        system = Counted.of(reduced(48), helped)
+        problem = dragged(system, kappa=CONDUCTING)
+        point = SemismoothNewton().init(problem, None).memory.point
+        system.products.clear()
+        newton_step(point.equation, point.linearise(), 1e-8)
+        counts.append(len(system.products))
+    assert counts[0] < 0.5 * counts[1]

@@ -1,0 +1,77 @@
+"""Krylov iteration against direct solution."""
+
+import numpy as np
+import pytest
+
+from meeframe.solvers.krylov import RESTART, gmres
+
+
+def system(size: int = 120) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(5)
+    matrix = np.diag(np.linspace(1.0, 50.0, size)) + random.normal(size=(size, size)) / np.sqrt(size)
+    return matrix, random.normal(size=size)
+
+
+def counted(matrix: np.ndarray):
+    products: list[None] = []
+
+    def multiply(x: np.ndarray) -> np.ndarray:
+        products.append(None)
+        return matrix @ x
+
+    return multiply, products
+
+
+def unchanged(x: np.ndarray) -> np.ndarray:
+    return x
+
+
+def test_restarted_iteration_solves() -> None:
+    matrix, right = system()
+    multiply, products = counted(matrix)
+    found = gmres(multiply, unchanged, right, 1e-12)
+    assert len(products) > RESTART
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), atol=1e-11 * np.abs(found).max())
+
+
+def test_single_precision_of_the_preconditioner_does_not_show() -> None:
+    matrix, right = system()
+    inverse = np.linalg.inv(np.diag(np.diag(matrix))).astype(np.float32)
+    multiply, products = counted(matrix)
+    found = gmres(multiply, lambda x: (inverse @ x.astype(np.float32)).astype(float), right, 1e-13)
+    assert np.linalg.norm(right - matrix @ found) <= 1.1e-13 * np.linalg.norm(right)
+    assert len(products) < RESTART
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-6])
+def test_tolerance_is_that_of_the_residual(tolerance) -> None:
+    matrix, right = system()
+    found = gmres(lambda x: matrix @ x, unchanged, right, tolerance)
+    left = np.linalg.norm(right - matrix @ found) / np.linalg.norm(right)
+    assert 1e-2 * tolerance < left <= tolerance * (1.0 + 1e-9)
+
+
+def test_start_is_improved_by_the_part_that_is_asked_for() -> None:
+    matrix, right = system()
+    solution = np.linalg.solve(matrix, right)
+    start = solution + 1e-5 * np.random.default_rng(6).normal(size=len(solution))
+    before = np.linalg.norm(right - matrix @ start)
+    after = np.linalg.norm(right - matrix @ gmres(lambda x: matrix @ x, unchanged, right, 1e-13, start, 1e-2))
+    assert 1e-4 * before < after <= 1e-2 * before * (1.0 + 1e-9)
+    assert gmres(lambda x: matrix @ x, unchanged, right, 1e-2, start) is not start
+
+
+def test_no_more_products_than_allowed_and_none_for_nothing() -> None:
+    matrix, right = system()
+    multiply, products = counted(matrix)
+    gmres(multiply, unchanged, right, 1e-12, most=7)
+    assert len(products) == 7
+    assert not gmres(multiply, unchanged, np.zeros_like(right), 1e-12).any()
+    assert len(products) == 7
+
+
+def test_exact_after_as_many_products_as_eigenvalues() -> None:
+    """The iteration ends by itself."""
+    multiply, products = counted(np.diag([1.0, 2.0, 2.0, 5.0]))
+    np.testing.assert_allclose(gmres(multiply, unchanged, np.ones(4), 1e-15), [1.0, 0.5, 0.5, 0.2], rtol=1e-14)
+    assert len(products) <= 4

@@ -1,0 +1,313 @@
+"""Friction and five fields on grids of a half space, one thread, against Tamaas where that has a solver."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from time import perf_counter, process_time
+from typing import Any, final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+from common import Record, command_line, loglog, median_time, prose, slope, table, threads, verdict
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Solver
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.law import ConductivityLaw
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import Material, library_material
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
+from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+
+TITLE = "Half space by fast Fourier transforms, with friction"
+MU, SHARE, RADIUS = 0.3, 0.5, 1.0
+EXACT = PartialSlip(HertzContact(1.0, 0.499, RADIUS, 0.01), MU)
+"""Lengths in metres, E = 1 Pa: the other code does not bear numbers far from one. Nearly incompressible, so that normal
+and tangential directions hardly know of each other and the closed form holds."""
+PERIOD = 4.0 * EXACT.hertz.contact_radius
+TOLERANCE = 1e-10
+SIZES, QUICK = (64, 128, 256, 512), (32, 64)
+CAPS = {"Condat": (128, 10_000), "PolonskyKeerTan": (128, 10_000), "Kato": (64, 2_000)}
+"""Largest grid and number of iterations of the other code's solvers: more would take minutes."""
+TIMES_FIVE_FIELDS, MOST_RESIDUAL, NEARLY_CONSTANT = 8.0, 1e-8, 1.5
+MEE_FORCE, MEE_WIDTH = 450.0, 7e-3
+"""Of the magneto-electro-elastic sphere of 0.1 m [N], [m]."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Counted(ReducedSystem):
+    """A reduced system that counts its products."""
+
+    inner: ReducedSystem
+    products: list[None] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, inner: ReducedSystem) -> "Counted":
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
+
+    def apply(self, load: Array) -> Array:
+        self.products.append(None)
+        return self.inner.apply(load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        self.products.append(None)
+        return self.inner.response(load, fields)
+
+    def diagonal_blocks(self) -> Array:
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return self.inner.dense()
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.inner.recover(load)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Any:
+        return self.inner.approximate_inverse(fields)
+
+    def coarser(self) -> Coarsening | None:
+        return self.inner.coarser()
+
+
+def reduced(n: int, stiffness: Array, period: float, periodic: bool) -> ReducedSystem:
+    """Half space with n x n nodes."""
+    mesh = half_space_mesh(10.0 * period, period * (n - 1) / n, n - 1, 1, Quad4())
+    density = "trigonometric" if periodic else "bilinear"
+    return HalfSpace(density, periodic=periodic, matrix_up_to=0).reduce(Body(stiffness, mesh, (), "contact"))
+
+
+def dragged(
+    system: ReducedSystem, radius: float, force: float, law: Any, conducting: bool = False, drag: float = SHARE * MU
+) -> ContactProblem:
+    """A sphere under prescribed forces; drag: the tangential over the normal one, none without friction."""
+    x, y, _ = system.points.T
+    freedoms = [freedom(system, PRESS, force)]
+    if law.tangential_scaling().any():
+        freedoms += [freedom(system, SLIDE, drag * force), freedom(system, ASIDE, 0.0)]
+    none = np.zeros((len(x), 2))
+    flux: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
+    return ContactProblem(system, law, flux, flux, (x**2 + y**2) / (2.0 * radius), none, none, tuple(freedoms))
+
+
+def mindlin(system: ReducedSystem) -> ContactProblem:
+    """Cattaneo and Mindlin's sphere, both forces at once."""
+    return dragged(system, RADIUS, EXACT.hertz.force, IsotropicCoulomb(MU))
+
+
+def timed(problem: ContactProblem, solver: Solver) -> tuple[ContactSolution, Record]:
+    """Solution with its times [s], steps and products on the finest grid."""
+    counted = Counted.of(problem.system)
+    problem = ContactProblem(
+        counted,
+        problem.contact_law,
+        problem.electric_law,
+        problem.magnetic_law,
+        problem.gap,
+        problem.translation,
+        problem.potentials,
+        problem.freedoms,
+    )
+    start, processor = perf_counter(), process_time()
+    solution = solve(problem, solver, Limits(tolerance=TOLERANCE))
+    record = {"seconds": perf_counter() - start, "processor": process_time() - processor}
+    record |= {"iterations": solution.iterations, "products": len(counted.products)}
+    return solution, record | {"residual": solution.residual, "status": str(solution.status)}
+
+
+def judged(problem: ContactProblem, load: Array) -> Record:
+    """What all codes are measured by: forces, tractions against the closed form, and our residual of theirs."""
+    system, (x, y, _) = problem.system, problem.system.points.T
+    force, drag = EXACT.hertz.force, SHARE * MU * EXACT.hertz.force
+    exact = EXACT.traction(np.hypot(x, y), drag)
+    total = system.weights @ load[:, :3]
+    off = max(abs(-total[2] / force - 1.0), abs(total[0] / drag - 1.0), abs(total[1]) / drag)
+    return {"force": float(off), "traction": float(np.linalg.norm(load[:, 0] - exact) / np.linalg.norm(exact))}
+
+
+def ours(n: int, periodic: bool, repeats: int) -> tuple[Record, ContactProblem, Array]:
+    """Medians of the times."""
+    stiffness = Material.isotropic(1.0, EXACT.hertz.poisson).stiffness
+    start = process_time()
+    problem = mindlin(reduced(n, stiffness, PERIOD, periodic))
+    built = process_time() - start
+    runs = []
+    for _ in range(repeats):
+        solution, record = timed(problem, SemismoothNewton())
+        runs.append(record)
+    record |= {name: median(run[name] for run in runs) for name in ("seconds", "processor")}
+    return record | judged(problem, solution.state.load) | {"built": built}, problem, solution.state.load
+
+
+def theirs(kind: str, n: int, cap: int, problem: ContactProblem, expected: Array) -> Record:
+    """A solver of Tamaas on the periodic problem; expected: our tractions on it."""
+    import tamaas
+
+    tamaas.set_log_level(tamaas.LogLevel.error)
+    model = tamaas.ModelFactory.createModel(tamaas.model_type.surface_2d, [PERIOD, PERIOD], [n, n])
+    model.E, model.nu = 1.0, EXACT.hertz.poisson
+    order = np.lexsort((problem.system.points[:, 1], problem.system.points[:, 0]))
+    top = np.ascontiguousarray(-problem.gap[order].reshape(n, n))
+    solver = getattr(tamaas, kind)(model, top, TOLERANCE, MU)
+    solver.max_iter, solver.dump_freq = cap, 10**9
+    pressure = EXACT.hertz.force / PERIOD**2
+    start, processor = perf_counter(), process_time()
+    solver.solve([SHARE * MU * pressure, 0.0, pressure])
+    record = {"seconds": perf_counter() - start, "processor": process_time() - processor, "cap": cap}
+    load = np.zeros((n * n, 5))
+    load[order, :3] = np.array(model.traction).reshape(-1, 3) * [1.0, 1.0, -1.0]
+    violated = residual(problem, fitted(problem, load))
+    difference = np.linalg.norm(load[:, 0] - expected[:, 0]) / np.linalg.norm(expected[:, 0])
+    return record | judged(problem, load) | {"residual": violated, "difference": float(difference)}
+
+
+def fitted(problem: ContactProblem, load: Array) -> ContactState:
+    """The state of a load, with the motions at which it is touched and sticks on the average."""
+    displacement = problem.system.apply(load)
+    pressed = load[:, 2] < 0.0
+    sticks = pressed & (np.hypot(load[:, 0], load[:, 1]) < 0.9 * MU * -load[:, 2])
+    sticks = sticks if sticks.any() else pressed
+    sinking = float((problem.gap - displacement[:, 2])[pressed].mean())
+    motion = np.array([sinking, *displacement[sticks, :2].mean(axis=0)])
+    return ContactState(load, displacement, pressed.astype(float), motion)
+
+
+def five_fields(n: int, repeats: int) -> Record:
+    """One field without friction, five with all couplings: products and whole solutions, processor seconds."""
+    system = reduced(n, library_material("orthotropic-mee").stiffness, MEE_WIDTH, False)
+    rubs, rests = IsotropicCoulomb(MU), Signorini()
+    jobs: dict[str, tuple[ContactProblem, Solver]] = {
+        "one field: pressure": (dragged(system, 0.1, MEE_FORCE, rests), ProjectedCG()),
+        "pressure by Newton": (dragged(system, 0.1, MEE_FORCE, rests), SemismoothNewton()),
+        "three fields: friction": (dragged(system, 0.1, MEE_FORCE, rubs), SemismoothNewton()),
+        "three fields: fluxes": (dragged(system, 0.1, MEE_FORCE, rests, True), SemismoothNewton()),
+        "five fields": (dragged(system, 0.1, MEE_FORCE, rubs, True), SemismoothNewton()),
+    }
+    runs: dict[str, list[Record]] = {}
+    for _ in range(repeats):
+        for name, (problem, solver) in jobs.items():
+            runs.setdefault(name, []).append(timed(problem, solver)[1])
+    record = {
+        name: found[-1] | {"processor": median(run["processor"] for run in found)} for name, found in runs.items()
+    }
+    load = np.random.default_rng(1).normal(size=(n * n, 5))
+    normal = load * [0.0, 0.0, 1.0, 0.0, 0.0]
+    one = median_time(lambda: system.response(normal, [2]), 9)["processor"]
+    return {"runs": record, "product_one": one, "product_five": median_time(lambda: system.apply(load), 9)["processor"]}
+
+
+def measure(quick: bool) -> Record:
+    """Grids of 32 and 64 alone if `quick`."""
+    sizes, repeats = (QUICK, 1) if quick else (SIZES, 3)
+    record: Record = {"free": {}, "periodic": {}, "five": {}}
+    with threads(1):
+        ours(sizes[0], False, 1)
+        for n in sizes:
+            record["free"][str(n)] = ours(n, False, repeats)[0]
+            record["five"][str(n)] = five_fields(n, repeats)
+            if n > max(largest for largest, _ in CAPS.values()):
+                continue
+            one, problem, expected = ours(n, True, repeats)
+            row = record["periodic"][str(n)] = {"meeframe": one | {"difference": 0.0}}
+            for kind, (largest, cap) in CAPS.items():
+                if n <= largest:
+                    row[f"Tamaas, {kind}"] = theirs(kind, n, 1000 if quick else cap, problem, expected)
+    return record
+
+
+def section(record: Record, pictures: Path) -> str:
+    """Tables, verdicts, a picture."""
+    free, five = record["free"], record["five"]
+    sizes = [int(n) for n in free]
+    seconds, products = ([row[name] for row in free.values()] for name in ("processor", "products"))
+    curves = {"meeframe, free": (sizes, seconds)}
+    for code in next(iter(record["periodic"].values())):
+        rows = {int(n): row[code]["processor"] for n, row in record["periodic"].items() if code in row}
+        curves[f"{code}, periodic"] = (list(rows), list(rows.values()))
+    loglog(pictures / "half_space_friction.png", "nodes along a side", "processor time [s]", curves)
+    tight = max(row["residual"] for row in free.values())
+    growth = max(products) / products[0]
+    ratios = {n: _ratio(row) for n, row in five.items()}
+    return "\n\n".join(
+        [
+            prose(
+                "Cattaneo and Mindlin's sphere, T = 0.5 mu P, both forces prescribed at once, nearly incompressible;"
+                " one thread, processor time. `newton` from the solutions on coarser grids; steps and products with the"
+                " compliance on the finest grid. The traction's error is the root mean square one against the closed"
+                " form, which is that of the grid where the iteration has converged."
+            ),
+            table(
+                ["grid", "operator [s]", "solution [s]", "steps", "products", "residual", "forces off", "traction"],
+                [_free_row(n, row) for n, row in free.items()],
+            ),
+            f"- Residual at most {MOST_RESIDUAL:g} on every grid: {tight:.0e}, {verdict(tight <= MOST_RESIDUAL)}.\n"
+            f"- Products nearly constant: at most {growth:.2f} times those of the coarsest grid (slope"
+            f" {slope(sizes, products):.2f}), {verdict(growth <= NEARLY_CONSTANT)}.",
+            prose(
+                "The same on a periodic surface, of 4 contact radii, which is what Tamaas's frictional solvers do."
+                " Residuals of all codes are ours of their tractions, with the motion of the indenter that fits them"
+                " best. The closed form is for a free surface; the difference is the one to the converged solution on"
+                " the same grid. Condat's problem is another one: it couples slip with lifting."
+            ),
+            table(
+                ["grid", "code", "solution [s]", "residual", "forces off", "traction", "difference"],
+                [_code_row(n, code, one) for n, row in record["periodic"].items() for code, one in row.items()],
+            ),
+            "![Time over size](images/half_space_friction.png)",
+            prose(
+                "Five fields against one: the orthotropic magneto-electro-elastic medium, a sphere of 0.1 m pressed on"
+                f" with {MEE_FORCE:g} N and dragged with {SHARE * MU:g} of it, conducting. One field is pressure"
+                " without friction and conduction, by conjugate gradients."
+            ),
+            table(
+                ["grid", "problem", "solution [s]", "steps", "products", "residual"],
+                [_field_row(n, name, one) for n, row in five.items() for name, one in row["runs"].items()],
+            ),
+            "\n".join(
+                f"- {n} x {n}: a product of five fields costs {row['product_five'] / row['product_one']:.1f} times that"
+                f" of one; the whole problem {ratios[n]:.1f} times, at most {TIMES_FIVE_FIELDS:g}:"
+                f" {verdict(ratios[n] <= TIMES_FIVE_FIELDS)}."
+                for n, row in five.items()
+            ),
+        ]
+    )
+
+
+def _ratio(row: Record) -> float:
+    return float(row["runs"]["five fields"]["processor"] / row["runs"]["one field: pressure"]["processor"])
+
+
+def _free_row(n: str, row: Record) -> list[str]:
+    return [
+        f"{n} x {n}",
+        f"{row['built']:.2f}",
+        f"{row['processor']:.2f}",
+        str(row["iterations"]),
+        str(row["products"]),
+        f"{row['residual']:.0e}",
+        f"{row['force']:.0e}",
+        f"{100 * row['traction']:.2f} %",
+    ]
+
+
+def _code_row(n: str, code: str, one: Record) -> list[str]:
+    capped = f"{one['processor']:.2f}" + (f" (at most {one['cap']} iterations)" if "cap" in one else "")
+    errors = [f"{100 * one[name]:.2f} %" for name in ("traction", "difference")]
+    return [f"{n} x {n}", code, capped, f"{one['residual']:.0e}", f"{one['force']:.0e}", *errors]
+
+
+def _field_row(n: str, name: str, one: Record) -> list[str]:
+    counts = [str(one["iterations"]), str(one["products"])]
+    return [f"{n} x {n}", name, f"{one['processor']:.2f}", *counts, f"{one['residual']:.0e}"]
+
+
+if __name__ == "__main__":
+    command_line(__doc__, measure, section)
