@@ -46,6 +46,7 @@ class TabulatedKernel(Kernel):
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
         """Weighted sums of U and T over the points of plane pieces; see Kernel."""
+        offset, weights, normals = (np.ascontiguousarray(part, dtype=float) for part in (offset, weights, normals))
         u, t = np.empty((2, len(normals), weights.shape[1], 25))
         integrate(self.table, self.cells, self.coefficients[0], offset, weights, starts, normals, u, t)
         return u, t
