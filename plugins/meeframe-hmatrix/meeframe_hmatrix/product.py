@@ -36,8 +36,9 @@ class Product:
     @property
     def stored(self) -> int:
         """Numbers that it keeps."""
-        stacks = [self.rights, self.lefts, self.dense]
-        return sum(item[1].size for stack in stacks for item in stack)  # type: ignore[attr-defined]
+        factors = [factor for _, factor in self.rights]
+        factors += [array for _, array, _ in (*self.lefts, *self.dense)]
+        return sum(factor.size for factor in factors)
 
 
 def stacked(block: Block) -> Product:

@@ -103,11 +103,11 @@ class BoundarySystem:
 
 
 def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Factors, Block]:
-    """Truncated factors, and the compliance of the contact zone: values (5 n) on loads (5 n) in the order of the tree."""
+    """Truncated factors, and the compliance of the contact zone as in BoundarySystem."""
     with ThreadPoolExecutor(max(1, get_num_threads())) as pool:
         progress("elimination", 0.0)
         factors = eliminate(system.matrix, tolerance, pool)
-        assert isinstance(factors, EliminatedSplit) and isinstance(system.load_matrix, Split)
+        assert isinstance(factors, EliminatedSplit)
         progress("compliance", 0.0)
         reduced = solve_lower(factors, system.load_matrix, tolerance)
         assert isinstance(reduced, Split)
@@ -138,7 +138,23 @@ class HierarchicalSystem(ReducedSystem):
         loads = np.einsum("nja,na->nj", self.to_load, load).ravel()
         values = np.empty(load.size)
         values[self.order] = self.product(loads[self.order])
-        return np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+        return displacement
+
+    def solved(self, load: Array) -> tuple[Array, int]:
+        """offset + compliance(load) by GMRES on the whole system, (n, 5), and its iterations.
+
+        Free of the truncations of elimination, of which only the preconditioner is made; those of the assembly remain.
+        Raises CaseError if it does not converge.
+        """
+        boundary = self.boundary
+        loads = np.einsum("nja,na->nj", self.to_load, load).ravel()[self.order]
+        rhs = boundary.system.rhs + multiply(boundary.system.load_matrix, loads[:, None])[:, 0]
+        solution, iterations = boundary.solve(rhs)
+        values = np.empty(load.size)
+        values[self.order] = solution[boundary.tree.zone.unknowns]
+        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+        return displacement, iterations
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
@@ -167,7 +183,7 @@ def diagonal_of(compliance: Block, order: Indices) -> Array:
 
 
 def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
-    """(n, 5, 5) from loads in local frames to units of the system and global axes, from values there to displacements."""
+    """From loads in local frames to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
     turn = np.zeros((len(frames), N_FIELDS, N_FIELDS))
     turn[:, MECHANICAL, MECHANICAL] = frames
     turn[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0

@@ -17,7 +17,7 @@ from meeframe.materials import library_material, rotation_about
 def block(divisions: int, element: SurfaceElement) -> Body:
     """Base bonded and moved, potentials prescribed on base and two sides, tractions and fluxes on others."""
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
-    mesh = block_mesh(0.01, 0.02, 0.005, divisions, 3, 3, element)
+    mesh = block_mesh(0.01, 0.02, 0.005, divisions, 2, 2, element)
     moved = tuple(BoundaryCondition("base", field, "value", 1e-6 * (1 + field)) for field in range(3))
     grounded = tuple(
         BoundaryCondition(group, field, "value", 10.0 ** (9 - 5 * (field - 3)) * 1e-7)
