@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, final
+from typing import Annotated, final, get_args
 
 import numpy as np
 from pydantic import Field
@@ -31,7 +31,8 @@ class FiniteElements(Formulation):
     hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10.
 
     growth: largest ratio of the widths of successive elements, outside the zone and downwards; outside: elements from
-    the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead;
+    the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead, not
+    with shells; grid: 'tensor', lines of the zone through the whole box, or 'shells' around a cube under the zone;
     volume: file of a volume mesh, any that meshio reads, whose boundary is the surface mesh; unit: metres in the file's
     unit; linear_solver: pardiso (with pypardiso) or splu; auto takes pardiso where it is installed; edge_angle: fluxes
     are discontinuous where normals of neighbouring faces differ by more than this [rad].
@@ -51,8 +52,15 @@ class FiniteElements(Formulation):
         check_quantities(self)
         for name in ("outside", "layers"):
             value = getattr(self, name)
-            if value is not None and (value != int(value) or value < 1):
+            whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+            if value is not None and not (whole and value >= 1):
                 raise CaseError(f"FiniteElements: {name} = {value!r}: must be a whole number of at least 1")
+        if self.grid not in get_args(Grid):
+            raise CaseError(f"FiniteElements: grid = {self.grid!r}; allowed: {', '.join(get_args(Grid))}")
+        if self.grid == "shells" and self.layers is not None:
+            raise CaseError(
+                f'FiniteElements: layers = {self.layers}: shells have none; allowed: outside, or grid = "tensor"'
+            )
 
     def check(self, body: Body) -> None:
         """Make the mesh and number the unknowns, without computing anything.
@@ -64,12 +72,18 @@ class FiniteElements(Formulation):
         self._prepare(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Assemble, factorise once, condense to the contact zone. Raises as check, and CaseError if it is singular."""
+        """Assemble, factorise once, condense to the contact zone.
+
+        Raises as check, and CaseError if the system is singular, or if nodes of the zone move towards the pressure that
+        is put on them, as corners of quad8 do under strong coupling, for then no contact law means anything there.
+        """
         solution = self.solve(body, progress)
         zone = solution.matched.zone
         offset, compliance = solution.zone_relation()
         parts = zone.points, zone.frames, zone.weights, zone.cells
-        return in_local_frames(*parts, offset, compliance, solution.fields)
+        system = in_local_frames(*parts, offset, compliance, solution.fields)
+        _check_response(system, solution.matched.body.mesh.blocks[0].element.name)
+        return system
 
     def solve(self, body: Body, progress: Progress = silent) -> FiniteElementSolution:
         """The factorised system, which also gives the values in the volume. Raises as reduce."""
@@ -87,3 +101,14 @@ class FiniteElements(Formulation):
         if self.volume is not None:
             return read_volume(self.volume, self.unit)
         return box_volume(body, self.growth, self.outside, self.layers, self.grid)
+
+
+def _check_response(system: ReducedSystem, element: str) -> None:
+    """Raises CaseError unless every node moves with the pressure on it."""
+    own = system.diagonal_blocks()[:, 2, 2]
+    if own.min() <= 0.0:
+        raise CaseError(
+            f"element = {element!r}: {np.count_nonzero(own <= 0.0)} of {len(own)} nodes of the contact zone move "
+            "towards a pressure on them: weights of its corners are negative, and this material's coupling is too "
+            "strong for that; allowed: 'quad9' or 'quad4'"
+        )

@@ -7,6 +7,7 @@ import pytest
 from meeframe_skfem import FiniteElements
 
 import meeframe
+from meeframe.core.errors import CaseError
 
 CASE = """
 title = "Sphere on a block that conducts, by two formulations"
@@ -21,7 +22,7 @@ contact_width = "5 mm"
 divisions = {divisions}
 rings = {divisions}
 layers = {divisions}
-element = "quad8"
+element = "{element}"
 
 [[boundary]]
 group = "base"
@@ -57,10 +58,10 @@ translation = ["5 um", 0]
 """
 
 
-def totals(folder, **given):
+def totals(folder, element="quad9", **given):
     """Tangential and normal force [N], charge [C] and magnetic flux [Wb]."""
     path = folder / "case.toml"
-    path.write_text(CASE.format(**given), encoding="utf-8")
+    path.write_text(CASE.format(element=element, **given), encoding="utf-8")
     step = meeframe.solve_case(meeframe.load_case(path))
     (last,) = step.steps
     assert last.status == "converged"
@@ -81,6 +82,14 @@ def differences(folder, material, divisions, growth):
     formulations = ('name = "dense-bem"', f'name = "skfem"\ngrowth = {growth}')
     bem, fem = (totals(folder, material=material, divisions=divisions, formulation=text) for text in formulations)
     return np.abs(fem / bem - 1)
+
+
+def test_eight_nodes_are_refused_where_they_would_mislead(tmp_path):
+    """The response of a corner to its own pressure, which under strong coupling alone is negative."""
+    given = {"divisions": 2, "formulation": 'name = "skfem"\ngrid = "shells"\ngrowth = 3.0', "element": "quad8"}
+    totals(tmp_path, material="batio3-cofe2o4", **given)
+    with pytest.raises(CaseError, match=r"'quad8': 9 of 21 nodes .* towards a pressure.*allowed: 'quad9' or 'quad4'"):
+        totals(tmp_path, material="orthotropic-mee", **given)
 
 
 def test_the_example_is_accepted():

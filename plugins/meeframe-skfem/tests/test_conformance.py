@@ -46,12 +46,21 @@ def test_registered_with_checked_keys(tmp_path):
     assert next(e for e in registry.entries if e.record.name == "skfem").provider.name == "meeframe-skfem"
     made = registry.create(Kind.FORMULATION, {"name": "skfem", "layers": 4, "volume": "a.vtu", "unit": "1 mm"})
     assert (made.layers, made.outside, made.volume, made.unit) == (4, None, tmp_path / "a.vtu", 1e-3)
-    for key, value in {"growth": 0.5, "outside": 0, "layers": 2.5, "unit": "1 s", "linear_solver": "lu"}.items():
+    for key, value in {
+        "growth": 0.5,
+        "outside": 0,
+        "layers": 2.5,
+        "unit": "1 s",
+        "linear_solver": "lu",
+        "grid": "rings",
+    }.items():
         with pytest.raises(CaseError, match=key):
             registry.create(Kind.FORMULATION, {"name": "skfem", key: value})
         if key != "unit":
             with pytest.raises(CaseError, match=key):
                 FiniteElements(**{key: value})
+    with pytest.raises(CaseError, match="layers = 3: shells have none"):
+        FiniteElements(grid="shells", layers=3)
 
 
 def tilted():
@@ -116,6 +125,24 @@ def test_volume_files_that_do_not_serve_are_refused(cube_file, make_cube, tmp_pa
     meshio.write(path, meshio.Mesh(wrong.points, [("hexahedron", wrong.cells[:, [4, 5, 6, 7, 0, 1, 2, 3]])]))
     with pytest.raises(MeshError, match="8 of 8 cells are folded or inside out"):
         FiniteElements(volume=path).check(cube_body(mesh))
+
+
+@pytest.mark.parametrize("number", [-1, 8, 10**9])
+def test_point_numbers_out_of_range_are_refused(make_cube, tmp_path, number):
+    cube = make_cube("hex8", 1)
+    cells = cube.cells.copy()
+    cells[0, 3] = number
+    path = tmp_path / "numbers.vtu"
+    meshio.write(path, meshio.Mesh(cube.points, [("hexahedron", cells)]))
+    with pytest.raises(MeshError, match=rf"numbers\.vtu.*a cell has the point number {number}; allowed: 0 to 7"):
+        FiniteElements(volume=path).check(block(Quad4()))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1.5, 0, "two", True])
+@pytest.mark.parametrize("name", ["outside", "layers"])
+def test_numbers_of_elements_are_whole(name, value):
+    with pytest.raises(CaseError, match=f"{name} = .*whole number of at least 1"):
+        FiniteElements(**{name: value})
 
 
 def test_parts_that_hang_apart_are_refused(make_cube, tmp_path):
