@@ -4,7 +4,7 @@ import logging
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
 from importlib import import_module
@@ -156,9 +156,9 @@ class Cluster(Pool):
                 yield submit(solved_there, case, *shared, key=f"solved-{point.key[:16]}-{run}"), point
 
     def _outcome(self, future: Any) -> Outcome:
-        if future.status in ("cancelled", "lost"):
+        if future.cancelled():
             raise self._lost()
-        error = future.exception()
+        error = future.exception()  # waits if it was lost with its worker, until another has made it again
         if isinstance(error, distributed.KilledWorker):
             return Outcome(PointStatus.FAILED, f"every worker that tried it died: {error}")
         outcome: Outcome = future.result()
@@ -175,6 +175,9 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
     settings = {
         "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
         "distributed.worker.preload": [__name__],
+        "distributed.comm.timeouts.connect": _WAIT,
+        "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes
+        "distributed.scheduler.worker-ttl": None,  # nor is one lost that does not answer for a long computation
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
@@ -192,10 +195,10 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
     if scheduler is None:
-        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": None}
-        return distributed.Client(
-            stack.enter_context(distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options))
-        )
+        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
+        place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
+        stack.callback(_close, place)
+        return distributed.Client(place)
     try:
         return distributed.Client(scheduler, timeout=_WAIT)
     except (OSError, ValueError, TypeError) as error:
@@ -203,6 +206,12 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
             f"scheduler {scheduler} does not answer ({error}); allowed: the address of a running Dask scheduler, such "
             "as tcp://host:8786"
         ) from None
+
+
+def _close(place: Any) -> None:
+    """End local processes; those that do not listen end with this one."""
+    with suppress(TimeoutError, OSError):
+        place.close(timeout=_WAIT)
 
 
 def dask_setup(_worker: Any) -> None:
