@@ -35,6 +35,10 @@ COARSE: Final = Limits(tolerance=1e-3, max_iterations=40)
 ROUGHENING: Final = 100.0
 """The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
 in it is found at once."""
+LEAPS: Final = 4
+"""So often a full step is made in place of a burst where there is no matrix: it costs less, and often does as well."""
+FARTHEST_LEAP: Final = 0.1
+"""Merit at which that may end; one is that of no load at all."""
 BURST: Final = 25
 """Gradient steps, the first time that no fraction of a Newton step does; twice as many each further time."""
 LONGEST_BURST: Final = 400
@@ -47,12 +51,13 @@ STIFFENING: Final = (1.0, 4.0, 16.0)
 @dataclass(frozen=True, eq=False)
 class _Memory:
     """point: the equation at the iterate; merits: of the last states; flips: (n,) how often each node has opened or
-    closed; burst: how many gradient steps are made the next time."""
+    closed; burst: how many gradient steps are made the next time; leaps: full steps that may still take their place."""
 
     point: Point
     merits: tuple[float, ...]
     flips: Array
     burst: int = BURST
+    leaps: int = 0
 
 
 @final
@@ -86,7 +91,7 @@ class SemismoothNewton(Solver):
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         rise = 1.0 if prolonged is None else ROUGHENING
-        return _iterate(_Memory(point, (rise * point.merit,), np.zeros(n)))
+        return _iterate(_Memory(point, (rise * point.merit,), np.zeros(n), leaps=LEAPS if _matrixless(problem) else 0))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One Newton step, a fraction of it, or a burst of gradient steps."""
@@ -101,9 +106,13 @@ class SemismoothNewton(Solver):
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
+            if memory.leaps:
+                _, moved = _moved(point, np.zeros_like(flips), direction, 1.0)
+                if moved.merit < FARTHEST_LEAP:
+                    return _iterate(_Memory(moved, (moved.merit,), flips, memory.burst, memory.leaps - 1))
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
-        return _iterate(_Memory(moved, (moved.merit,), flips, burst))
+        return _iterate(_Memory(moved, (moved.merit,), flips, burst, memory.leaps))
 
 
 def _tolerance(merits: tuple[float, ...]) -> float:
