@@ -44,7 +44,8 @@ def whole_run(case: Path, out: Path, cache: Path) -> tuple[float, Record]:
     """Seconds of `meeframe run` in a process of its own, start-up included, and its summary; cache: numba's folder."""
     command = [sys.executable, "-m", "meeframe", "run", str(case), "--out", str(out)]
     start = time.perf_counter()
-    subprocess.run(command, env=os.environ | {"NUMBA_CACHE_DIR": str(cache)}, check=True, stdout=subprocess.DEVNULL)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return time.perf_counter() - start, json.loads((out / "summary.json").read_text(encoding="utf-8"))
 
 
