@@ -22,9 +22,9 @@ REFRESH: Final = 0.1
 """The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
 RENEWAL: Final = 50
 """And after so many steps in any case; the gap is then computed anew, free of accumulated round-off."""
-COARSE, MOST_COARSE = 1e-3, 100
+COARSE, MOST_COARSE = 1e-2, 100
 """Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
-OUTDATED: Final = 0.02
+OUTDATED: Final = 0.1
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
 
 Inverse = Callable[[Array], Array]
@@ -49,8 +49,9 @@ class _Memory:
 
     response, modes: see there; inverse: of the normal compliance, roughly, (n,) from (n,), if there is one; weight:
     (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; direction, residual: (n,)
-    of the last step, product: of its preconditioned residual with the residual; free: (f,) nodes that it moved; guides:
-    see there; start: violation when the conduction was brought up to date; age: steps since.
+    of the last step, product: of its preconditioned residual with the residual; free: (f,) nodes that it moved;
+    touching: (t,) nodes with pressure or overlap, which move next; guides: see there; start: violation when the
+    conduction was brought up to date; age: steps since.
     """
 
     response: NormalResponse
@@ -63,6 +64,7 @@ class _Memory:
     residual: Array
     product: float
     free: Indices
+    touching: Indices
     guides: _Guides | None
     start: float
     age: int = 0
@@ -114,12 +116,13 @@ class ProjectedCG(Solver):
         still, nodes = np.zeros(n), np.zeros(0, np.int64)
         effect = _rested(modes, pressure, response.at(pressure, flux, motion))
         mechanics = (response, modes, _normal_inverse(problem), weight)
-        return _iterate(_Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, None, np.inf))
+        touching = _touching(pressure, effect)
+        return _iterate(_Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, touching, None, np.inf))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
         memory = _memory(iterate)
-        free = np.flatnonzero((memory.pressure > 0.0) | (memory.effect.gap < 0.0))
+        free = memory.touching
         modes = memory.modes.on(free)
         memory = _conjugate(memory, modes, free)
         direction = memory.direction[free]
@@ -237,12 +240,11 @@ def _memory(iterate: Iterate) -> _Memory:
 def _iterate(memory: _Memory) -> Iterate:
     """The iterate, with the violation of the contact law on the nodes where there is any."""
     scales, effect = memory.response.scales, memory.effect
-    free = np.flatnonzero((memory.pressure > 0.0) | (effect.gap < 0.0))
+    free = memory.touching
     wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
-    flux = effect.flux if isinstance(memory.response, Conducting) else None
     estimate = float(wrong.max(initial=0.0)) / scales.pressure
     closed = memory.response.closed(memory.pressure)
-    return Iterate(load_of(memory.pressure, flux), closed, memory, effect.motion, estimate)
+    return Iterate(load_of(memory.pressure, effect.flux), closed, memory, effect.motion, estimate)
 
 
 def _spread(values: Array, free: Indices, n: int) -> Array:
@@ -259,7 +261,12 @@ def _renewed(memory: _Memory, pressure: Array) -> _Memory:
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
     """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
-    return replace(memory, pressure=pressure, effect=_rested(memory.modes, pressure, effect))
+    effect = _rested(memory.modes, pressure, effect)
+    return replace(memory, pressure=pressure, effect=effect, touching=_touching(pressure, effect))
+
+
+def _touching(pressure: Array, effect: Effect) -> Indices:
+    return np.flatnonzero((pressure > 0.0) | (effect.gap < 0.0))
 
 
 def _rested(modes: NormalModes, pressure: Array, effect: Effect) -> Effect:
@@ -269,6 +276,5 @@ def _rested(modes: NormalModes, pressure: Array, effect: Effect) -> Effect:
 
 def _violation(memory: _Memory) -> float:
     """Norm of the gap where there is pressure or overlap [m]."""
-    gap = memory.effect.gap
-    free = np.flatnonzero((memory.pressure > 0.0) | (gap < 0.0))
-    return float(np.sqrt(memory.weight[free] @ gap[free] ** 2))
+    free = memory.touching
+    return float(np.sqrt(memory.weight[free] @ memory.effect.gap[free] ** 2))

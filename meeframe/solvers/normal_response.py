@@ -14,11 +14,12 @@ from meeframe.solvers.gradient import Conduction, Ground
 from meeframe.solvers.scales import Scales
 
 NORMAL: Final = 2
+NO_FLUX: Final = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Of a pressure: normal gap (n,) [m], flux (n, 2) and motion (m,), or their changes."""
+    """Of a pressure: normal gap (n,) [m], flux (n, 2), (0, 2) where nothing conducts, and motion (m,), or changes."""
 
     gap: Array
     flux: Array
@@ -49,11 +50,11 @@ class NormalResponse(ABC):
         """With the conduction that belongs to a pressure (n,) and its effect; itself if nothing else responds."""
 
 
-def load_of(pressure: Array, flux: Array | None = None) -> Array:
-    """Load (n, 5) of a pressure (n,) and a flux (n, 2); fields are stored one after another."""
+def load_of(pressure: Array, flux: Array = NO_FLUX) -> Array:
+    """Load (n, 5) of a pressure (n,) and a flux (n, 2) or (0, 2); fields are stored one after another."""
     load = np.zeros((N_FIELDS, len(pressure))).T
     np.negative(pressure, out=load[:, NORMAL])
-    if flux is not None:
+    if flux.size:
         load[:, NORMAL + 1 :] = flux
     return load
 
@@ -63,7 +64,8 @@ def normal_response(
 ) -> NormalResponse:
     """Of a problem, with the conduction of a start at its load (n, 5) and motion (m,)."""
     if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
-        return Insulated(problem, scales, problem.gap - problem.system.offset[:, NORMAL])
+        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.freedoms]).reshape(-1, len(problem.gap))
+        return Insulated(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
     ground = Ground.of(problem)
     conduction = Conduction.of(start, len(problem.gap))
     conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
@@ -73,21 +75,22 @@ def normal_response(
 @final
 @dataclass(frozen=True, eq=False)
 class Insulated(NormalResponse):
-    """Nothing conducts. apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero."""
+    """Nothing conducts. apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes:
+    (m, n) their normal parts."""
 
     apart: Array
+    modes: Array
 
     def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
         """See NormalResponse: one normal response."""
         gap = self.apart - self._raised(pressure)
-        for freedom, amount in zip(self.problem.freedoms, motion, strict=True):
-            gap += amount * freedom.mode[:, NORMAL]
-        return Effect(gap, flux, motion)
+        for mode, amount in zip(self.modes, motion, strict=True):
+            gap += amount * mode
+        return Effect(gap, NO_FLUX, motion)
 
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse: one normal response."""
-        flux = np.zeros((len(pressure), 2))
-        return Effect(-self._raised(pressure), flux, np.zeros(len(self.problem.freedoms)))
+        return Effect(-self._raised(pressure), NO_FLUX, np.zeros(len(self.problem.freedoms)))
 
     def closed(self, pressure: Array) -> Array:
         """See NormalResponse: wherever there is pressure."""

@@ -72,12 +72,13 @@ class HalfSpaceSystem(ReducedSystem):
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
         waves = wave_inverse(self.convolution.response, self.grid.size, fields, self.convolution.periodic)
-        factors, signs = self.factors[list(fields)], SIGNS[list(fields)]
+        unit = self.factors[list(fields)]
+        waves *= (1.0 / np.outer(unit, unit * SIGNS[list(fields)])).astype(np.float32)[:, :, None, None]
 
         def inverse(displacement: Array) -> Array:
-            scaled = self.grid.gather(displacement / (factors * signs))
-            load: Array = self.grid.scatter(apply_waves(waves, scaled, numba.get_num_threads())) * (1.0 / factors)
-            return load / self.shares[:, None]
+            load = self.grid.scatter(apply_waves(waves, self.grid.gather(displacement), numba.get_num_threads()))
+            load /= self.shares[:, None]
+            return load
 
         return inverse
 
@@ -101,6 +102,7 @@ class HalfSpaceSystem(ReducedSystem):
             grid=grid,
             convolution=coarse_convolution(self.convolution),
             shares=self.shares[kept],
+            edge_waves=None,
             own=2.0 * self.own,  # of the same density, twice as wide; roughly so if it is not bilinear
         )
         return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
