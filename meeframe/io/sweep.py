@@ -83,8 +83,11 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> None:
     try:
         (folder / SYSTEMS).mkdir(parents=True, exist_ok=True)
         (folder / POINTS).mkdir(exist_ok=True)
-        for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*"), *folder.glob(f"{POINTS}/*/.*")):
-            leftover.unlink()  # of a process that was killed while it wrote
+        # of a process that was killed while it wrote
+        for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
+            leftover.unlink()
+        for leftover in folder.glob(f"{POINTS}/.*"):
+            shutil.rmtree(leftover)
         for key in (held or set()) - wanted:
             shutil.rmtree(folder / POINTS / key, ignore_errors=True)
         if held is not None and held != wanted:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,7 +17,6 @@ from meeframe.case.solve import joined, provenance, solve_steps, zone_of
 from meeframe.core.errors import MeeframeError, ResultError
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import Result, RunStatus
-from meeframe.io.output import replacing
 from meeframe.io.results import create_result, finish_result, read_result
 from meeframe.io.toml import toml_text
 from meeframe.plugin.registry import Registry
@@ -96,16 +96,19 @@ def write_outcome(folder: Path, outcome: Outcome) -> None:
     """Keep the outcome of a point in its folder: whole, or not at all. Raises ResultError."""
     if outcome.status is PointStatus.FAILED:
         return
+    unfinished = folder.with_name(f".{folder.name}")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        unfinished.mkdir(parents=True, exist_ok=True)
+        if outcome.result is not None:
+            create_result(unfinished, outcome.result)
+            finish_result(unfinished, outcome.result)
+        else:
+            text = json.dumps({"message": outcome.message}) + "\n"
+            (unfinished / REFUSED_FILE).write_text(text, encoding="utf-8")
+        shutil.rmtree(folder, ignore_errors=True)  # one that was damaged
+        unfinished.rename(folder)
     except OSError as error:
-        raise ResultError(f"folder {folder} cannot be made: {error.strerror or error}") from None
-    if outcome.result is not None:
-        create_result(folder, outcome.result)
-        finish_result(folder, outcome.result)
-        return
-    with replacing(folder / REFUSED_FILE) as path:
-        path.write_text(json.dumps({"message": outcome.message}) + "\n", encoding="utf-8")
+        raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
 
 
 def read_outcome(folder: Path) -> Outcome | None:
