@@ -27,7 +27,7 @@ class System:
     """matrix @ unknowns = rhs + load_matrix @ loads, all in the order of the cluster tree."""
 
     matrix: Block
-    load_matrix: Block
+    load_matrix: Split
     rhs: Array
 
 

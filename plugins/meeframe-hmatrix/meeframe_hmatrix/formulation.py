@@ -30,6 +30,8 @@ from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal
 LEAF_SIZE = 24
 """Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
 
+BLOCK_SHARE = 0.1
+"""Relative error of each block in the Frobenius norm, in terms of the tolerance: errors add up (measured)."""
 NUMBERS_A_DIGIT = 900.0
 """Numbers stored for each unknown, digit of the tolerance and halving of a thousand unknowns (measured, generous)."""
 
@@ -39,7 +41,7 @@ NUMBERS_A_DIGIT = 900.0
 class HierarchicalBEM(Formulation):
     """The collocated boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
 
-    tolerance: relative error, in the Frobenius norm, of each block that is approximated, in assembly and elimination;
+    tolerance: relative error of displacements by approximation of blocks, in assembly and elimination, roughly;
     fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral; edge_angle:
     tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
     """
@@ -102,10 +104,11 @@ class HierarchicalBEM(Formulation):
         sources = collocate(mesh, layout)
         tree = cluster_tree(mesh, layout, sources, LEAF_SIZE)
         kernel = self.fundamental_solution.bind(stiffness)
+        share = BLOCK_SHARE * self.tolerance
         with threadpool_limits(1, "blas"):
             integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
-            system = assemble(integrals, self.tolerance, progress)
-            factors, compliance = factorise(system, self.tolerance, progress)
+            system = assemble(integrals, share, progress)
+            factors, compliance = factorise(system, share, progress)
         return BoundarySystem(system, factors, compliance, tree, layout, units, body.mesh, flux_unit(mesh))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
@@ -124,7 +127,7 @@ def memory_of_machine() -> float:
 
 def _check_memory(unknowns: int, tolerance: float) -> None:
     """Raises CaseError if the matrices and factors are larger than the memory of the machine."""
-    digits = -np.log10(tolerance)
+    digits = -np.log10(BLOCK_SHARE * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_A_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
     if needed > memory_of_machine():
         raise CaseError(

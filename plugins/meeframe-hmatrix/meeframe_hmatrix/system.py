@@ -104,16 +104,41 @@ class BoundarySystem:
 
 def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Factors, Block]:
     """Truncated factors, and the compliance of the contact zone as in BoundarySystem."""
-    with ThreadPoolExecutor(max(1, get_num_threads())) as pool:
+    with ThreadPoolExecutor(get_num_threads()) as pool:
         progress("elimination", 0.0)
         factors = eliminate(system.matrix, tolerance, pool)
         assert isinstance(factors, EliminatedSplit)
+        zone = factors.second
+
+        def compliance(loads: Split) -> Block:
+            reduced = solve_lower(factors, loads, tolerance)
+            assert isinstance(reduced, Split)
+            return solve_upper(zone, reduced.parts[1][0], tolerance)
+
         progress("compliance", 0.0)
-        reduced = solve_lower(factors, system.load_matrix, tolerance)
-        assert isinstance(reduced, Split)
-        compliance = solve_upper(factors.second, reduced.parts[1][0], tolerance)
+        halves = list(pool.map(compliance, _column_halves(system.load_matrix)))
         progress("compliance", 1.0)
-    return factors, compliance
+    return factors, _side_by_side(halves)
+
+
+def _column_halves(loads: Split) -> list[Split]:
+    """Loads of rest and zone by the first division of their columns, which threads can share."""
+    rest, zone = loads.parts[0][0], loads.parts[1][0]
+    if not (isinstance(rest, Split) and isinstance(zone, Split)):
+        return [loads]
+    halves = []
+    for number, part in enumerate(zone.parts[0]):
+        lines = tuple(
+            (Split(block.rows, part.columns, tuple((line[number],) for line in block.parts)),) for block in (rest, zone)
+        )
+        halves.append(Split(loads.rows, part.columns, lines))
+    return halves
+
+
+def _side_by_side(halves: list[Block]) -> Block:
+    """One block of those with the same rows."""
+    columns = slice(halves[0].columns.start, halves[-1].columns.stop)
+    return Split(halves[0].rows, columns, (tuple(halves),)) if len(halves) > 1 else halves[0]
 
 
 @final
@@ -183,7 +208,7 @@ def diagonal_of(compliance: Block, order: Indices) -> Array:
 
 
 def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
-    """From loads in local frames to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
+    """From local loads to units of the system in global axes, from values there to displacements, (n, 5, 5)."""
     turn = np.zeros((len(frames), N_FIELDS, N_FIELDS))
     turn[:, MECHANICAL, MECHANICAL] = frames
     turn[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0

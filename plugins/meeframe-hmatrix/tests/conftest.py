@@ -20,19 +20,19 @@ def block(divisions: int, element: SurfaceElement) -> Body:
     mesh = block_mesh(0.01, 0.02, 0.005, divisions, 2, 2, element)
     moved = tuple(BoundaryCondition("base", field, "value", 1e-6 * (1 + field)) for field in range(3))
     grounded = tuple(
-        BoundaryCondition(group, field, "value", 10.0 ** (9 - 5 * (field - 3)) * 1e-7)
+        BoundaryCondition(group, field, "value", value)
         for group in ("base", "side_x-", "side_x+")
-        for field in (3, 4)
+        for field, value in ((3, 3e3), (4, 1e2))
     )
     pulled = (BoundaryCondition("top", 0, "flux", 1e5), BoundaryCondition("side_y+", 4, "flux", 1e-4))
     return Body(stiffness, mesh, moved + grounded + pulled, "contact")
 
 
 def load_on(system: ReducedSystem) -> Array:
-    """(n, 5) [SI]: all fields, slowly varying."""
+    """(n, 5) [SI]: all fields, slowly varying, of like energy."""
     x, y = (system.points[:, :2] / np.ptp(system.points[:, :2])).T
     shapes = np.stack([np.cos(3 * x), np.cos(2 * y), 1 + x * y, np.sin(3 * x) + 0.2, np.cos(x + 2 * y)], axis=1)
-    load: Array = shapes * np.array([1e7, 2e7, -1e8, 1e-3, 1e-1])
+    load: Array = shapes * np.array([1e8, 1e8, -1e8, 3e-2, 0.6])
     return load
 
 

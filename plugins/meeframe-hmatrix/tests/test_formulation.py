@@ -19,7 +19,7 @@ from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing import check_formulation
 from meeframe.testing.half_space import indentation_problem
 
-TOLERANCES = (1e-3, 1e-6)
+TOLERANCES = (1e-3, 1e-5)
 
 
 def relative(actual, expected):
@@ -29,9 +29,9 @@ def relative(actual, expected):
 
 @pytest.fixture(scope="module", autouse=True)
 def small_leaves():
-    """Leaves of eight nodes, so that coarse meshes have far blocks."""
+    """Leaves of ten nodes, so that coarse meshes have far blocks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(formulation, "LEAF_SIZE", 8)
+        patch.setattr(formulation, "LEAF_SIZE", 10)
         yield
 
 
@@ -49,10 +49,12 @@ def systems(make_block):
 def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, systems, smooth_load):
     for tolerance, system in systems.items():
         matrix = system.boundary.system.matrix
-        assert sum(isinstance(leaf, LowRank) for leaf in leaves(matrix)) > 100
+        assert sum(isinstance(leaf, LowRank) for leaf in leaves(matrix)) > 50
         found, expected = (s.apply(smooth_load(dense)) for s in (system, dense))
         assert (relative(found, expected) < 5 * tolerance).all()
-        assert (relative(system.diagonal_blocks(), dense.diagonal_blocks()) < 5 * tolerance).all()
+        own = np.sqrt(np.einsum("naa->na", dense.diagonal_blocks()))
+        difference = np.abs(system.diagonal_blocks() - dense.diagonal_blocks())
+        assert (difference < 5 * tolerance * own[:, :, None] * own[:, None]).all()
         assert (relative(system.offset, dense.offset) < 5 * tolerance).all()
         solved, iterations = system.solved(smooth_load(dense))
         assert iterations < 10
@@ -62,7 +64,7 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
 
 
 def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
-    found, expected = (s.recover(smooth_load(dense)) for s in (systems[1e-6], dense))
+    found, expected = (s.recover(smooth_load(dense)) for s in (systems[1e-5], dense))
     assert np.array_equal(found.points, expected.points)
     assert (relative(found.values, expected.values) < 1e-4).all()
     assert (relative(found.fluxes, expected.fluxes) < 1e-4).all()
@@ -71,7 +73,7 @@ def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smoo
 def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
     x, y, _ = dense.points.T
     loads = []
-    for system in (dense, systems[1e-6], systems[1e-3]):
+    for system in (dense, systems[1e-5], systems[1e-3]):
         law = IsotropicCoulomb(mu=0.3)
         problem = indentation_problem(system, (x**2 + y**2) / 0.2, 2e-5, law, (1e3, 0.0), (10.0, 0.0), (2e-6, 0.0))
         loads.append(solve(problem, SemismoothNewton()).state.load)
