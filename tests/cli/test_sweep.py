@@ -98,7 +98,7 @@ def opened(out):
 
 def files(out):
     """Result files of the points, each with what tells it from one written anew."""
-    paths = out.glob("points/*/result.h5")
+    paths = (path for path in out.glob("points/*/result.h5") if not path.parent.name.startswith("."))
     return {path.parent.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths}
 
 
