@@ -100,7 +100,7 @@ def verify(
     registry, meshes = registry or plugins.load(), meshes or Meshes()
     case = load_case(file, registry)
     chosen = [Choice.read("formulation", text) for text in formulations or registry.names(Kind.FORMULATION)]
-    planned, refusals = _plan(file, chosen, meshes, registry)
+    planned, refusals = planned_runs(file, chosen, meshes, registry)
     if refusals and formulations:
         raise CaseError("\n".join(f"--formulation {name}: {text}" for name, text in refusals.items()))
     if len({run.formulation for run in planned}) < 2:
@@ -126,10 +126,10 @@ def verify(
     return found
 
 
-def _plan(
+def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
 ) -> tuple[list[Planned], dict[str, str]]:
-    """All runs, those on the coarsest mesh first, and why formulations refuse the case on one of the meshes.
+    """All runs of a verification, those on the coarsest mesh first, and why formulations refuse one of their cases.
 
     Raises CaseError if the meshes cannot be coarsened or two of them are one.
     """
