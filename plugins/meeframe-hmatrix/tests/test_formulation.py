@@ -58,7 +58,7 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
         assert (relative(system.offset, dense.offset) < 5 * tolerance).all()
         solved, iterations = system.solved(smooth_load(dense))
         assert iterations < 10
-        assert (relative(solved, dense.offset + expected) < 5 * tolerance).all()
+        assert (relative(solved - dense.offset, expected) < 5 * tolerance).all()
     kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
     assert kept[0] < 0.9 * kept[1]
 
@@ -77,14 +77,14 @@ def test_contact_with_friction_is_that_of_dense_matrices(dense, systems):
         law = IsotropicCoulomb(mu=0.3)
         problem = indentation_problem(system, (x**2 + y**2) / 0.2, 2e-5, law, (1e3, 0.0), (10.0, 0.0), (2e-6, 0.0))
         loads.append(solve(problem, SemismoothNewton()).state.load)
-    totals = np.abs([dense.weights @ load for load in loads])
-    assert (np.abs(totals[1] / totals[0] - 1)[[0, 2, 3]] < 1e-4).all()
-    assert (np.abs(totals[2] / totals[0] - 1)[[0, 2, 3]] < 2e-2).all()
+    totals = np.array([dense.weights @ load for load in loads])[:, [0, 2, 3]]  # tangential, normal force, charge
+    assert (np.abs(totals[1] / totals[0] - 1) < 1e-4).all()
+    assert (np.abs(totals[2] / totals[0] - 1) < 5e-3).all()
 
 
-@pytest.mark.parametrize("element", [Quad8(), Tri6()], ids=["quad8", "tri6"])
-def test_other_elements(make_block, smooth_load, element):
-    body = make_block(3, element)
+@pytest.mark.parametrize(("element", "divisions"), [(Quad8(), 3), (Tri6(), 2)], ids=["quad8", "tri6"])
+def test_other_elements(make_block, smooth_load, element, divisions):
+    body = make_block(divisions, element)
     system, dense = HierarchicalBEM(tolerance=1e-5).reduce(body), DenseBEM().reduce(body)
     found, expected = (s.apply(smooth_load(dense)) for s in (system, dense))
     assert (relative(found, expected) < 5e-5).all()
