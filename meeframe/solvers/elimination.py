@@ -54,6 +54,12 @@ class Conductors:
     floating: Floating
     parts: Any
 
+    def fixed(self, flux: Array, potential: Array) -> Array:
+        """Flux (n, 2) less what potentials (j,) of the floating conductors add to it."""
+        if potential.size == 0:
+            return flux
+        return flux - _filled(np.isfinite(self.resistance), self.floating.flux @ potential)
+
 
 @dataclass(frozen=True, eq=False)
 class Elimination(ABC):
@@ -67,7 +73,7 @@ class Elimination(ABC):
 
     @abstractmethod
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
-        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer.
+        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, `fixed`: as if all potentials were.
 
         rest: part of the guess's error that may be left: iterations whose guesses get better need no more.
         Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above.
@@ -207,7 +213,7 @@ class KrylovElimination(Elimination):
         """See Elimination."""
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
-        guess = np.zeros_like(resistance) if previous is None else previous.flux
+        guess = np.zeros_like(resistance) if previous is None else previous.fixed(previous.flux, previous.potential)
         conducts = np.isfinite(resistance)
         own = own_response(self.problem)
 

@@ -88,8 +88,9 @@ class Ground:
 
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
         """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
-        response = self.elimination.respond(traction, conductors, flux - conductors.flux, FOLLOWED)
         floating = conductors.floating.numbers
+        guess = conductors.fixed(flux - conductors.flux, motion[floating] - conductors.potential)
+        response = self.elimination.respond(traction, conductors, guess, FOLLOWED)
         if floating.size:
             motion = motion.copy()
             motion[floating] = conductors.potential + response.potential

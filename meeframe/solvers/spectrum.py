@@ -61,7 +61,8 @@ def largest_eigenvalue(
     for _ in range(MAX_ITERATIONS):
         vector = vector / norm
         response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
-        guess, vector = response.flux, weight * (response.displacement @ root)
+        guess = conductors.fixed(response.flux, response.potential)
+        vector = weight * (response.displacement @ root)
         previous, norm = largest, float(np.linalg.norm(vector))
         largest = norm
         if abs(largest - previous) <= TOLERANCE * largest:
