@@ -17,13 +17,13 @@ from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measure
 from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
-from meeframe.geometry import ContactZone, find_rim, initial_gap
+from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
 from meeframe.solvers.scales import problem_scales
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""
 _REACH: Final = 2.0
-"""Of the rim of the indenter, in spacings of nodes."""
+"""Of the rim of the indenter, in the longest sides of cells."""
 _STUCK: Final = 1e-6
 """Slip that would cause less than this fraction of the characteristic pressure is none ..."""
 _UNCERTAIN: Final = 10.0
@@ -84,11 +84,15 @@ class Mechanism:
         """Gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter where it just touches the zone."""
         cells, place = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
-        return initial_gap(self.case.indenter, zone, place)
+        # it stands level with the highest point of the system's zone, whichever points are asked for
+        lowered = place.lowest(points)[2] - place.lowest(self.system.points)[2]
+        return initial_gap(self.case.indenter, zone, place, float(lowered))
 
     @cached_property
     def _touching_rim(self) -> Rim | None:
-        reach = _REACH * float(np.sqrt(self.system.weights.max()))
+        if self.case.indenter.pointwise:
+            return None
+        reach = _REACH * longest_side(self.system.points, self.system.cells)
         rim = find_rim(self._gaps, self.system.points, self.system.frames, reach)
         return rim and replace(rim, gap=self._lowered(rim.gap))
 

@@ -64,6 +64,11 @@ class Indenter(ABC):
         x, y: (n,) coordinates from the indenter's axis in its own plane [m].
         """
 
+    @property
+    def pointwise(self) -> bool:
+        """Whether heights are known at single points alone, so that they cannot tell where the indenter ends."""
+        return False
+
 
 def motion_modes(points: Array, frames: Array, axes: Array, reference: Array) -> Array:
     """How the indenter's surface moves per unit of each motion, (8, n, 5), in the local frames of points (n, 3) [m].

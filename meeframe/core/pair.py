@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim
+from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim, inverse_of_softer
 from meeframe.core.mesh import Indices
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -85,11 +85,8 @@ class PairSystem(ReducedSystem):
         inverse = self.first.approximate_inverse(fields)
         if inverse is None:
             return None
-        chosen = list(fields)
-        parts = (np.abs(blocks[:, chosen, chosen]) for blocks in (self.first.diagonal_blocks(), self.diagonal_blocks()))
-        alone, together = parts
-        share = np.sqrt(alone / together)
-        return lambda displacement: share * inverse(share * displacement)
+        alone, together = (system.diagonal_blocks()[:, fields, fields] for system in (self.first, self))
+        return inverse_of_softer(inverse, alone, together)
 
     @cached_property
     def _aligned(self) -> bool:
@@ -105,11 +102,11 @@ class PairSystem(ReducedSystem):
         return self.matrix
 
     def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
-        """The edge of the contact between the nodes, if both bodies resolve it. Two bodies have no rim."""
+        """The edge of the contact between the nodes, if both bodies resolve it."""
         theirs = np.empty_like(pressure)
         theirs[self.partners] = pressure
-        first, counter = self.first.edges(pressure), self.counter.edges(theirs)
-        if first is None or counter is None or rim is not None:
+        first, counter = self.first.edges(pressure, rim), self.counter.edges(theirs, rim and self._counter_rim(rim))
+        if first is None or counter is None:
             return None
         return Edges(self._added(first.own, counter.own), first.covered)
 
@@ -122,6 +119,13 @@ class PairSystem(ReducedSystem):
         reaction = np.empty_like(load)
         reaction[self.partners] = -np.einsum("naj,na->nj", self.rotation, load)
         return reaction
+
+    def _counter_rim(self, rim: Rim) -> Rim:
+        """The rim at the nodes and in the frames of the counter body."""
+        distance, outward, gap = np.empty_like(rim.distance), np.empty_like(rim.outward), np.empty_like(rim.gap)
+        distance[self.partners], gap[self.partners] = rim.distance, rim.gap
+        outward[self.partners] = np.einsum("naj,na->nj", self.rotation[:, :2, :2], rim.outward)
+        return Rim(distance, outward, gap)
 
     def counter_displacement(self, load: Array) -> Array:
         """Displacement (n, 5) of the counter body's surface at the nodes and in the frames of the first body.

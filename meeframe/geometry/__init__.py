@@ -8,7 +8,7 @@ from meeframe.geometry.indenters import Cone, Cylinder, FlatPunch, RectangularPu
 from meeframe.geometry.measures import area, volume
 from meeframe.geometry.placement import Placement, initial_gap
 from meeframe.geometry.reader import read_mesh
-from meeframe.geometry.rim import find_rim
+from meeframe.geometry.rim import find_rim, longest_side
 from meeframe.geometry.zone import ContactZone, check_contact_zone, frames_of, zone_frames
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "frames_of",
     "half_space_mesh",
     "initial_gap",
+    "longest_side",
     "merge_points",
     "orient_outward",
     "read_mesh",

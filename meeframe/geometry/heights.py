@@ -48,6 +48,11 @@ class Heights(Indenter):
         except ValueError as error:
             raise CaseError(f"heights: {self.file}: {error}") from None
 
+    @property
+    def pointwise(self) -> bool:
+        """Whether there is nothing between the rows."""
+        return self.interpolation == "nodes"
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,11 @@ class SampledHeights(Indenter):
             return _interpolate(self.rows, self.interpolation, x, y)
         except ValueError as error:
             raise CaseError(f"heights: {error}") from None
+
+    @property
+    def pointwise(self) -> bool:
+        """Whether there is nothing between the rows."""
+        return self.interpolation == "nodes"
 
 
 @lru_cache(maxsize=4)

@@ -1,12 +1,13 @@
 """Where an indenter ends: the distance of points of the contact zone from there, found by asking for gaps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Rim
+from meeframe.core.mesh import Indices
 
 Gaps = Callable[[Array, Array], Array]
 """Gap (m,) [m] along the normals at points (m, 3) with frames (m, 3, 3), inf where there is no indenter above."""
@@ -45,6 +46,15 @@ def find_rim(gaps: Gaps, points: Array, frames: Array, reach: float) -> Rim | No
     straight = np.where(np.isfinite(twice), 2.0 * once - np.where(np.isfinite(twice), twice, 0.0), once)
     gap[near] = np.where(inside | ~np.isfinite(once), np.inf, straight)
     return Rim(distance, outward, gap)
+
+
+def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
+    """Longest side [m], from corner to corner, of cells of points (n, 3): pairs (meshio cell type, connectivity)."""
+    sides = []
+    for name, connectivity in cells:
+        corners = points[connectivity[:, : 3 if name.startswith("triangle") else 4]]
+        sides.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(initial=0.0))
+    return float(max(sides, default=0.0))
 
 
 def _circle(count: int) -> Array:

@@ -41,18 +41,22 @@ def resolved(
     """The problem with the edge of the contact as a state of it has it; None if its system does not resolve edges.
 
     Nor is there anything to resolve where no load is singular at the edge: smooth indenters, and laws that conduct
-    nothing without pressure. rim: gives where the indenter ends; asked for only if the system resolves edges.
+    nothing without pressure; nor, if nobody knows where the indenter ends, where the contact ends with it.
+    rim: gives where the indenter ends; asked for only if the system resolves edges.
     """
     pressure = np.maximum(-state.load[:, 2], 0.0)
-    edges = problem.system.edges(pressure)
-    if edges is None:
+    smooth = problem.system.edges(pressure)
+    if smooth is None:
         return None
     end = rim()
+    edges = problem.system.edges(pressure, end)
+    if edges is None:
+        return None
     gap = problem.gap
-    if end is not None:
-        edges = problem.system.edges(pressure, end) or edges
+    # a rim counts if it changes the edge: one somewhere in the zone, which the contact does not reach, is none
+    if end is not None and not np.array_equal(edges.own, smooth.own):
         gap = np.where(edges.covered > 0.0, np.minimum(gap, end.gap), gap)
-    elif not _charged_edge(problem):
+    elif not _charged_edge(problem) or (np.isinf(gap) & (edges.covered > 0.0)).any():
         return None
     covered = np.where(np.isfinite(gap), edges.covered, 0.0)
     return replace(problem, system=edged(problem.system, edges.own), gap=gap, covered=covered)

@@ -57,11 +57,14 @@ def _outline(grid: Grid, pressure: Array) -> tuple[Array, Array]:
 
 
 def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: Array) -> None:
-    """Enter the distance of nodes in contact, or next to one, from a rim that is near."""
-    around = binary_dilation(pressure[grid.nodes] > 0.0, np.ones((3, 3), bool))
-    near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
+    """Enter the distance of nodes from the rim where the contact reaches it, so that it ends there."""
     places = rim.distance / _spacing(grid, rim.outward)
-    here = near & (np.abs(places) < OF_THE_RIM)
+    pressed = pressure > 0.0
+    outermost = pressed & (places < 1.0)  # no other node lies between them and the rim
+    around = binary_dilation(outermost[grid.nodes], np.ones((3, 3), bool))
+    near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
+    # nodes under the indenter without pressure have their edge elsewhere
+    here = near & (np.abs(places) < OF_THE_RIM) & (pressed | (places < 0.0))
     distance[here], outward[here] = places[here], rim.outward[here]
 
 
