@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import NodalFields, ReducedSystem, inverse_of_softer
 
 
 @final
@@ -55,8 +55,7 @@ class EdgedSystem(ReducedSystem):
         if inverse is None:
             return None
         before, after = (system.diagonal_blocks()[:, fields, fields] for system in (self.original, self))
-        factor = np.sqrt(before / after)
-        return lambda displacement: factor * inverse(factor * displacement)
+        return inverse_of_softer(inverse, before, after)
 
 
 def _each(blocks: Array, load: Array) -> Array:

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from meeframe.core.body import Body
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
@@ -88,6 +90,15 @@ class ReducedSystem(ABC):
         pressure: (n,) >= 0 [Pa], found with the edge resolved to nodes; rim: where the indenter ends, if it does.
         """
         return None
+
+
+def inverse_of_softer(inverse: Callable[[Array], Array], before: Array, after: Array) -> Callable[[Array], Array]:
+    """Approximate inverse of a compliance whose nodes respond more to their own load than one whose `inverse` is known.
+
+    before, after: (n, k) of both, each field's response to its own load. What is added acts at single nodes.
+    """
+    factor = np.sqrt(np.abs(before / after))
+    return lambda displacement: factor * inverse(factor * displacement)
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,8 +134,8 @@ def solve(
     with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
         scales = problem_scales(problem)
         iterate = solver.init(problem, start)
-        state = evaluate(problem, iterate, fields)
-        looks = [(0, law_residual(problem, state, scales))] if by_residual else []
+        state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
+        looks = [(0, value)] if by_residual else []
         trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
         units = motion_scales(problem, scales)
         orbit = _Orbit(_point(iterate, scales, units), 1)
@@ -149,23 +149,41 @@ def solve(
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
             if not due and not orbit.repeated:
                 continue
-            previous, state = state, evaluate(problem, iterate, fields)
-            value = law_residual(problem, state, scales) if by_residual else _paper_change(previous, state)
-            looks.append((iteration, value))
+            previous = state
+            state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
+            looks.append((iteration, value if by_residual else _paper_change(previous, state)))
             trend = trend.next(looks[-1]) if trend else _Trend(looks[-1], looks[-1], looks[-1])
             progress("contact", trend.fraction(limits.tolerance))
             if trend.idle >= HOPELESS and hopeless():
                 window = min(window, HOPELESS)
-        if fields != ALL_FIELDS:
-            state = evaluate(problem, iterate)
-        final = looks[-1][1] if by_residual else law_residual(problem, state, scales)
-    status, message = verdict
+        status, message = verdict
+        if status is Status.CONVERGED:
+            final = value
+        else:
+            state, final = _judged(problem, iterate, scales)
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
     if status is not Status.CONVERGED and (reason := hopeless()):
         message = f"{message}: {reason}"
     return ContactSolution(state, status, iteration, final, np.array(looks), message)
+
+
+def _judged(
+    problem: ContactProblem,
+    iterate: Iterate,
+    scales: Scales,
+    fields: tuple[int, ...] = ALL_FIELDS,
+    tolerance: float = 0.0,
+) -> tuple[ContactState, float]:
+    """State of an iterate and its residual, by the given fields alone while that is above the tolerance."""
+    if fields != ALL_FIELDS:
+        state = evaluate(problem, iterate, fields)
+        value = law_residual(problem, state, scales)
+        if not value <= tolerance:
+            return state, value
+    state = evaluate(problem, iterate)
+    return state, law_residual(problem, state, scales)
 
 
 def _due(solver: Solver, iterate: Iterate, iteration: int, limits: Limits) -> bool:

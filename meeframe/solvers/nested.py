@@ -1,18 +1,21 @@
 """Nested grids: the same contact problem on a coarser division of the zone, and a start from its solution."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import wraps
-from typing import TypeVar
-from weakref import WeakKeyDictionary
+from dataclasses import dataclass, is_dataclass, replace
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
-from meeframe.core.formulation import Coarsening
+from meeframe.core.formulation import Coarsening, ReducedSystem
 from meeframe.core.law import ContactLaw, attracts
+from meeframe.solvers.once import once_for_each
 
-Found = TypeVar("Found")
+FEWEST: Final = 16
+"""Nodes of a coarser division that must be under the indenter, and overlap: on fewer a problem is another one."""
+ALIKE: Final = 2.0
+"""Areas and the like that differ by a smaller factor are about the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,30 +26,19 @@ class Coarse:
     coarsening: Coarsening
 
 
-def once_for_each(function: Callable[[ContactProblem], Found]) -> Callable[[ContactProblem], Found]:
-    """The function, which remembers what it found for a problem as long as that lives."""
-    found: WeakKeyDictionary[ContactProblem, Found] = WeakKeyDictionary()
-
-    @wraps(function)
-    def remembering(problem: ContactProblem) -> Found:
-        if problem not in found:
-            found[problem] = function(problem)
-        return found[problem]
-
-    return remembering
-
-
 @once_for_each
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
-    """The problem on the coarser reduced system; None if there is none, or if law or edges belong to these nodes.
+    """The problem on the coarser reduced system; None if there is none, if law or edges belong to these nodes, or if
+    too little of the indenter is above the nodes that are left.
 
     A resultant keeps its density: the measure of a freedom is scaled with the weights.
     """
     law = problem.contact_law
-    if type(law).resolve is not ContactLaw.resolve or attracts(law) or problem.covered is not None:
+    special = type(law).resolve is not ContactLaw.resolve or attracts(law) or _holds_nodes(law, len(problem.gap))
+    if special or problem.covered is not None:
         return None
     coarsening = problem.system.coarser()
-    if coarsening is None:
+    if coarsening is None or not _still_there(problem, coarsening):
         return None
     kept, system = coarsening.kept, coarsening.system
     weights = problem.system.weights[kept]
@@ -54,6 +46,17 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     freedoms = tuple(Freedom(f.mode[kept], f.measure[kept] * share, f.total) for f in problem.freedoms)
     arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
     return Coarse(replace(problem, system=system, freedoms=freedoms, **arrays), coarsening)
+
+
+def alike(one: float, other: float) -> bool:
+    """Whether two numbers >= 0 are about the same; zero is like zero alone."""
+    return max(one, other) <= ALIKE * min(one, other)
+
+
+def same_area(system: ReducedSystem, nodes: NDArray[np.bool_], coarsening: Coarsening) -> bool:
+    """Whether nodes (n,) of a system cover about the same area as those of them that a coarser division keeps."""
+    kept = nodes[coarsening.kept]
+    return alike(float(system.weights[nodes].sum()), float(coarsening.system.weights[kept].sum()))
 
 
 def nested_start(
@@ -73,3 +76,22 @@ def nested_start(
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     load[~np.isfinite(problem.gap)] = 0.0
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
+
+
+def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
+    """Whether the coarser division sees the indenter, and how it overlaps the body unless it moves freely."""
+    seen = [np.isfinite(problem.gap)]
+    if all(freedom.electromagnetic for freedom in problem.freedoms):
+        seen.append(problem.gap < problem.system.offset[:, 2])
+    return all(
+        nodes[coarsening.kept].sum() >= FEWEST and same_area(problem.system, nodes, coarsening) for nodes in seen
+    )
+
+
+def _holds_nodes(part: object, n: int) -> bool:
+    """Whether a law, or what it is made of, holds an array with one entry for each of n nodes."""
+    if isinstance(part, np.ndarray):
+        return n in part.shape
+    if isinstance(part, tuple | list):
+        return any(_holds_nodes(item, n) for item in part)
+    return is_dataclass(part) and any(_holds_nodes(item, n) for item in vars(part).values())

@@ -25,6 +25,8 @@ def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] = ALL_FIELDS) -> ContactState:
     """The state of an iterate: its displacement by one application of the compliance, zero but in the given fields.
 
+    All of them are those of `apply`, some of them those of `response`.
+
     Raises CaseError if its solver does not find the free motions of the problem.
     """
     if np.shape(iterate.motion) != (len(problem.freedoms),):
@@ -34,7 +36,9 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         )
     chosen = list(fields)
     displacement = np.zeros((N_FIELDS, len(iterate.load))).T
-    displacement[:, chosen] = problem.system.offset[:, chosen] + problem.system.response(iterate.load, fields)
+    system = problem.system
+    caused = system.apply(iterate.load) if fields == ALL_FIELDS else system.response(iterate.load, fields)
+    displacement[:, chosen] = system.offset[:, chosen] + caused
     return ContactState(iterate.load, displacement, iterate.closed, iterate.motion)
 
 

@@ -8,15 +8,19 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import attraction, conducts
 from meeframe.solvers.free_motion import balanced_projection, motions
-from meeframe.solvers.nested import coarse_problem, once_for_each
+from meeframe.solvers.nested import Coarse, alike, coarse_problem, same_area
+from meeframe.solvers.once import once_for_each
+
+Mask = NDArray[np.bool_]
 
 POTENTIALS = (ELECTRIC, MAGNETIC)
 RESOLVED: Final = 4e-5
 """Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
 ENOUGH: Final = 5_000
-"""Nodes that tell magnitudes."""
+"""Nodes that tell the magnitude of a compliance."""
 FOUNDATION_STEPS: Final = 3
 """Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
 
@@ -52,17 +56,17 @@ def problem_scales(problem: ContactProblem) -> Scales:
     The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
     elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
     they cause, where a law conducts. Pressures are at least as large as the attraction at first.
-    An interface that yields by itself is in series with the body. Large problems are measured on a coarser division.
+    An interface that yields by itself is in series with the body. The compliance of large bodies is measured on a
+    coarser division, where that has the overlap; the overlap itself is that of all nodes.
     """
-    if len(problem.gap) > ENOUGH and (coarse := coarse_problem(problem)) is not None:
-        return problem_scales(coarse.problem)
     motion = _foundation_motion(problem)
     position = indenter_position(problem, motion)
     overlap = problem.system.offset[:, 2] - position[:, 2]
     loaded = _loaded(overlap)
-    moved = np.abs(position[loaded, 2] - problem.gap[loaded])
+    below = loaded & np.isfinite(problem.gap)
+    moved = np.abs(position[below, 2] - problem.gap[below])
     depth = max(_depth(overlap), RESOLVED * float(moved.max(initial=0.0)))
-    compliance = _uniform_response(problem, loaded)
+    compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
     charged = _prescribed_flux(problem, loaded)
     potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
@@ -94,22 +98,44 @@ def _foundation_motion(problem: ContactProblem) -> Array:
     moving = motions(problem)
     if moving.size == 0:
         return motion
+    coarse = coarse_problem(problem) if len(problem.gap) > ENOUGH else None
+    if coarse is not None:
+        found = _foundation_motion(coarse.problem)
+        if _same_overlap(problem, coarse, found):
+            return found
     gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
-    loaded = np.isfinite(problem.gap)
+    loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
     for _ in range(FOUNDATION_STEPS):
-        press = np.where(loaded[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
-        r = 1.0 / float(np.abs(problem.system.response(press, (2,))).max(initial=0.0))
+        system, nodes = _telling(problem.system, loaded)
+        press = np.where(nodes[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
+        r = 1.0 / float(np.abs(system.response(press, (2,))).max())
         motion[moving] = balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
-        loaded = _loaded(problem.system.offset[:, 2] - indenter_position(problem, motion)[:, 2])
+        loaded = _loaded(_overlap(problem, motion))
     return motion
 
 
-def _loaded(overlap: Array) -> NDArray[np.bool_]:
-    """Nodes that the indenter overlaps, or all below it if there are none, (n,)."""
-    return np.asarray(overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
+def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> bool:
+    """Whether the indenter, moved (m,), overlaps as much of the body, and as deeply, as on the coarser division."""
+    (area, volume), (coarse_area, coarse_volume) = (
+        (float(one.system.weights @ (overlap > 0.0)), float(one.system.weights @ np.maximum(overlap, 0.0)))
+        for one, overlap in ((each, _overlap(each, motion)) for each in (problem, coarse.problem))
+    )
+    return alike(area, coarse_area) and alike(volume, coarse_volume)
 
 
-def _prescribed_flux(problem: ContactProblem, loaded: NDArray[np.bool_]) -> Array:
+def _overlap(problem: ContactProblem, motion: Array) -> Array:
+    """Overlap (n,) [m] of the unloaded body and the indenter, moved (m,); -inf where there is no indenter above."""
+    overlap: Array = problem.system.offset[:, 2] - indenter_position(problem, motion)[:, 2]
+    return overlap
+
+
+def _loaded(overlap: Array) -> Mask:
+    """Nodes that the indenter overlaps; all below it if there are none, all if it is above none, (n,)."""
+    loaded = np.asarray(overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
+    return loaded if loaded.any() else np.ones_like(loaded)
+
+
+def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
     """Mean flux densities of prescribed totals over the nodes (n,) that are loaded, (2,)."""
     flux = np.zeros(2)
     for freedom in problem.freedoms:
@@ -139,12 +165,23 @@ def _depth(overlap: Array) -> float:
     return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
 
 
-def _uniform_response(problem: ContactProblem, loaded: NDArray[np.bool_]) -> Array:
+def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
+    """A division coarse enough to be measured fast, and those of the loaded nodes (n,) that it keeps: of like area."""
+    while len(loaded) > ENOUGH:
+        coarse = system.coarser()
+        if coarse is None or not same_area(system, loaded, coarse):
+            break
+        system, loaded = coarse.system, loaded[coarse.kept]
+    return system, loaded
+
+
+def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
+    system, loaded = _telling(system, loaded)
     compliance = np.empty((N_FIELDS, N_FIELDS))
     for field in range(N_FIELDS):
-        load = np.zeros_like(problem.system.offset)
+        load = np.zeros_like(system.offset)
         load[loaded, field] = 1.0
-        compliance[:, field] = np.abs(problem.system.apply(load)).max(axis=0, initial=0.0)
+        compliance[:, field] = np.abs(system.apply(load)).max(axis=0, initial=0.0)
     return compliance
 
 

@@ -246,7 +246,8 @@ def _check_start(solver: Solver, problem: ContactProblem, limits: Limits, soluti
 
 def _copy_of(record: Record) -> Record:
     """A copy with arrays of its own."""
-    return replace(record, **{name: array.copy() for name, array in _parts(record).items()})
+    copies: dict[str, Any] = {name: array.copy() for name, array in _parts(record).items()}
+    return replace(record, **copies)
 
 
 def _same(one: Record, other: Record) -> bool:
