@@ -49,14 +49,17 @@ def resolved(
     if smooth is None:
         return None
     end = rim()
-    edges = problem.system.edges(pressure, end)
+    edges = smooth if end is None else problem.system.edges(pressure, end)
     if edges is None:
         return None
-    gap = problem.gap
     # a rim counts if it changes the edge: one somewhere in the zone, which the contact does not reach, is none
-    if end is not None and not np.array_equal(edges.own, smooth.own):
+    ends = end is not None and not np.array_equal(edges.own, smooth.own)
+    if not (ends or _charged_edge(problem)):
+        return None
+    gap = problem.gap
+    if end is not None:
         gap = np.where(edges.covered > 0.0, np.minimum(gap, end.gap), gap)
-    elif not _charged_edge(problem) or (np.isinf(gap) & (edges.covered > 0.0)).any():
+    elif (np.isinf(gap) & (edges.covered > 0.0)).any():
         return None
     covered = np.where(np.isfinite(gap), edges.covered, 0.0)
     return replace(problem, system=edged(problem.system, edges.own), gap=gap, covered=covered)

@@ -24,6 +24,8 @@ MEAN_OFF: Final = 0.005
 """Edges along the axes of the grid are exact; by the capacity of discs round ones are so many spacings too far out."""
 OF_THE_RIM: Final = 1.5
 """So many spacings from where the indenter ends the edge is there."""
+TOWARDS: Final = 0.5
+"""Cosine to the direction across the rim above which a pressure fades towards it."""
 
 
 def resolved_edges(grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: Rim | None) -> Edges:
@@ -57,14 +59,18 @@ def _outline(grid: Grid, pressure: Array) -> tuple[Array, Array]:
 
 
 def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: Array) -> None:
-    """Enter the distance of nodes from the rim where the contact reaches it, so that it ends there."""
+    """Enter the distance of nodes from the rim where the contact ends there.
+
+    It ends before where the pressure fades before; a pressure that is singular at the rim rises towards it.
+    """
     places = rim.distance / _spacing(grid, rim.outward)
     pressed = pressure > 0.0
     outermost = pressed & (places < 1.0)  # no other node lies between them and the rim
     around = binary_dilation(outermost[grid.nodes], np.ones((3, 3), bool))
     near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
+    fades = (np.einsum("na,na->n", outward, rim.outward) > TOWARDS) & (distance < places)
     # nodes under the indenter without pressure have their edge elsewhere
-    here = near & (np.abs(places) < OF_THE_RIM) & (pressed | (places < 0.0))
+    here = near & (np.abs(places) < OF_THE_RIM) & (pressed | (places < 0.0)) & ~fades
     distance[here], outward[here] = places[here], rim.outward[here]
 
 

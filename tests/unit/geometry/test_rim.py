@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meeframe.geometry import find_rim, frames_of
+from meeframe.geometry import find_rim, frames_of, longest_side
 
 RADIUS, REACH = 1.03, 0.2
 X, Y = (side.ravel() for side in np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-1.5, 1.5, 31)))
@@ -38,3 +38,11 @@ def test_the_gap_goes_straight_on_beside_it():
 
 def test_an_indenter_without_an_end_has_no_rim():
     assert find_rim(lambda points, _frames: points[:, 0] ** 2, POINTS, FRAMES, REACH) is None
+
+
+def test_longest_side_of_cells():
+    """From corner to corner: of a rectangle not its diagonal, and nodes on sides do not count."""
+    points = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.5, 0.0, 0.0]])
+    assert longest_side(points, (("quad", np.array([[0, 1, 2, 3]])),)) == 3.0
+    cells = ("triangle", np.array([[1, 2, 4]])), ("triangle6", np.array([[4, 1, 2, 0, 3, 0]]))
+    assert longest_side(points, cells) == pytest.approx(np.hypot(1.5, 1.0))
