@@ -92,7 +92,7 @@ def test_a_half_space_by_all_that_take_it(half_space, tmp_path):
     assert found["case"] == HALF_SPACE
     assert list(found["refused"]) == ["skfem"]
     assert [(run["formulation"], round(1 / run["size"])) for run in found["runs"]] == [
-        (name, divisions) for divisions in (5, 8, 12) for name in ("dense-bem", "half-space")
+        (name, divisions) for divisions in (5, 8, 12) for name in ("dense-bem", "half-space", "hmatrix-bem")
     ]
     pairs = {pair["quantity"]: pair for pair in found["agreements"]}
     assert {"force", "charge", "contact_area", "max_pressure", "max_magnetic_potential"} <= pairs.keys()

@@ -115,7 +115,8 @@ def run(quick: bool) -> Iterator[Item]:
                 yield from finest(section.name, found)
                 yield from extrapolated(section.name, found, section.explained)
         if not quick:
-            found = verify(HERE / "half_space.toml", Path(scratch) / "half-space", meshes=Meshes(factor=2.0))
+            both = ("dense-bem", "half-space")
+            found = verify(HERE / "half_space.toml", Path(scratch) / "half-space", both, Meshes(factor=2.0))
             yield converged("half space", found)
             yield from judged("half space", found)
             yield from finest("half space", found)
