@@ -19,6 +19,7 @@ from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.io.systems import read_system, write_system
+from meeframe.plugin.sources import LOCAL
 
 _ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
 _CONTACT_ROOMS: Final = ("laws", "solvers")
@@ -77,6 +78,28 @@ def case_key(case: Case) -> str:
     return _digest(_sources(_ROOMS + _CONTACT_ROOMS), {name: getattr(case, name) for name in names})
 
 
+def code_key(value: Any) -> str:
+    """SHA-256 of the code alone that computes with a value, hexadecimal: where it is the same, so are all results.
+
+    The classes that the value is made of, the sources and versions that case_key counts; not what the value holds.
+    """
+    digest = hashlib.sha256(_sources(_ROOMS + _CONTACT_ROOMS))
+    for content in sorted({_class_content(owner) for owner in _classes(value)}):
+        digest.update(content)
+    return digest.hexdigest()
+
+
+def _classes(value: Any) -> Iterator[type]:
+    """Dataclasses of which a value is made, at any depth."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        yield type(value)
+        value = [getattr(value, field.name) for field in dataclasses.fields(value)]
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    for item in value if isinstance(value, list | tuple) else ():
+        yield from _classes(item)
+
+
 def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
     """The body of a case, and its counter body if it has one, each with its formulation: in the order of `joined`."""
     own = (case.formulation, case.body)
@@ -116,9 +139,12 @@ def _content(value: Any) -> Iterator[bytes]:
 
 @lru_cache
 def _class_content(owner: type) -> bytes:
-    """Name of a class and, if it is not meeframe's own, the source of its package, on which results then depend."""
+    """Name of a class and, if it is not meeframe's own, the source of its package, on which results then depend.
+
+    Names of modules of local files hold their hash already; the files may be on another machine.
+    """
     name = f"{owner.__module__}.{owner.__qualname__}".encode()
-    if owner.__module__.startswith("meeframe."):
+    if owner.__module__.startswith(("meeframe.", LOCAL)):
         return name
     top = Path(str(getattr(sys.modules[owner.__module__.partition(".")[0]], "__file__", "")))
     sources = sorted(top.parent.rglob("*.py")) if top.name == "__init__.py" else [Path(inspect.getfile(owner))]

@@ -17,7 +17,7 @@ from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import TooLargeError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
@@ -52,8 +52,8 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
     """The reduced system of a case: of its body, or of its two bodies in contact.
 
-    Raises MeshError, CaseError or MaterialError if a formulation does not take its body, CaseError if its matrices do
-    not fit into memory.
+    Raises MeshError, CaseError or MaterialError if a formulation does not take its body, TooLargeError if its
+    matrices do not fit into memory.
     """
     return joined(case, partial(reduce_body, progress=progress))
 
@@ -73,7 +73,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
     try:
         return formulation.reduce(body, progress)
     except MemoryError as error:
-        raise CaseError(
+        raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
             f"({str(error) or 'none left'}); allowed: a coarser mesh"
         ) from None

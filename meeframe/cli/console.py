@@ -1,6 +1,8 @@
 """What all commands share: exit status, messages, progress, the registry."""
 
+import signal
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -29,7 +31,8 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     untouched: what to say of an interruption that carries no note, as it came before anything was written.
     """
     try:
-        yield
+        with _ended_as_by_hand():
+            yield
     except MeeframeError as error:
         print(f"error: {error}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
@@ -39,6 +42,19 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     except KeyboardInterrupt as error:
         print(_with_notes("interrupted", error, untouched), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _ended_as_by_hand() -> Iterator[None]:
+    """A request to end (SIGTERM) is taken as Ctrl-C is."""
+    if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _with_notes(what: str, error: BaseException, default: str) -> str:

@@ -17,6 +17,10 @@ class CaseError(MeeframeError):
     """A case file has an unknown, missing or unacceptable entry."""
 
 
+class TooLargeError(MeshError, CaseError):
+    """A mesh needs more memory than there is: with more of it, or another time, the same case may run."""
+
+
 class PluginError(MeeframeError):
     """A plugin is unknown, duplicate or broken."""
 

@@ -17,7 +17,7 @@ from packaging.requirements import InvalidRequirement, Requirement
 from meeframe.core.errors import PluginError
 from meeframe.plugin.hookspecs import PROJECT
 
-_LOCAL: Final = f"{PROJECT}_file_"
+LOCAL: Final = f"{PROJECT}_file_"
 """How names of modules that come from local files begin."""
 
 
@@ -94,7 +94,7 @@ def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
 
 def source_name(path: Path, source: bytes) -> str:
     """Name of the module that a local file of this content becomes."""
-    return f"{_LOCAL}{path.stem}_{hashlib.sha256(source).hexdigest()[:12]}"
+    return f"{LOCAL}{path.stem}_{hashlib.sha256(source).hexdigest()[:12]}"
 
 
 def local_files(record: object) -> dict[str, str]:
@@ -105,7 +105,7 @@ def local_files(record: object) -> dict[str, str]:
         return {}
     found = {}
     module = type(record).__module__
-    if module.startswith(_LOCAL):
+    if module.startswith(LOCAL):
         found[Path(str(sys.modules[module].__file__)).name] = f"sha256:{module.rpartition('_')[2]}"
     for field in dataclasses.fields(record):
         found |= local_files(getattr(record, field.name))

@@ -10,6 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.sweep import SweepAxis, SweepResult
 from meeframe.report.canvas import MAP_COLOURS, sheet
@@ -29,8 +30,8 @@ class SweepPlot:
     """A row of pictures, one for each quantity.
 
     x: name of the axis along which, None: the first that has several numbers, or else several values; lines: of the
-    axis with a line for each value, None: another one that has several; kind: curves, or a map over both axes; at:
-    labels of the values at which the other axes stand, by default their first.
+    axis with a line for each value, None: another one that has several; kind: curves, or a map over both axes; scale:
+    of x; at: labels of the values at which the other axes stand, by default their first.
     """
 
     quantities: tuple[str, ...] = DEFAULT
@@ -40,18 +41,44 @@ class SweepPlot:
     scale: Literal["linear", "log"] = "linear"
     at: Mapping[str, str] = field(default_factory=dict)
 
+    def shown(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
+        """The axis along which, and that of the lines, which each plot finds among those of its sweep.
+
+        Raises CaseError if it cannot be drawn over these.
+        """
+        x, lines = self._chosen(axes)
+        for axis in (x, lines) if lines is not None else (x,):
+            if axis.name in self.at:
+                raise CaseError(f"at.{axis.name}: the plot goes along this axis; allowed: other axes")
+        if lines is x:
+            raise CaseError(f"x and lines are both {x.name!r}; allowed: two axes")
+        if self.kind == "map" and lines is None:
+            raise CaseError("kind = 'map': allowed over two axes with several values each")
+        if self.scale == "log" and (_places(x)[1] or _places(x)[0].min() <= 0):
+            raise CaseError(f"scale = 'log': allowed over positive numbers; {x.name} has {', '.join(x.labels[:3])} ...")
+        return x, lines
+
+    def _chosen(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
+        named = {axis.name: axis for axis in axes}
+        free = [axis for axis in axes if axis.name not in (self.x, self.lines, *self.at)]
+        several = [axis for axis in free if len(axis.labels) > 1]
+        first = next((axis for axis in several if axis.values is not None), (several or free or [*axes])[0])
+        x = named[self.x] if self.x else first
+        others = (axis for axis in several if axis is not x)
+        return x, named[self.lines] if self.lines else next(others, None)
+
 
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
-    """The figure of a sweep: a row for each plot."""
+    """The figure of a sweep: a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
     rows = plots or (SweepPlot(),)
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
     grid = figure.subplots(len(rows), columns, squeeze=False)
     for line, plot in zip(grid, rows, strict=True):
-        x, lines = _chosen(sweep, plot)
+        x, lines = plot.shown(sweep.axes)
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values = _section(sweep, plot, quantity, x, lines)
-            draw = _map if plot.kind == "map" and lines is not None else _curves
+            draw = _map if plot.kind == "map" else _curves
             draw(axes, sweep, plot, (x, lines), values)
             axes.set_title(_words(quantity), fontsize=10)
             axes.set_xlabel(_heading(x))
@@ -65,20 +92,6 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
             line[0].set_title(f"{_words(plot.quantities[0])}\n{fixed}", fontsize=10)
     figure.suptitle(sweep.title)
     return figure
-
-
-def _chosen(sweep: SweepResult, plot: SweepPlot) -> tuple[SweepAxis, SweepAxis | None]:
-    """The axis along which, and that of the lines."""
-    named = {axis.name: axis for axis in sweep.axes}
-    free = [axis for axis in sweep.axes if axis.name not in (plot.x, plot.lines, *plot.at)]
-    several = [axis for axis in free if len(axis.labels) > 1]
-    x = (
-        named[plot.x]
-        if plot.x
-        else next((a for a in several if a.values is not None), (several or free or [*sweep.axes])[0])
-    )
-    others = [axis for axis in several if axis is not x]
-    return x, named[plot.lines] if plot.lines else next(iter(others), None)
 
 
 def _section(sweep: SweepResult, plot: SweepPlot, quantity: str, x: SweepAxis, lines: SweepAxis | None) -> Array:

@@ -22,10 +22,18 @@ _QUANTITY: Final = re.compile(r"\s*[+-]?\.?\d")
 _PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
 
 Model = TypeVar("Model", bound=BaseModel)
-Text = Annotated[str, Strict(), Field(min_length=1)]
 
 
-def _parts(key: str) -> list[str | int]:
+def _without_nul(text: str) -> str:
+    if "\0" in text:  # neither paths nor names in files of results can hold it
+        raise ValueError("holds the character NUL; allowed: any other")
+    return text
+
+
+Text = Annotated[str, Strict(), Field(min_length=1), AfterValidator(_without_nul)]
+
+
+def key_parts(key: str) -> list[str | int]:
     """The parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
     found, position = [], 0
     while position < len(key):
@@ -40,7 +48,7 @@ def _parts(key: str) -> list[str | int]:
 def checked_keys(changes: Changes) -> Changes:
     """The changes, whose keys are such as may be. Raises ValueError."""
     for key in changes:
-        _parts(key)
+        key_parts(key)
     return changes
 
 
@@ -100,7 +108,7 @@ class PanelTable(Table):
             raise ValueError("vary and values belong together")
         if not self.values and not self.runs:
             raise ValueError("nothing to run: give vary and values, or runs")
-        _parts(self.vary or "")
+        key_parts(self.vary or "")
         return self
 
     def all_runs(self) -> tuple[RunTable, ...]:
@@ -167,7 +175,13 @@ def checked(model: type[Model], file: Path) -> Model:
     try:
         return model.model_validate(read_tables(file))
     except ValidationError as error:
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems_of(error, model))) from None
+        problems = (_brief(problem) for problem in problems_of(error, model))
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in problems)) from None
+
+
+def _brief(problem: Problem) -> Problem:
+    """The problem; of a whole study without the study, as its text names what is wrong in it."""
+    return problem if problem.location else Problem((), problem.text)
 
 
 def read_tables(file: Path) -> dict[str, Any]:
@@ -187,7 +201,7 @@ def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
     """
     result = deepcopy(dict(tables))
     for key, value in _items(changes):
-        *path, last = _parts(key)
+        *path, last = key_parts(key)
         inner: Any = result
         for part in path:
             inner = _inside(inner, part, key)

@@ -18,8 +18,8 @@ from meeframe.io.sweep import POINTS, SYSTEMS, check_installed, drop_systems, op
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.report.figures import save_figure
-from meeframe.report.sweep import SweepPlot, sweep_figure
-from meeframe.study.declare import changed, checked, read_tables, words
+from meeframe.report.sweep import sweep_figure
+from meeframe.study.declare import changed, checked, read_tables
 from meeframe.study.quantities import NODAL
 from meeframe.study.sweep_declare import SweepTable
 from meeframe.study.sweep_engine import InProcess, Pool, solve_points
@@ -62,7 +62,7 @@ def sweep(
     progress("writing", 0.0)
     result = _result(file, study, points, gathered)
     write_sweep(out, result)
-    plots = [_plot(plot.model_dump()) for plot in study.plots]
+    plots = [plot.over(result.axes) for plot in study.plots]
     with replacing(out / FIGURE_FILE) as path:
         save_figure(sweep_figure(result, plots), path)
     return result
@@ -84,10 +84,6 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
         told = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
         raise CaseError("\n".join(told.values()))
     return points
-
-
-def _plot(table: Mapping[str, Any]) -> SweepPlot:
-    return SweepPlot(**{**table, "at": {name: words(value) for name, value in table["at"].items()}})
 
 
 @dataclass(frozen=True, eq=False)

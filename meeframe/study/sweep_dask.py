@@ -2,6 +2,7 @@
 
 import logging
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -10,10 +11,11 @@ from functools import cache, lru_cache, partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, final
 from uuid import uuid4
 
-from meeframe.case.cache import cached_body
+from meeframe.case.cache import cached_body, code_key
 from meeframe.case.solve import reduce_body
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError, MeeframeError
@@ -41,31 +43,47 @@ _THREADS: Final = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS
 @dataclass(frozen=True)
 class Sealed:
     """An object on its way to another process. plugins: path and content of the local files whose classes it may hold,
-    which that process need not see; data: the object, pickled."""
+    which that process need not see; data: the object, pickled; code: code_key of it where it
+    comes from, empty for what was made of something checked."""
 
     plugins: tuple[tuple[str, bytes], ...]
     data: bytes
+    code: str = ""
 
     @classmethod
-    def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...]) -> "Sealed":
+    def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
         """Of anything that can be pickled; raises as pickle."""
-        return cls(plugins, pickling.dumps(content))
+        return cls(plugins, pickling.dumps(content), code)
 
     def open(self) -> Any:
-        """The object."""
+        """The object. Raises CaseError where code would compute other results with it than where it comes from."""
         for path, source in self.plugins:
             if source_name(Path(path), source) not in sys.modules:
                 load_source(Path(path), source)
-        return pickling.loads(self.data)
+        try:
+            content = pickling.loads(self.data)
+        except (ImportError, AttributeError) as error:
+            raise _other_code(str(error)) from None
+        if self.code and code_key(content) != self.code:
+            raise _other_code("sources or versions differ")
+        return content
+
+
+def _other_code(what: str) -> CaseError:
+    return CaseError(
+        f"worker on {socket.gethostname()} runs other code than this command: {what}; allowed: the same meeframe, "
+        "plugins, numpy, scipy and numba on all workers"
+    )
 
 
 @dataclass(frozen=True)
 class Carried:
-    """A reduced system on its way to those who share it, known by its key. refusal: why there is none, if so."""
+    """A reduced system on its way to those who share it, known by its key. instead: what their points become if
+    there is none."""
 
     key: str
     sealed: Sealed | None = field(default=None, compare=False, repr=False)
-    refusal: str = field(default="", compare=False)
+    instead: Outcome | None = field(default=None, compare=False)
 
 
 def reduced(key: str, bodies: Sealed, folder: str) -> Carried:
@@ -74,14 +92,20 @@ def reduced(key: str, bodies: Sealed, folder: str) -> Carried:
     try:
         seen = Path(folder).is_dir()
         system = cached_body(formulation, body, Path(folder), key=key) if seen else reduce_body(formulation, body)
-    except MeeframeError as error:
-        return Carried(key, refusal=str(error))
+        return _carried(key, system, bodies)
+    except (MeeframeError, MemoryError) as error:
+        return Carried(key, instead=Outcome.without_result(error))
+
+
+def _carried(key: str, system: ReducedSystem, bodies: Sealed) -> Carried:
     matrix = system.dense()
     if matrix is not None:  # whatever it was made with stays here
         parts = system.points, system.frames, system.weights, system.cells, system.offset
         return Carried(key, Sealed.of(DenseSystem(*parts, matrix, partial(_recovered, bodies)), bodies.plugins))
     try:
         return Carried(key, Sealed.of(system, bodies.plugins))
+    except MemoryError:
+        raise
     except Exception:  # it is made of what cannot be pickled: whoever needs it makes it
         return Carried(key, bodies)
 
@@ -100,8 +124,8 @@ def _opened(carried: Carried) -> ReducedSystem:
 
 def solved_there(case: Sealed, *systems: Carried) -> Outcome:
     """The outcome of a sealed case on the systems of its bodies."""
-    refusal = next((carried.refusal for carried in systems if carried.refusal), "")
-    return Outcome(PointStatus.REFUSED, refusal) if refusal else solved(case.open(), map(_opened, systems))
+    instead = next((carried.instead for carried in systems if carried.instead is not None), None)
+    return instead or solved(case.open(), map(_opened, systems))
 
 
 @final
@@ -147,13 +171,16 @@ class Cluster(Pool):
         submit = partial(client.submit, pure=False)
         for bodies, group in grouped(points):
             systems = {
-                key: submit(reduced, key, Sealed.of(body, self.plugins), folder, key=f"reduced-{key[:16]}-{run}")
+                key: submit(reduced, key, self._sealed(body), folder, key=f"reduced-{key[:16]}-{run}")
                 for key, body in bodies
             }
             for point in group:
-                case = Sealed.of(point.case, self.plugins)
+                case = self._sealed(point.case)
                 shared = [systems[key] for key, _ in bodies]
                 yield submit(solved_there, case, *shared, key=f"solved-{point.key[:16]}-{run}"), point
+
+    def _sealed(self, content: object) -> Sealed:
+        return Sealed.of(content, self.plugins, code_key(content))
 
     def _outcome(self, future: Any) -> Outcome:
         if future.cancelled():
@@ -161,6 +188,10 @@ class Cluster(Pool):
         error = future.exception()  # waits if it was lost with its worker, until another has made it again
         if isinstance(error, distributed.KilledWorker):
             return Outcome(PointStatus.FAILED, f"every worker that tried it died: {error}")
+        if isinstance(error, MemoryError):
+            return Outcome.without_result(error)
+        if isinstance(error, ImportError):
+            raise CaseError(f"a worker lacks what this command has: {error}; allowed: the same code on all") from None
         outcome: Outcome = future.result()
         return outcome
 
@@ -170,7 +201,10 @@ class Cluster(Pool):
 
 @contextmanager
 def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Iterator[Cluster]:
-    """Local processes of one thread each, or, at an address, the workers that are there; not before they are needed."""
+    """Local processes of one thread each, not before they are needed; or, at an address, the workers that are there.
+
+    Raises CaseError if the scheduler does not answer.
+    """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
     settings = {
         "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
@@ -189,13 +223,21 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
         def connect() -> Any:
             return stack.enter_context(_client(stack, workers, scheduler))
 
+        if scheduler is not None:
+            connect()
         yield Cluster(connect, scheduler or "of the local processes", sources)
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
     if scheduler is None:
-        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
+        scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
+        options = {
+            "threads_per_worker": 1,
+            "memory_limit": 0,
+            "dashboard_address": ":0",
+            "local_directory": scratch,
+        }
         place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
         stack.callback(_close, place)
         return distributed.Client(place)

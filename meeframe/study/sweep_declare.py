@@ -1,24 +1,39 @@
 """What the study file of a sweep may say, and the points that it stands for. Documented in docs/sweep.md."""
 
-from collections.abc import Callable, Iterator, Mapping
-from itertools import product
+import math
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from itertools import combinations, product
 from typing import Any, Final, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.quantities import unit_registry
 from meeframe.core.sweep import INCREMENT, POINT, SweepAxis
 from meeframe.io.sweep import NODE
 from meeframe.plugin.validation import choices
-from meeframe.study.declare import Changes, CheckedChanges, RunTable, Table, Text, checked_keys, place_of, words
+from meeframe.report.sweep import SweepPlot
+from meeframe.study.declare import (
+    Changes,
+    CheckedChanges,
+    RunTable,
+    Table,
+    Text,
+    checked_keys,
+    key_parts,
+    place_of,
+    words,
+)
 from meeframe.study.sweep_numbers import FIELD_UNITS, NUMBERS
 
 _SPACING: Final = {"from", "to", "count", "scale"}
 _SCALES: Final[Mapping[str, Callable[..., Array]]] = {"linear": np.linspace, "log": np.geomspace}
 RESERVED: Final = ("status", "message", "key", "x", "y", "z", INCREMENT, NODE, POINT, *NUMBERS)
 """Names in sweep.h5 that no axis may have."""
+MOST: Final = 100_000
+"""Points of a study's axes, at most."""
 
 
 class PlotTable(Table):
@@ -35,6 +50,15 @@ class PlotTable(Table):
     lines: Text | None = None
     scale: Literal["linear", "log"] = "linear"
     at: dict[str, Any] = Field(default_factory=dict)
+
+    def over(self, axes: Sequence[SweepAxis]) -> SweepPlot:
+        """The plot over these axes. Raises ValueError for quantities that there are not, or axes or values of them."""
+        named = {axis.name: axis for axis in axes}
+        _check_names("quantities: unknown quantity", self.quantities, NUMBERS)
+        for key, name in {"x": self.x, "lines": self.lines, **{f"at.{name}": name for name in self.at}}.items():
+            _check_names(f"{key}: unknown axis", [name] if name else [], named)
+        stands = {name: _label_of(value, named[name]) for name, value in self.at.items()}
+        return SweepPlot(self.quantities, self.kind, self.x, self.lines, self.scale, stands)
 
 
 class SweepTable(Table):
@@ -59,19 +83,15 @@ class SweepTable(Table):
     def _fits_together(self) -> "SweepTable":
         if not self.axes and not self.points:
             raise ValueError("nothing to run: give [axes], [[points]] or both")
-        axes = self.varied()
-        for axis, _ in axes:
-            if axis.name in RESERVED or "/" in axis.name:
-                raise ValueError(f"axes: {axis.name!r} is the name of something else in sweep.h5; allowed: another one")
+        _check_axes(self.varied())
         _check_distinct("points", [run.label for run in self.points])
         _check_names("fields: unknown field", self.fields, FIELD_UNITS)
-        shown = {axis.name: axis for axis in self.result_axes()}
+        axes = self.result_axes()
         for number, plot in enumerate(self.plots, 1):
-            place = f"plots[{number}]"
-            _check_names(f"{place}.quantities: unknown quantity", plot.quantities, NUMBERS)
-            _check_names(f"{place}: unknown axis", [name for name in (plot.x, plot.lines, *plot.at) if name], shown)
-            for name, value in plot.at.items():
-                _check_names(f"{place}.at.{name}: unknown value", [words(value)], shown[name].labels)
+            try:
+                plot.over(axes).shown(axes)
+            except (ValueError, CaseError) as error:
+                raise ValueError(f"plots[{number}].{error}") from None
         return self
 
     def varied(self) -> list[tuple[SweepAxis, tuple[Changes, ...]]]:
@@ -106,7 +126,7 @@ def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tup
             return _of_lists(name, values)
         if values and all(isinstance(item, Mapping) for item in values.values()):
             return SweepAxis(name, tuple(values)), tuple(checked_keys(dict(item)) for item in values.values())
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise ValueError(f"axes.{name}: {error}") from None
     raise ValueError(
         f"axes.{name}: allowed: a list of values, {{from, to, count}}, a table of keys with lists of values side by "
@@ -122,13 +142,46 @@ def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tup
         raise ValueError(f"allowed: lists of one length that are not empty, {told}")
     changes = tuple(checked_keys(dict(zip(lists, values, strict=True))) for values in zip(*lists.values(), strict=True))
     first = next(iter(lists.values()))
+    if len(lists) > 1 and len(set(_identities(first))) < len(first):
+        rows = [", ".join(map(_exact, change.values())) for change in changes]
+        _check_distinct("values", rows)
+        return SweepAxis(name, tuple(rows)), changes
     labels = [words(value) for value in first]
-    if len(set(labels)) < len(labels) and len(lists) > 1:
-        labels, first = [", ".join(map(words, change.values())) for change in changes], []
-    _check_distinct("values", labels)
-    places = [place for place in map(place_of, first) if place is not None]
-    placed = len(places) == len(labels)
-    return SweepAxis(name, tuple(labels), np.array(places) if placed else None, _unit(first) if placed else ""), changes
+    if len(set(labels)) < len(labels):  # of numbers that are closer than what words show
+        labels = [_exact(value) for value in first]
+    _check_distinct("values", labels, _identities(first))
+    places = _places(first)
+    if places is None:
+        return SweepAxis(name, tuple(labels)), changes
+    return SweepAxis(name, tuple(labels), places, _unit(first)), changes
+
+
+def _exact(value: Any) -> str:
+    """As words, a number with all its digits."""
+    return repr(value) if isinstance(value, float) and not value.is_integer() else words(value)
+
+
+def _places(values: Sequence[Any]) -> Array | None:
+    """Where values stand on an axis, if all of them have a place."""
+    places = [place for place in map(place_of, values) if place is not None]
+    return np.array(places) if len(places) == len(values) else None
+
+
+def _identities(values: Sequence[Any]) -> list[Hashable]:
+    """By which values are the same: where they stand, else their words. Conversion of units costs the last digits."""
+    places = _places(values)
+    if places is None:
+        return [_exact(value) for value in values]
+    digits = 12 if any(isinstance(value, str) for value in values) else 17
+    return [f"{place:.{digits}g}" for place in places]
+
+
+def _label_of(value: Any, axis: SweepAxis) -> str:
+    """The label that a value has on an axis. Raises ValueError if it has none."""
+    found = next((label for label in (_exact(value), words(value)) if label in axis.labels), None)
+    if found is None:
+        _check_names(f"at.{axis.name}: unknown value", [words(value)], axis.labels)
+    return str(found)
 
 
 def _spaced(table: Mapping[str, Any]) -> list[float]:
@@ -138,28 +191,64 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
         raise ValueError(f"unknown key {min(unknown)!r}; allowed: {', '.join(sorted(_SPACING))}")
     if scale not in _SCALES:
         raise ValueError(f"scale = {scale!r}: allowed: {', '.join(_SCALES)}")
-    numbers = [end for end in ends if isinstance(end, int | float) and not isinstance(end, bool) and np.isfinite(end)]
+    numbers = [end for end in ends if isinstance(end, int | float) and not isinstance(end, bool) and math.isfinite(end)]
     if len(numbers) < 2:
         raise ValueError(f"from = {ends[0]!r}, to = {ends[1]!r}: allowed: two finite numbers, SI units")
     if scale == "log" and min(numbers) <= 0:
         raise ValueError(f"from = {ends[0]!r}, to = {ends[1]!r}: allowed with scale = 'log': positive numbers")
     count = table.get("count")
-    if not isinstance(count, int) or isinstance(count, bool) or count < 2:
-        raise ValueError(f"count = {count!r}: allowed: a whole number from 2")
+    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MOST:
+        raise ValueError(f"count = {count!r}: allowed: a whole number from 2 to {MOST}")
     # as one would write them, so that those of a longer axis are the same numbers
     return [float(f"{number:.14g}") for number in _SCALES[scale](*numbers, count)]
 
 
-def _unit(values: list[Any]) -> str:
-    """Of values that all have their place on an axis: in SI, as place_of gives them."""
-    text = next((value for value in values if isinstance(value, str)), None)
-    return "" if text is None else f"{unit_registry().Quantity(text).to_base_units().units:~}"
+def _unit(values: Sequence[Any]) -> str:
+    """Of values that all have their place on an axis: in SI, as place_of gives them. Raises ValueError for several."""
+    units: dict[str, str] = {}
+    for value in values:
+        if isinstance(value, str):
+            units.setdefault(f"{unit_registry().Quantity(value).to_base_units().units:~}", value)
+    if len(units) > 1:
+        told = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
+        raise ValueError(f"values: {told}; allowed: units of one quantity")
+    return next(iter(units), "")
 
 
-def _check_distinct(what: str, labels: list[str]) -> None:
-    twice = next((label for label in labels if labels.count(label) > 1), None)
-    if twice is not None:
-        raise ValueError(f"{what}: {twice!r} is given twice")
+def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
+    """Raises ValueError for names that sweep.h5 cannot take, axes that undo each other, and too many points."""
+    for axis, _ in axes:
+        if axis.name in RESERVED or axis.name in (".", "..") or "/" in axis.name:
+            raise ValueError(f"axes: {axis.name!r} is the name of something else in sweep.h5; allowed: another one")
+        odd = next((label for label in axis.labels if "\0" in label), None)
+        if odd is not None:
+            raise ValueError(f"axes.{axis.name}: {odd!r} holds the character NUL; allowed: any other")
+    _check_apart(axes)
+    count = math.prod(len(axis.labels) for axis, _ in axes)
+    if count > MOST:
+        raise ValueError(f"axes: they make {count} points; allowed: at most {MOST}")
+
+
+def _check_apart(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
+    """Raises ValueError if two axes change the same key, or one a table and the other what is in it."""
+    keys = [(axis.name, {key for change in changes for key in change}) for axis, changes in axes]
+    for (name, own), (other, others) in combinations(keys, 2):
+        for first, second in product(sorted(own), sorted(others)):
+            if all(a == b for a, b in zip(key_parts(first), key_parts(second), strict=False)):
+                raise ValueError(
+                    f"axes: {name!r} changes {first} and {other!r} changes {second}: one would undo the other; "
+                    "allowed: axes with keys of their own"
+                )
+
+
+def _check_distinct(what: str, labels: Sequence[str], identities: Sequence[Hashable] = ()) -> None:
+    """Raises ValueError for things of the same label, or of the same identity if they have others."""
+    seen: dict[Hashable, str] = {}
+    for label, identity in zip(labels, identities or labels, strict=True):
+        if identity in seen:
+            same = "" if seen[identity] == label else f", also as {seen[identity]!r}"
+            raise ValueError(f"{what}: {label!r} is given twice{same}")
+        seen[identity] = label
 
 
 def _check_names(what: str, names: Any, known: Any) -> None:

@@ -35,14 +35,22 @@ class InProcess(Pool):
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
         """As Pool.solve; the progress of reductions is shown."""
         for bodies, group in grouped(points):
-            try:
-                made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
-            except MeeframeError as error:
-                yield from ((point, Outcome(PointStatus.REFUSED, str(error))) for point in group)
-                continue
-            for point in group:
-                assert point.case is not None
-                yield point, solved(point.case, (made[key] for key, _ in bodies))
+            yield from _solve_group(bodies, group, systems, progress)
+
+
+def _solve_group(
+    bodies: Keyed, group: Sequence[Point], systems: Path, progress: Progress
+) -> Iterator[tuple[Point, Outcome]]:
+    """Of points that share bodies; when it ends, their reduced systems are let go."""
+    try:
+        made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
+    except (MeeframeError, MemoryError) as error:
+        outcome = Outcome.without_result(error)
+        yield from ((point, outcome) for point in group)
+        return
+    for point in group:
+        assert point.case is not None
+        yield point, solved(point.case, (made[key] for key, _ in bodies))
 
 
 def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
@@ -61,10 +69,13 @@ def pool_of(workers: int | None = 1, scheduler: str | None = None, plugins: Sequ
 
     workers: None: one for each core; scheduler: address of the cluster's scheduler, in place of local processes;
     plugins: local files whose classes the cases may hold, which the workers get to know.
-    Raises CaseError if both are given, for fewer than one worker, or without Dask.
+    Raises CaseError if both are given, for fewer than one worker, for a scheduler that does not answer, or without
+    Dask.
     """
     if scheduler is not None and workers is not None:
         raise CaseError(f"workers = {workers} and scheduler = {scheduler}: allowed: one of them")
+    if scheduler is not None and not scheduler.strip():
+        raise CaseError(f"scheduler = {scheduler!r}: allowed: the address of a running one, such as tcp://host:8786")
     count = cores() if workers is None else workers
     if count < 1:
         raise CaseError(f"workers = {count}: allowed: 1 or more")

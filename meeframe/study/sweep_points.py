@@ -14,7 +14,7 @@ from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import case_from_tables
 from meeframe.case.solve import joined, provenance, solve_steps, zone_of
-from meeframe.core.errors import MeeframeError, ResultError
+from meeframe.core.errors import MeeframeError, ResultError, TooLargeError
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import Result, RunStatus
 from meeframe.io.results import create_result, finish_result, read_result
@@ -73,21 +73,29 @@ class Outcome:
             return cls(PointStatus.CONVERGED, "", result)
         return cls(PointStatus.NOT_CONVERGED, result.steps[-1].message, result)
 
+    @classmethod
+    def without_result(cls, error: MeeframeError | MemoryError) -> "Outcome":
+        """Of what ended a computation. Raises it if it tells of files that cannot be written, and so nothing of the
+        point."""
+        if isinstance(error, ResultError):
+            raise error
+        if isinstance(error, MemoryError):
+            return cls(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")
+        return cls(PointStatus.FAILED if isinstance(error, TooLargeError) else PointStatus.REFUSED, str(error))
+
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
     """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.case.cache.bodies_of.
 
-    The fields on the whole boundary are not recovered.
+    The fields on the whole boundary are not recovered. Raises ResultError if a system cannot be kept.
     """
     clock = Clock()
     made = iter(systems)
     try:
         system = joined(case, lambda *_: next(made))
         steps = tuple(solve_steps(case, system, clock, boundary=False))
-    except MeeframeError as error:
-        return Outcome(PointStatus.REFUSED, str(error))
-    except MemoryError as error:
-        return Outcome(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")
+    except (MeeframeError, MemoryError) as error:
+        return Outcome.without_result(error)
     zone, timings = zone_of(system), clock.timings()
     return Outcome.of(Result(provenance(case), zone, case.n_increments, steps, timings, peak_memory_mb()))
 

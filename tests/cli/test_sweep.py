@@ -264,22 +264,26 @@ MAIN = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT])
-def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death):
+@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
     with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
         wait_for(lambda: len(files(out)) >= 2, process)
         children = process.children(recursive=True)
         if death is signal.SIGINT:
             os.killpg(process.pid, death)  # as from the terminal: to its workers too
         else:
-            process.kill()
+            process.send_signal(death)
         status = process.wait(timeout=60)
     psutil.wait_procs(children, timeout=60)
     before, solved = files(out), log("solved")
     assert 2 <= len(before) < len(DEPTHS)
     assert not (out / "sweep.h5").exists()
-    if death is signal.SIGINT:
+    if death is not signal.SIGKILL:
+        assert not list(scratch.iterdir()), "nothing is left of the processes"
         assert status == 130, told.read_text()
         assert f"of 8 points are finished and in {out}; the same command goes on" in told.read_text()
         assert "Traceback" not in told.read_text()
@@ -346,6 +350,7 @@ def test_a_scheduler_that_is_not_there(study, tmp_path):
     result = CliRunner().invoke(app, command(study(LINE), out, "--scheduler", "tcp://127.0.0.1:1"))
     assert result.exit_code == 2
     assert "error: scheduler tcp://127.0.0.1:1 does not answer" in result.stderr
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(("options", "text"), [(("--scheduler", "tcp://a:1"), "allowed: one of them")])

@@ -9,7 +9,7 @@ import numpy as np
 
 from meeframe.core.body import Body
 from meeframe.core.dense_system import in_local_frames
-from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import N_FIELDS, Array, FieldScaling
 from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution, Kernel
@@ -44,8 +44,8 @@ class DenseBEM(Formulation):
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
 
-        Raises MeshError unless the mesh is a closed surface with outward normals, or if its matrices would not fit into
-        this machine's memory; CaseError if boundary conditions contradict each other, touch the contact zone or leave a
+        Raises MeshError unless the mesh is a closed surface with outward normals; TooLargeError if its matrices would
+        not fit into this machine's memory; CaseError if boundary conditions contradict each other, touch the contact zone or leave a
         field undetermined; MaterialError if the fundamental solution does not apply.
         """
         _check_memory(body)
@@ -103,13 +103,13 @@ def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kerne
 
 
 def _check_memory(body: Body) -> None:
-    """Raises MeshError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
+    """Raises TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
     unknowns = N_FIELDS * len(body.mesh.points)
     loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
     needed = 8 * unknowns * (unknowns + loads)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
-        raise MeshError(
+        raise TooLargeError(
             f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
             f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh"
         )

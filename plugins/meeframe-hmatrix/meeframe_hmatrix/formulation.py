@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from meeframe.core.body import Body
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import Array, FieldScaling
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution
@@ -58,8 +58,9 @@ class HierarchicalBEM(Formulation):
         """Check mesh, boundary conditions, material and memory.
 
         Raises MeshError unless the mesh is a closed surface with outward normals; CaseError if boundary conditions
-        contradict each other, touch the contact zone or leave a field undetermined, if there is no contact zone, or if
-        the matrices would not fit into this machine's memory; MaterialError if the fundamental solution does not apply.
+        contradict each other, touch the contact zone or leave a field undetermined, or if there is no contact zone;
+        TooLargeError if the matrices would not fit into this machine's memory; MaterialError if the fundamental
+        solution does not apply.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
@@ -126,11 +127,11 @@ def memory_of_machine() -> float:
 
 
 def _check_memory(unknowns: int, tolerance: float) -> None:
-    """Raises CaseError if the matrices and factors are larger than the memory of the machine."""
+    """Raises TooLargeError if the matrices and factors are larger than the memory of the machine."""
     digits = -np.log10(BLOCK_SHARE * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_A_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
     if needed > memory_of_machine():
-        raise CaseError(
+        raise TooLargeError(
             f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {memory_of_machine() / 1e9:.3g} "
             "GB: use a coarser mesh or a larger tolerance"
         )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.core.errors import MeshError
+from meeframe.core.errors import MeshError, TooLargeError
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.geometry.reader import read_any
@@ -89,7 +89,7 @@ def check_volume(mesh: VolumeMesh) -> None:
 
 
 def check_memory(n_points: float) -> None:
-    """Raises MeshError if a mesh of so many points needs more memory than the machine has.
+    """Raises TooLargeError if a mesh of so many points needs more memory than the machine has.
 
     The factors grow with the power 4/3 of the unknowns (nested dissection in three dimensions); measured by pardiso.
     """
@@ -97,7 +97,7 @@ def check_memory(n_points: float) -> None:
     needed = BYTES * unknowns ** (4 / 3)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
-        raise MeshError(
+        raise TooLargeError(
             f"volume mesh: {unknowns:.3g} unknowns need about {needed / 1e9:.3g} GB; this machine has "
             f"{available / 1e9:.3g} GB: use a larger `growth`, fewer elements in the contact zone or a coarser volume"
         )

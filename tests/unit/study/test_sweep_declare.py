@@ -95,6 +95,26 @@ def test_keys_side_by_side(read):
     assert (axis.labels, axis.values) == (("4, 2", "4, 3"), None), "told apart by both"
 
 
+def test_values_that_are_nearly_the_same_are_told_apart(read):
+    study = read('case = "c.toml"\naxes = { mu = [0.1, 0.1000000001, 0.2] }')
+    axis, changes = axis_of(study)
+    assert axis.labels == ("0.1", "0.1000000001", "0.2")
+    np.testing.assert_array_equal(axis.values, [0.1, 0.1000000001, 0.2])
+    assert [change["mu"] for change in changes] == [0.1, 0.1000000001, 0.2]
+
+
+def test_a_plot_stands_at_the_value_that_is_meant(read):
+    text = """
+        case = "c.toml"
+        axes = { mu = [0.1, 0.1000000001], depth = [1, 2] }
+        plots = [{ quantities = ["normal_force"], at = { mu = 0.1000000001 } }]
+    """
+    study = read(text)
+    plot = study.plots[0].over(study.result_axes())
+    assert plot.at == {"mu": "0.1000000001"}
+    assert [axis and axis.name for axis in plot.shown(study.result_axes())] == ["depth", None]
+
+
 def test_points_of_their_own(read):
     points = '[[points]]\nlabel = "a"\nvalue = 1\n[[points]]\nlabel = "b"\nvalue = 2\nset = { "solver" = "auto" }\n'
     (axis,) = read(f'case = "c.toml"\n{points}').result_axes()
@@ -126,12 +146,40 @@ WRONG = {
         ('["normal_force"]', '["normal_farce"]'),
         "plots[1].quantities: unknown quantity 'normal_farce'; did you mean 'normal_force'?",
     ),
-    "axis": (('x = "load"', 'x = "lode"'), "plots[1]: unknown axis 'lode'; did you mean 'load'?"),
+    "axis": (('x = "load"', 'x = "lode"'), "plots[1].x: unknown axis 'lode'; did you mean 'load'?"),
     "at": (('"contact.law.mu" = 0.3 }', '"contact.law.mu" = 0.4 }'), "plots[1].at.contact.law.mu: unknown value '0.4'"),
     "fields": (
         ("[axes]", 'fields = ["pressures"]\n[axes]'), "fields: unknown field 'pressures'; did you mean 'pressure'?"
     ),
     "no case": (('case = "case.toml"', ""), "case: missing key"),
+    "nul": (('"case.toml"', '"ca\\u0000se.toml"'), "case = 'ca\\x00se.toml': holds the character NUL"),
+    "nul in a value": (("[0.0, 0.3, inf]", '["a\\u0000"]'), "axes.contact.law.mu: 'a\\x00' holds the character NUL"),
+    "dot": (("[axes.load]", '[axes."."]'), "axes: '.' is the name of something else in sweep.h5"),
+    "dots": (("[axes.load]", '[axes.".."]'), "axes: '..' is the name of something else in sweep.h5"),
+    "same axis": (('x = "load"\nat = { "contact.law.mu" = 0.3 }', 'x = "load"\nlines = "load"'),
+        "plots[1].x and lines are both 'load'; allowed: two axes"),
+    "x in at": (('at = { "contact.law.mu" = 0.3 }', 'at = { load = "light" }'),
+        "plots[1].at.load: the plot goes along this axis; allowed: other axes"),
+    "lines in at": (('x = "load"', 'lines = "contact.law.mu"'),
+        "plots[1].at.contact.law.mu: the plot goes along this axis"),
+    "log over zero": (('x = "load"\nat = { "contact.law.mu" = 0.3 }', 'scale = "log"\nat = { load = "light" }'),
+        "plots[1].scale = 'log': allowed over positive numbers; contact.law.mu has 0, 0.3, inf"),
+    "log over names": (('x = "load"', 'x = "load"\nscale = "log"'),
+        "plots[1].scale = 'log': allowed over positive numbers"),
+    "map of one": (('x = "load"', 'kind = "map"'), "plots[1].kind = 'map': allowed over two axes"),
+    "same key": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law.mu" = 0.1 }'),
+        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law.mu: one would undo the other"),
+    "key in a table": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law" = "signorini" }'),
+        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law: one would undo the other"),
+    "same place": (("[0.0, 0.3, inf]", '["25 um", "0.025 mm"]'), "values: '0.025 mm' is given twice, also as '25 um'"),
+    "same number": (("[0.0, 0.3, inf]", '["25 um", 2.5e-5]'), "values: '2.5e-05' is given twice, also as '25 um'"),
+    "units": (("[0.0, 0.3, inf]", '["25 um", "30 deg"]'),
+        "values: '25 um' is in m, '30 deg' is in rad; allowed: units of"),
+    "large count": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 1000000000 }"), "a whole number from 2 to 100000"),
+    "large product": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 50001 }"),
+        "axes: they make 100002 points; allowed: at"),
+    "large number": (("[0.0, 0.3, inf]", f"[1{'0' * 400}]"), "axes.contact.law.mu: "),
+    "large end": (("[0.0, 0.3, inf]", f"{{ from = 0, to = 1{'0' * 400}, count = 3 }}"), "axes.contact.law.mu: "),
 }  # fmt: skip
 
 
@@ -144,6 +192,7 @@ def test_wrong_studies(read, tmp_path, kind):
     assert str(tmp_path / "study.toml") in str(caught.value)
     for text in texts:
         assert text in str(caught.value)
+    assert "not {'" not in str(caught.value), "the item is shown, not the whole study"
 
 
 def test_nothing_to_run(read):

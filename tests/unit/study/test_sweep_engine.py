@@ -1,16 +1,17 @@
 """The engine of sweeps: groups that share systems, keys by content, systems that travel, what is kept."""
 
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from threading import Lock
+from weakref import WeakSet
 
 import numpy as np
 import pytest
 
-from meeframe.case.cache import bodies_of, case_key, system_key
+from meeframe.case.cache import bodies_of, case_key, code_key, system_key
 from meeframe.case.load import load_case
 from meeframe.case.solve import reduce, solve_case
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import CaseError, MeshError, ResultError, TooLargeError
 from meeframe.core.formulation import Formulation, NodalFields, ReducedSystem
 from meeframe.core.result import resultants
 from meeframe.formulations.dense_bem import DenseBEM
@@ -18,7 +19,7 @@ from meeframe.io.toml import toml_text
 from meeframe.laws import IsotropicCoulomb
 from meeframe.study import sweep_dask
 from meeframe.study.declare import changed
-from meeframe.study.sweep_dask import Carried, Sealed, reduced, solved_there
+from meeframe.study.sweep_dask import Sealed, reduced, solved_there
 from meeframe.study.sweep_engine import InProcess, grouped, pool_of, solve_points
 from meeframe.study.sweep_points import Outcome, Point, PointStatus, read_outcome, write_outcome
 
@@ -168,15 +169,125 @@ def test_a_system_without_a_matrix_travels_or_is_made_again(point, monkeypatch, 
     assert len(made) == (1 if portable else 2), "once in each process"
 
 
-def test_refusals_of_a_reduction_are_those_of_its_points(point, tmp_path):
-    refused = Carried("key", refusal="no")
-    outcome = solved_there(Sealed.of(point().case, ()), refused)
-    assert (outcome.status, outcome.message) == (PointStatus.REFUSED, "no")
+@dataclass(frozen=True)
+class Ending(Formulation):
+    """Springs whose reductions end with an error, or of which but one may be there at a time."""
+
+    error: type[BaseException] | None = None
+    alive: WeakSet = field(default_factory=WeakSet)
+
+    def check(self, body):
+        pass
+
+    def reduce(self, body, progress=None):
+        assert not self.alive, "the system of the points before is still held"
+        if self.error is not None:
+            raise self.error("no")
+        system = Hidden(True).reduce(body)
+        self.alive.add(system)
+        return system
+
+
+def group_of(point, formulation, **changes):
+    """A point whose case has this formulation."""
+    given = point(**changes)
+    case = replace(given.case, formulation=formulation)
+    return replace(given, case=case, key=case_key(case))
+
+
+ENDS = [
+    (CaseError, PointStatus.REFUSED),
+    (MeshError, PointStatus.REFUSED),
+    (TooLargeError, PointStatus.FAILED),
+    (MemoryError, PointStatus.FAILED),
+]
+
+
+@pytest.mark.parametrize(("error", "status"), ENDS)
+def test_a_reduction_that_ends_is_the_end_of_its_points_alone(point, tmp_path, error, status):
+    points = [group_of(point, Ending(error)), point()]
+    found = dict(solve_points(points, InProcess(), tmp_path / "systems", tmp_path / "points"))
+    assert [found[each.key].status for each in points] == [status, PointStatus.CONVERGED]
+    assert "no" in found[points[0].key].message
+    kept = {path.name for path in (tmp_path / "points").iterdir()}
+    assert kept == {each.key for each in points if found[each.key].status is not PointStatus.FAILED}
+
+
+@pytest.mark.parametrize(("error", "status"), ENDS)
+def test_so_it_is_on_a_worker(point, tmp_path, error, status):
+    case = group_of(point, Ending(error)).case
+    (body,) = bodies_of(case)
+    carried = reduced("key", Sealed.of(body, ()), str(tmp_path / "absent"))
+    outcome = solved_there(Sealed.of(point().case, ()), carried)
+    assert outcome.status is status
+    assert "no" in outcome.message
+
+
+@pytest.mark.parametrize("module", ["meeframe.case.cache.read_system", "meeframe.case.cache.write_system"])
+def test_memory_that_ends_around_a_reduction(point, tmp_path, monkeypatch, module):
+    def end(*_):
+        raise MemoryError("no")
+
+    monkeypatch.setattr(module, end)
+    ((_, outcome),) = solve_points([point()], InProcess(), tmp_path / "systems")
+    assert outcome.status is PointStatus.FAILED
+    (tmp_path / "systems").mkdir(exist_ok=True)
+    ((key, body),) = ((system_key(*body), body) for body in bodies_of(point().case))
+    assert reduced(key, Sealed.of(body, ()), str(tmp_path / "systems")).instead.status is PointStatus.FAILED
+
+
+def test_a_full_disk_is_nothing_of_a_point(point, tmp_path, monkeypatch):
+    """It ends the sweep; with room again the same points are solved."""
+
+    def full(*_):
+        raise ResultError("no space left")
+
+    here, folders = point(), (tmp_path / "systems", tmp_path / "points")
+    folders[0].mkdir()
+    ((key, body),) = ((system_key(*body), body) for body in bodies_of(here.case))
+    with monkeypatch.context() as patch:
+        patch.setattr("meeframe.case.cache.write_system", full)
+        with pytest.raises(ResultError, match="no space left"):
+            list(solve_points([here], InProcess(), *folders))
+        with pytest.raises(ResultError, match="no space left"):
+            reduced(key, Sealed.of(body, ()), str(folders[0]))
+    ((_, outcome),) = solve_points([here], InProcess(), *folders)
+    assert outcome.status is PointStatus.CONVERGED
+
+
+def test_one_group_holds_its_systems_at_a_time(point, tmp_path):
+    alive = WeakSet()
+    points = [group_of(point, Ending(None, alive), **{"mesh.rings": rings}) for rings in (2, 3)]
+    assert len(grouped(points)) == 2
+    found = dict(solve_points(points, InProcess(), tmp_path / "systems"))
+    assert [outcome.status for outcome in found.values()] == [PointStatus.CONVERGED] * 2
+
+
+def test_workers_with_other_code_are_found_out(point, monkeypatch):
+    case = point().case
+    sealed = Sealed.of(case, (), code_key(case))
+    assert case_key(sealed.open()) == case_key(case)
+    monkeypatch.setattr("meeframe.case.cache._sources", lambda _: b"of another version")
+    with pytest.raises(CaseError, match="runs other code than this command: sources or versions differ; allowed: the"):
+        solved_there(sealed)
+    with pytest.raises(CaseError, match="runs other code than this command: No module named 'absent_plugin'"):
+        Sealed((), b"cabsent_plugin\nSprings\n.").open()
+
+
+def test_the_key_of_code_is_of_classes_not_of_what_they_hold(point):
+    key = code_key(point().case)
+    assert code_key(point(**{"steps[1].approach": "11 um"}).case) == key
+    assert code_key(group_of(point, Hidden(True)).case) != key
 
 
 @pytest.mark.parametrize(
     ("workers", "scheduler", "text"),
-    [(0, None, "workers = 0: allowed: 1 or more"), (2, "tcp://a:1", "allowed: one of them")],
+    [
+        (0, None, "workers = 0: allowed: 1 or more"),
+        (2, "tcp://a:1", "allowed: one of them"),
+        (None, "", "scheduler = '': allowed: the address of a running one"),
+        (None, " ", "scheduler = ' ': allowed: the address of a running one"),
+    ],
 )
 def test_wrong_pools(workers, scheduler, text):
     with pytest.raises(CaseError, match=text), pool_of(workers, scheduler):
