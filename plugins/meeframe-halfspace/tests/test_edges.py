@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.edges import OF_THE_RIM
 from meeframe_halfspace.outline import distance_of, find_outline
 from meeframe_halfspace.strip import edge_limits, edge_response, line_responses
 from scipy.linalg import toeplitz
 from scipy.special import ellipk
 
 from meeframe.case.case import Case
-from meeframe.case.solve import solve_case
+from meeframe.case.history import at_rest
+from meeframe.case.mechanism import Mechanism
+from meeframe.case.solve import reduce, solve_case
 from meeframe.case.step import Step
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError
@@ -196,9 +199,9 @@ def test_elliptic_punch_on_oblong_cells(turn, bodies):
 # the whole way of a case
 
 
-def force_of_case(indenter, approach, placement, width, divisions, edges="resolved", potential=None):
-    """Of a pressed half space; potential: at which indenter and body touch, None without conduction."""
-    case = Case(
+def half_space_case(indenter, approach, placement, width, divisions, edges="resolved", potential=None):
+    """potential: of an indenter that conducts, None of one that does not."""
+    return Case(
         material=MATERIAL,
         mesh=half_space_mesh(2e-2, width, divisions, 1, Quad4()),
         conditions=(),
@@ -211,7 +214,11 @@ def force_of_case(indenter, approach, placement, width, divisions, edges="resolv
         steps=(Step(approach=approach),),
         limits=Limits(tolerance=1e-8),
     )
-    result = solve_case(case)
+
+
+def force_of_case(*given):
+    """With which the indenter presses, of half_space_case."""
+    result = solve_case(half_space_case(*given))
     assert result.steps[-1].status == "converged"
     return -resultants(result.zone, result.steps[-1]).force[2]
 
@@ -224,12 +231,15 @@ def test_square_punch_askew():
     assert found == pytest.approx(depth / XI[0, 0] * SQUARE * side, rel=1e-3)
 
 
-def test_punch_on_cells_much_longer_than_wide():
-    """The rim is looked for as far as cells are long: 6.4 of them across the punch one way, 102.3 the other."""
-    punch, depth, sides = FlatPunch(2e-3), 1e-6, np.array([4e-3 / 6.4, 4e-3 / 102.3])
-    width = tuple((sides * (10, 128)).tolist())
-    found = force_of_case(rigid.FlatPunch(punch.radius), depth, Placement(), width, (10, 128))
-    assert found == pytest.approx(indent(XI, punch, depth).force, rel=3e-3)
+def test_rim_of_cells_much_longer_than_wide():
+    """It is looked for as far as cells are long."""
+    radius, length = 2e-3, 4e-4
+    case = half_space_case(rigid.FlatPunch(radius), 1e-6, Placement(), (12 * length, 4.8e-3), (12, 192))
+    mechanism = Mechanism(case, reduce(case))
+    exact = radius - np.hypot(*mechanism.system.points[:, :2].T)
+    rim = mechanism.rim(mechanism.increment({}, at_rest(case.potentials, len(exact))))
+    near = np.abs(exact) < OF_THE_RIM * length
+    assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
 
 def test_rim_under_a_tilted_axis():
