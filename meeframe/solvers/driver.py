@@ -161,6 +161,8 @@ def solve(
             final = value
         else:
             state, final = _judged(problem, iterate, scales)
+            if by_residual and trend is not None:
+                status, message = _verdict(trend.next((iteration, final)), limits, window, orbit.repeated) or verdict
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"

@@ -47,11 +47,12 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     if moving.size == 0:
         return 0.0
     below = np.isfinite(problem.gap)
-    measures = np.stack([problem.freedoms[k].measure[below, MECHANICAL] / scales.totals[k] for k in moving])
+    measures = np.stack([problem.freedoms[k].measure[:, MECHANICAL] / scales.totals[k] for k in moving])
+    measures[:, ~below] = 0.0
     totals = np.array([problem.freedoms[k].total / scales.totals[k] for k in moving])
     if not totals.any() and _presses(problem):
         # ratios of resultants: then some pressure is needed, and how much does not matter
-        weights = problem.system.weights[below]
+        weights = np.where(below, problem.system.weights, 0.0)
         force = weights[:, None] * np.array([0.0, 0.0, -1.0]) / (weights.sum() * scales.pressure)
         measures, totals = np.concatenate([measures, force[None]]), np.append(totals, 1.0)
     generators = np.empty((len(totals), 0))

@@ -19,9 +19,9 @@ from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe
 from meeframe.testing.requirements import check_frozen, explained, require
 from meeframe.testing.search import search_for
+from meeframe.testing.shortcuts import check_shortcuts
+from meeframe.testing.zone_loads import ROUND_OFF, shapes, smooth_loads, typical_load, worst
 
-_ROUND_OFF = 1e-9
-_LOADS = 6
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 _FIELDS = st.sampled_from([tuple(row) for row in np.eye(5).tolist()]) | st.tuples(
     *[st.sampled_from([0.0, 1.0, -1.0]) | st.floats(-1.0, 1.0, allow_subnormal=False)] * 5
@@ -53,6 +53,7 @@ def check_formulation(
         system = formulation.reduce(body)
         check_form(system, body)
         check_linear(formulation, body, system)
+        check_shortcuts(system)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
         search_for(_LOADS_DRAWN, lambda drawn: check_energy(system, *drawn), examples=60)
@@ -88,27 +89,27 @@ def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) ->
     """apply is linear, pure and what diagonal_blocks and dense say; data move the offset and nothing else."""
     random = np.random.default_rng(0)
     n = len(system.points)
-    loads = random.normal(size=(3, n, 5)) * _typical_load(system)
+    loads = random.normal(size=(3, n, 5)) * typical_load(system)
     kept = loads.copy()
     answers = np.array([system.apply(load) for load in loads])
     require(np.array_equal(loads, kept), "apply changes its argument, so that solvers lose their state", n)
     again = system.apply(loads[0])
-    require(np.array_equal(again, answers[0]), "apply depends on earlier calls", _worst(again, answers[0]))
+    require(np.array_equal(again, answers[0]), "apply depends on earlier calls", worst(again, answers[0]))
     combined = system.apply(2.0 * loads[0] - 3.0 * loads[1])
-    error = _worst(combined, 2.0 * answers[0] - 3.0 * answers[1])
-    require(error < _ROUND_OFF, "apply is not linear: Newton's steps would be wrong", error)
+    error = worst(combined, 2.0 * answers[0] - 3.0 * answers[1])
+    require(error < ROUND_OFF, "apply is not linear: Newton's steps would be wrong", error)
     _check_blocks(system)
     matrix = system.dense()
     if matrix is not None:
         require(matrix.shape == (n, 5, n, 5), "dense is not (n, 5, n, 5)", matrix.shape)
-        error = _worst(np.einsum("namb,mb->na", matrix, loads[0]), answers[0])
-        require(error < _ROUND_OFF, "dense is not the matrix of apply: solvers that use either differ", error)
+        error = worst(np.einsum("namb,mb->na", matrix, loads[0]), answers[0])
+        require(error < ROUND_OFF, "dense is not the matrix of apply: solvers that use either differ", error)
     still = formulation.reduce(replace(body, conditions=tuple(replace(c, data=0.0 * c.data) for c in body.conditions)))
     scale = np.abs(system.offset).max(axis=0)
     error = float((np.abs(still.offset).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())
-    require(error < _ROUND_OFF, "the offset is not zero though all prescribed data are", error)
-    error = _worst(still.apply(loads[0]), answers[0])
-    require(error < _ROUND_OFF, "the compliance depends on the prescribed data, so that it is not linear", error)
+    require(error < ROUND_OFF, "the offset is not zero though all prescribed data are", error)
+    error = worst(still.apply(loads[0]), answers[0])
+    require(error < ROUND_OFF, "the compliance depends on the prescribed data, so that it is not linear", error)
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:
@@ -125,7 +126,7 @@ def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> N
 
 def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
     """The work of one load on the displacement of another is that of the other (Betti); own works are positive."""
-    loads = _smooth_loads(system)
+    loads = smooth_loads(system)
     answers = np.array([system.apply(load) for load in loads])
     own = np.einsum("n,knf,knf->k", system.weights, loads, answers)
     require(bool((own > 0.0).all()), "a load gains energy: contact on such a body has no solution", own)
@@ -136,8 +137,8 @@ def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
 
 
 def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -> None:
-    """A load of five fields, in one of the shapes of _shapes, works on its own displacement."""
-    load = np.outer(_shapes(system)[shape], fields) * _typical_load(system)
+    """A load of five fields, in one of the shapes of `shapes`, works on its own displacement."""
+    load = np.outer(shapes(system)[shape], fields) * typical_load(system)
     work = float(np.einsum("n,nf,nf->", system.weights, load, system.apply(load)))
     what = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
     require(work > 0.0 or not load.any(), what, f"work {work:.2e}")
@@ -145,7 +146,7 @@ def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -
 
 def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
     """recover has, on the zone, the load and its displacement, and on supports the prescribed values."""
-    load = _smooth_loads(system)[0]
+    load = smooth_loads(system)[0]
     fields = system.recover(load)
     shape = (len(fields.points), 5)
     require(fields.values.shape == fields.fluxes.shape == shape, "recover gives no (p, 5) fields", fields.values.shape)
@@ -154,7 +155,7 @@ def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
     distance = np.linalg.norm(system.points[:, None] - fields.points, axis=2)
     found, reach = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
     require(bool((distance.min(axis=1) <= reach).all()), "recover has no point at a node of the zone", distance.min())
-    error = _worst(_turned(system, fields.values[found]), expected)
+    error = worst(_turned(system, fields.values[found]), expected)
     require(error <= tolerance, "recover has other values on the zone than the compliance", error)
     scale = np.abs(fields.values).max(axis=0)
     for condition in body.conditions:
@@ -236,27 +237,7 @@ def _check_blocks(system: ReducedSystem) -> None:
             answer = system.apply(load)[node]
             scale = np.abs(blocks[node, :, number]).max()
             error = float(np.abs(answer - blocks[node, :, number]).max() / scale)
-            require(error < _ROUND_OFF, f"diagonal_blocks is not what node {node} answers to itself", error)
-
-
-def _typical_load(system: ReducedSystem) -> Array:
-    """Sizes (5,) of loads whose own displacements do work alike."""
-    own: Array = np.einsum("naa->na", system.diagonal_blocks()).mean(axis=0)
-    return 1.0 / np.sqrt(np.abs(own))
-
-
-def _smooth_loads(system: ReducedSystem) -> Array:
-    """Loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
-    shapes, random = _shapes(system), np.random.default_rng(1)
-    loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(_LOADS, 5, len(shapes))), shapes)
-    return loads * _typical_load(system)
-
-
-def _shapes(system: ReducedSystem) -> Array:
-    """Slowly varying functions (s, n) on the zone."""
-    middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
-    place = (system.points - middle) / np.ptp(system.points, axis=0).max()
-    return np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
+            require(error < ROUND_OFF, f"diagonal_blocks is not what node {node} answers to itself", error)
 
 
 def _turned(system: ReducedSystem, extended: Array) -> Array:
@@ -264,9 +245,3 @@ def _turned(system: ReducedSystem, extended: Array) -> Array:
     local = extended.copy()
     local[:, :3] = np.einsum("nai,ni->na", system.frames, extended[:, :3])
     return local
-
-
-def _worst(actual: Array, expected: Array) -> float:
-    """Largest difference of (n, 5) relative to the largest expected entry of its field."""
-    scale = np.abs(expected).max(axis=0)
-    return float((np.abs(actual - expected).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())

@@ -1,9 +1,8 @@
-"""A reduced system that is applied but not held as a matrix: for tests of what solvers do without one."""
+"""A reduced system with nothing but what it must have: for tests of what solvers do without the rest."""
 
 from dataclasses import dataclass
 from typing import final
 
-from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
 
@@ -11,13 +10,13 @@ from meeframe.core.formulation import NodalFields, ReducedSystem
 @final
 @dataclass(frozen=True, eq=False)
 class MatrixFree(ReducedSystem):
-    """A dense system that does not show its matrix."""
+    """A system that shows neither its matrix nor an approximate inverse nor a coarser division."""
 
-    hidden: DenseSystem
+    hidden: ReducedSystem
 
     @classmethod
-    def of(cls, system: DenseSystem) -> "MatrixFree":
-        """Of a dense system."""
+    def of(cls, system: ReducedSystem) -> "MatrixFree":
+        """Of any system."""
         return cls(system.points, system.frames, system.weights, system.cells, system.offset, system)
 
     def apply(self, load: Array) -> Array:

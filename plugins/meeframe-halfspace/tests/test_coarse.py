@@ -1,6 +1,6 @@
 """Coarser grids and chosen fields of a half space; pressures found with a preconditioner and from coarser grids."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from meeframe_halfspace.system import dense_matrix
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, Freedom, Status
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.core.pair import pair
 from meeframe.core.turned import turned
 from meeframe.elements import Quad4
@@ -19,6 +19,7 @@ from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material, library_material, rotation_about
 from meeframe.solvers import Limits, ProjectedCG, residual, solve
 from meeframe.testing.closed_forms_friction import contact_modulus
+from meeframe.testing.matrix_free import MatrixFree
 
 YOUNG, POISSON = 200e9, 0.3
 MODULUS = contact_modulus(YOUNG, POISSON)
@@ -85,29 +86,6 @@ def test_coarse_system_responds_as_one_made_on_its_own_grid() -> None:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Plain(ReducedSystem):
-    """A reduced system without what is optional."""
-
-    inner: ReducedSystem
-
-    @classmethod
-    def of(cls, inner: ReducedSystem) -> "Plain":
-        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
-
-    def apply(self, load: Array) -> Array:
-        return self.inner.apply(load)
-
-    def diagonal_blocks(self) -> Array:
-        return self.inner.diagonal_blocks()
-
-    def dense(self) -> Array | None:
-        return None
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.inner.recover(load)
-
-
 @pytest.mark.parametrize("fields", [(2,), (0, 1), (4, 1), (0, 1, 2, 3, 4)])
 def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
     """Of the system itself, with turned axes, and of two bodies."""
@@ -119,8 +97,8 @@ def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
     scale = np.abs(expected).max(axis=0)[list(fields)]
     assert (np.abs(system.response(load, fields) - expected[:, list(fields)]) / scale).max() < 1e-12
     for whole, plain in (
-        (turned(system, directions), turned(Plain.of(system), directions)),
-        (pair(system, system), pair(Plain.of(system), Plain.of(system))),
+        (turned(system, directions), turned(MatrixFree.of(system), directions)),
+        (pair(system, system), pair(MatrixFree.of(system), MatrixFree.of(system))),
     ):
         expected = plain.apply(load)[:, list(fields)]
         assert (np.abs(whole.response(load, fields) - expected) / np.abs(expected).max(axis=0)).max() < 1e-12
@@ -162,7 +140,7 @@ def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic
     gap[np.lexsort((system.points[:, 1], system.points[:, 0]))] = (heights - heights.min()).ravel()
     problem = contact(system, gap, 0.004 * MODULUS * WIDTH**2)
     fast = solve(problem, ProjectedCG(), Limits(tolerance=1e-11))
-    slow = solve(replace(problem, system=Plain.of(system)), ProjectedCG(), Limits(tolerance=1e-11))
+    slow = solve(replace(problem, system=MatrixFree.of(system)), ProjectedCG(), Limits(tolerance=1e-11))
     assert fast.status is slow.status is Status.CONVERGED
     pressures = [-solution.state.load[:, 2] for solution in (fast, slow)]
     assert np.abs(pressures[0] - pressures[1]).max() < 1e-8 * pressures[1].max()
@@ -170,4 +148,4 @@ def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic
     assert 2 * fast.iterations <= slow.iterations
     # the judge measures large problems on a coarser division, the state as it is
     for state in (fast.state, slow.state):
-        assert residual(replace(problem, system=Plain.of(system)), state) < 1e-10
+        assert residual(replace(problem, system=MatrixFree.of(system)), state) < 1e-10

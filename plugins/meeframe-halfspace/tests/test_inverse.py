@@ -136,6 +136,18 @@ def test_answers_are_those_of_factorisation(law, kappa) -> None:
     assert residual(problem, found) < 2e-12
 
 
+def test_answers_are_those_without_a_coarser_grid() -> None:
+    """Friction, conduction and free motions on a grid that has one, from its solution and without all help."""
+    system = reduced(48)
+    assert system.coarser() is not None
+    states = [
+        solved(dragged(Counted.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state for helped in (True, False)
+    ]
+    scale = np.abs(states[1].load).max(axis=0)
+    assert (np.abs(states[0].load - states[1].load) / scale).max() < 1e-8
+    np.testing.assert_allclose(states[0].motion, states[1].motion, atol=1e-8 * np.abs(states[1].motion).max())
+
+
 def test_gradient_iterations_conduct_as_without_it() -> None:
     """The potentials eliminated with the approximate inverse and without."""
     found, products = [], []

@@ -1,15 +1,19 @@
 """The driver's verdicts on iterations made up to deserve them, the paper's criterion, and bad input."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import final
 
 import numpy as np
 import pytest
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.core.errors import CaseError
-from meeframe.laws import IsotropicCoulomb
-from meeframe.solvers import Limits, Uzawa, residual, solve
+from meeframe.core.fields import Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
 from meeframe.testing.contact import check_solver, exact_pressure
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -64,6 +68,47 @@ def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) ->
     assert said in solution.message
     assert solution.iterations < 500
     assert solution.history[-1, 0] == solution.iterations
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Misled(ReducedSystem):
+    """Answers with more than it applies, where it is asked for some fields alone."""
+
+    inner: ReducedSystem
+
+    @classmethod
+    def of(cls, inner: ReducedSystem) -> "Misled":
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
+
+    def apply(self, load: Array) -> Array:
+        return self.inner.apply(load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        return 1.001 * self.apply(load)[:, list(fields)]
+
+    def diagonal_blocks(self) -> Array:
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.inner.recover(load)
+
+
+@pytest.mark.parametrize("solver", [ProjectedCG(), SemismoothNewton()], ids=["projected-cg", "newton"])
+def test_a_state_is_judged_by_all_of_its_displacement(solver: Solver) -> None:
+    """Whatever the solver itself iterates on: what it calls solved of other responses is not, and the reverse."""
+    honest = replace(problem(), contact_law=Signorini())
+    misled = replace(honest, system=Misled.of(honest.system))
+    solution = solve(misled, solver, Limits(stall_window=20))
+    assert solution.residual == pytest.approx(residual(honest, solution.state), abs=1e-14)
+    assert (solution.status is Status.CONVERGED) == (solution.residual <= 1e-10)
+    assert (solution.residual > 1e-5) == isinstance(solver, ProjectedCG)  # Newton's own states follow from apply
+    solution = solve(honest, solver)
+    assert solution.status is Status.CONVERGED
+    assert solution.residual == pytest.approx(residual(honest, solution.state), abs=1e-14)
 
 
 def test_iteration_limit_hands_over_the_last_state() -> None:

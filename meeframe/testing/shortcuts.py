@@ -1,0 +1,102 @@
+"""Conformance of the optional methods of a reduced system, by which solvers are faster; see check_formulation."""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening, ReducedSystem
+from meeframe.testing.requirements import require
+from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
+
+CHOICES: Final = ((2,), (0, 1), (4, 1), (3, 4), (0, 1, 2), (0, 1, 2, 3, 4))
+"""Fields that solvers may ask for, in any order."""
+ROUGHLY: Final = 0.5
+"""Least cosine between a load inside the zone and the one that an approximate inverse finds of its displacement."""
+INSIDE: Final = 0.4
+"""Of the zone's half widths: further out approximate inverses may be bad."""
+SINGLE: Final = 1e-4
+"""Of a load: an approximate inverse may work in single precision."""
+COARSELY: Final = 0.2
+"""By how much a coarser division may respond otherwise to a smooth load, relative to the largest displacement."""
+
+
+def check_shortcuts(system: ReducedSystem) -> None:
+    """`response`, `approximate_inverse` and `coarser` belong to `apply`. Raises AssertionError."""
+    check_response(system)
+    check_inverse(system)
+    coarse = system.coarser()
+    if coarse is not None:
+        check_coarser(system, coarse)
+
+
+def check_response(system: ReducedSystem) -> None:
+    """`response` is `apply` in the fields that are asked for, and changes nothing."""
+    load = np.random.default_rng(2).normal(size=system.offset.shape) * typical_load(system)
+    kept, expected = load.copy(), system.apply(load)
+    for fields in CHOICES:
+        found = system.response(load, fields)
+        require(found.shape == (len(load), len(fields)), f"response in fields {fields} is not (n, k)", found.shape)
+        error = worst(found, expected[:, list(fields)])
+        require(error < ROUND_OFF, f"response in fields {fields} is not apply: another problem would be solved", error)
+    require(np.array_equal(load, kept), "response changes its argument, so that solvers lose their state", len(load))
+
+
+def check_inverse(system: ReducedSystem) -> None:
+    """`approximate_inverse` is linear and turns the displacement of a load inside the zone roughly into that load."""
+    inside = np.asarray((np.abs(_place(system)) < INSIDE).all(axis=1))
+    loads = np.random.default_rng(4).normal(size=(2, *system.offset.shape)) * typical_load(system) * inside[:, None]
+    for fields in CHOICES:
+        inverse = system.approximate_inverse(fields)
+        if inverse is None:
+            continue
+        chosen = list(fields)
+        alone = np.zeros_like(loads)
+        alone[:, :, chosen] = loads[:, :, chosen]
+        moved = np.array([system.apply(load)[:, chosen] for load in alone])
+        kept = moved.copy()
+        found = np.array([inverse(displacement) for displacement in moved])
+        what = f"approximate_inverse in fields {fields}"
+        fits = found.shape == moved.shape and bool(np.isfinite(found).all())
+        require(fits, f"{what} gives no finite loads (n, k)", found.shape)
+        require(np.array_equal(moved, kept), f"{what} changes its argument", len(moved))
+        error = worst(inverse(2.0 * moved[0] - 3.0 * moved[1]), 2.0 * found[0] - 3.0 * found[1])
+        require(error < SINGLE, f"{what} is not linear: Krylov iterations would go astray", error)
+        unit = typical_load(system)[chosen]
+        pairs = zip(found[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
+        cosine = min(float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs)
+        require(cosine > ROUGHLY, f"{what} gives other loads than those that caused it", cosine)
+
+
+def check_coarser(system: ReducedSystem, coarse: Coarsening) -> None:
+    """A coarser division has nodes of the finer one and the same offset and area, and responds nearly alike."""
+    kept, there = coarse.kept, coarse.system
+    distinct = len(np.unique(kept)) == len(kept) == len(there.points) < len(system.points)
+    require(distinct, "kept of a coarser division is not a part of the nodes, each once", len(kept))
+    for name in ("points", "frames", "offset"):
+        here, expected = (part.reshape(len(kept), -1) for part in (getattr(there, name), getattr(system, name)[kept]))
+        error = worst(here, expected)
+        require(error < ROUND_OFF, f"{name} of a coarser division are not those of the nodes that it keeps", error)
+    load = smooth_loads(there)[0] * _fading(there)[:, None]
+    fine = coarse.prolong(load)
+    require(fine.shape == system.offset.shape, "prolong gives no loads (n, 5)", fine.shape)
+    error = worst(fine[kept], load)
+    require(error < ROUND_OFF, "prolong changes values at the nodes that are kept", error)
+    size = system.weights @ np.abs(fine)
+    error = float((np.abs(system.weights @ fine - there.weights @ load) / size).max())
+    require(error < COARSELY, "weights of a coarser division give other resultants", error)
+    error = worst(there.apply(load), system.apply(fine)[kept])
+    require(error < COARSELY, "a coarser division responds otherwise: a start from it would lead astray", error)
+
+
+def _fading(system: ReducedSystem) -> Array:
+    """A function (n,) that is one in the middle of the zone and zero at its border."""
+    shape: Array = (1.0 - _place(system) ** 2).prod(axis=1)
+    return shape
+
+
+def _place(system: ReducedSystem) -> Array:
+    """Where nodes are along the first two axes, (n, 2), from -1 to 1."""
+    low, high = system.points.min(axis=0), system.points.max(axis=0)
+    place: Array = (2.0 * system.points - low - high)[:, :2] / (high - low)[:2]
+    return place

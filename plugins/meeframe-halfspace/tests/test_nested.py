@@ -1,0 +1,209 @@
+"""What coarser divisions may change, and where they must not be asked: narrow indenters, hidden asperities, laws."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.core.edged import edged
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.law import ContactLaw
+from meeframe.core.pair import pair
+from meeframe.core.turned import turned
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
+from meeframe.materials import Material, library_material, rotation_about
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.solvers.nested import coarse_problem
+from meeframe.solvers.scales import problem_scales
+from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.matrix_free import MatrixFree
+from meeframe.testing.shortcuts import check_shortcuts
+
+ISOTROPIC = Material.isotropic(200e9, 0.3).stiffness
+ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+WIDTH, FORCE = 1e-2, 100.0
+GRIDS = [
+    (HalfSpace(matrix_up_to=0), (63, 80)),
+    (HalfSpace("constant", matrix_up_to=0), (64, 69)),
+    (HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (63, 79)),
+]
+SOLVERS = pytest.mark.parametrize("solver", [ProjectedCG(), SemismoothNewton()], ids=["projected-cg", "newton"])
+
+
+def system_of(formulation: HalfSpace, divisions: tuple[int, int], stiffness: Array = ANISOTROPIC) -> ReducedSystem:
+    width = WIDTH, WIDTH * divisions[1] / divisions[0]
+    mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
+    return formulation.reduce(Body(stiffness, mesh, (), "contact"))
+
+
+def grid(n: int) -> ReducedSystem:
+    return system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1), ISOTROPIC)
+
+
+def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
+    """An indenter that moves freely down."""
+    return replace(held(system, gap), freedoms=(freedom(system, PRESS, force),))
+
+
+def held(system: ReducedSystem, gap: Array) -> ContactProblem:
+    """An indenter that does not move."""
+    none = np.zeros((len(gap), 2))
+    return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none)
+
+
+def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) -> Array:
+    """Nodes (n,) of a grid n x n within so many spacings of one of them."""
+    order = np.lexsort((system.points[:, 1], system.points[:, 0])).reshape(n, n)
+    distance = np.linalg.norm(system.points - system.points[order[row, column]], axis=1)
+    return np.asarray(distance < spacings * WIDTH / (n - 1))
+
+
+@pytest.mark.parametrize("moved", [False, True], ids=["given", "free"])
+def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool) -> None:
+    """Every coarse node is far below the asperities that overlap: the residual is measured in what these bear."""
+    n = 128
+    system = grid(n)
+    order = np.lexsort((system.points[:, 1], system.points[:, 0])).reshape(n, n)
+    random, gap = np.random.default_rng(1), np.full(n * n, 1e-5)
+    asperities = order[1::2, 1::2].ravel()[random.random(n * n // 4) < 0.1]
+    gap[asperities] = -1e-9 * random.random(len(asperities))
+    problem = pressed_by(system, gap + 2e-9, 1e-4) if moved else held(system, gap)
+    plain = replace(problem, system=MatrixFree.of(system))
+    scales, expected = problem_scales(problem), problem_scales(plain)
+    assert scales.pressure == pytest.approx(expected.pressure, rel=0.5)
+    assert scales.displacement[2] == pytest.approx(expected.displacement[2], rel=0.5)
+    solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    assert solution.status is Status.CONVERGED
+    assert residual(plain, solution.state) < 2e-8
+
+
+@SOLVERS
+@pytest.mark.parametrize(("n", "spacings"), [(64, 0.5), (64, 1.1), (128, 0.5), (128, 2.5)])
+def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver, n: int, spacings: float) -> None:
+    """A given motion, and a given force: the same stiffness; of a single node in closed form."""
+    system = grid(n)
+    under = near(system, n, n // 2 - 1, n // 2 + 1, spacings)
+    free = pressed_by(system, np.where(under, 0.0, np.inf), FORCE)
+    pressed = solve(free, solver, Limits(tolerance=1e-10))
+    assert pressed.status is Status.CONVERGED
+    depth = float(pressed.state.motion[0])
+    if under.sum() == 1:
+        own = float(system.diagonal_blocks()[under][0, 2, 2])
+        assert depth == pytest.approx(own * FORCE / float(system.weights[under][0]), rel=1e-9)
+    given = solve(held(system, np.where(under, -depth, np.inf)), solver, Limits(tolerance=1e-10))
+    assert given.status is Status.CONVERGED
+    assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
+
+
+@SOLVERS
+def test_indenters_that_cover_no_node(solver: Solver) -> None:
+    """They bear nothing: at a given motion that is so, a given force is not met."""
+    system = grid(24)
+    nowhere = np.full(len(system.points), np.inf)
+    assert solve(held(system, nowhere), solver).status is Status.CONVERGED
+    pressed = solve(pressed_by(system, nowhere, FORCE), solver, Limits(stall_window=3, max_iterations=50))
+    assert pressed.status is not Status.CONVERGED
+    assert not pressed.state.load.any()
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class NodalCoulomb(ContactLaw):
+    """Friction whose coefficients are those of the nodes (n,), as of an increment."""
+
+    mu: Array
+
+    def project(self, trial: Array) -> Array:
+        pressure = np.maximum(-trial[:, 2], 0.0)
+        size = np.linalg.norm(trial[:, :2], axis=1)
+        part = np.minimum(1.0, np.divide(self.mu * pressure, size, out=np.ones_like(size), where=size > 0.0))
+        return np.column_stack([trial[:, :2] * part[:, None], -pressure])
+
+    def tangential_scaling(self) -> Array:
+        return np.eye(2)
+
+
+def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
+    n, mu = 72, 0.3
+    system = grid(n)
+    gap = (system.points[:, :2] ** 2).sum(axis=1) / 0.2 - 4e-6
+    uniform = replace(held(system, gap), contact_law=IsotropicCoulomb(mu), translation=np.full((n * n, 2), 4e-7))
+    nodal = replace(uniform, contact_law=NodalCoulomb(np.full(n * n, mu)))
+    assert coarse_problem(uniform) is not None
+    assert coarse_problem(nodal) is None
+    states = [solve(problem, SemismoothNewton(), Limits(tolerance=1e-10)).state for problem in (uniform, nodal)]
+    assert np.abs(states[0].load - states[1].load).max() < 1e-7 * np.abs(states[0].load).max()
+
+
+@pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
+def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
+    check_shortcuts(system_of(formulation, divisions))
+
+
+def test_shortcuts_of_systems_made_of_others() -> None:
+    system = system_of(*GRIDS[0])
+    edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
+    for whole in (
+        pair(system, system),
+        turned(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
+        edged(system, edge * system.diagonal_blocks()),
+    ):
+        check_shortcuts(whole)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Wrong(ReducedSystem):
+    """A system one of whose shortcuts is wrong."""
+
+    inner: ReducedSystem
+    wrong: str
+
+    @classmethod
+    def of(cls, inner: ReducedSystem, wrong: str) -> "Wrong":
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, wrong)
+
+    def apply(self, load: Array) -> Array:
+        return self.inner.apply(load)
+
+    def diagonal_blocks(self) -> Array:
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        return self.inner.recover(load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        return self.inner.response(load, sorted(fields) if self.wrong == "response" else fields)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        inverse = self.inner.approximate_inverse(fields)
+        assert inverse is not None
+        return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
+
+    def coarser(self) -> Coarsening | None:
+        coarse = self.inner.coarser()
+        assert coarse is not None
+        if self.wrong == "prolong":
+            return replace(coarse, prolong=lambda values: 0.5 * coarse.prolong(values))
+        if self.wrong == "weights":
+            return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
+        return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
+
+
+@pytest.mark.parametrize("wrong", ["response", "approximate_inverse", "prolong", "weights", "points"])
+def test_wrong_shortcuts_are_caught(wrong: str) -> None:
+    system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
+    with pytest.raises(AssertionError, match=wrong):
+        check_shortcuts(Wrong.of(system, wrong))
+    check_shortcuts(Wrong.of(system, "nothing"))
