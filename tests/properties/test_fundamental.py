@@ -32,5 +32,5 @@ def test_residue_equals_line_integral(stiffness, offset, normal):
 @given(stiffness=extended_stiffness(), offset=unit_vectors(2000), normal=unit_vectors(2000))
 def test_tabulated_equals_line_integral(stiffness, offset, normal):
     check_agreement(
-        Tabulated().bind(stiffness), LineIntegral().bind(stiffness), offset, normal, displacement=1e-8, traction=1e-7
+        Tabulated().bind(stiffness), LineIntegral().bind(stiffness), offset, normal, displacement=1e-8, traction=1e-8
     )

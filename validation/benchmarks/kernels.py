@@ -6,6 +6,7 @@ on the machine disturbs less than wall time.
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -29,7 +30,7 @@ TARGET = 0.25
 """Microseconds a pair and core."""
 FASTER = 100
 """So many times faster than the residue form must the table be."""
-ERRORS = {"U": 1e-8, "T": 1e-7}
+ERRORS = {"U": 1e-8, "T": 1e-8}
 MATERIALS = ("batio3-cofe2o4", "orthotropic-mee")
 ORDER = 3
 """Points along each direction of an element, the most frequent order of the main job."""
@@ -67,6 +68,7 @@ def measure(quick: bool) -> Record:
         "limits": limits(quick),
     }
     record["assembly_us"], record["summed_us"] = _assembly_us(kernel, repeats)
+    record["same_us"] = _on_same_points(stiffness, kernel, repeats)
     return record
 
 
@@ -126,14 +128,31 @@ def _others(stiffness: Array, offset: Array, normal: Array, repeats: int) -> Rec
     }
 
 
-def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
-    """Microseconds a pair on the elements of the main job seen from its nodes: U and T; their sums over elements."""
+def _on_same_points(stiffness: Array, kernel: Kernel, repeats: int) -> Record:
+    """Microseconds a pair of table and residue form in the same calls of an assembly, in turns."""
+    offsets, normals, _ = _main_job()
+    points = offsets[0][:POINTS_PER_CALL], normals[:POINTS_PER_CALL]
+    residue = Residue().bind(stiffness)
+    found: dict[str, list[float]] = {"tabulated": [], "residue": []}
+    for _ in range(repeats):
+        found["tabulated"].append(_pair_us(kernel, *points, 1))
+        found["residue"].append(1e6 * median_time(lambda: residue.evaluate(*points), 1)["processor"] / len(points[0]))
+    return {name: statistics.median(times) for name, times in found.items()}
+
+
+def _main_job() -> tuple[list[Array], Array, Array]:
+    """Offsets to the points of all elements from some nodes, normals, weights with shape functions."""
     mesh = block_mesh(0.05, 0.12, 0.005, 16, 7, 2, Quad4())
     rules = [tensor_rule(Quad4(), nodes, ORDER) for nodes in mesh.points[mesh.blocks[0].connectivity]]
     positions, normals = (np.concatenate([getattr(rule, name) for rule in rules]) for name in ("positions", "normals"))
     weights = np.concatenate([rule.measures[:, None] * rule.shapes for rule in rules])
-    starts = np.arange(0, len(positions) + 1, ORDER**2)
-    offsets = [positions - source - 1e-5 for source in mesh.points[::40]]
+    return [positions - source - 1e-5 for source in mesh.points[::40]], normals, weights
+
+
+def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
+    """Microseconds a pair on the elements of the main job seen from its nodes: U and T; their sums over elements."""
+    offsets, normals, weights = _main_job()
+    starts = np.arange(0, len(normals) + 1, ORDER**2)
 
     def pairs() -> None:
         for offset in offsets:
@@ -145,7 +164,7 @@ def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
         for offset in offsets:
             kernel.integrate(offset, weights, starts, normals[:: ORDER**2])
 
-    count = 1e-6 * len(offsets) * len(positions)
+    count = 1e-6 * len(offsets) * len(normals)
     return tuple(median_time(action, repeats)["processor"] / count for action in (pairs, sums))
 
 
@@ -171,7 +190,8 @@ def arithmetic() -> Record:
 def section(record: Record, _pictures: Path) -> str:
     """Times, errors, roofline."""
     times = {"calls of an assembly": record["assembly_us"], **record["tabulated_us"]}
-    ratio = record["others_us"]["residue"] / record["assembly_us"]
+    same = record["same_us"]
+    ratio = same["residue"] / same["tabulated"]
     rows = [[name, f"{us:.3f}", f"{50 / us:.0f}", verdict(us <= TARGET)] for name, us in times.items()]
     rows.append(["sums over plane elements, with four shape functions", f"{record['summed_us']:.3f}", "", ""])
     rows += [[name, f"{us:.2f}", f"{50 / us:.1f}", ""] for name, us in record["others_us"].items()]
@@ -184,13 +204,14 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 f"One thread, {record['repeats']} repeats. Demanded: {TARGET} µs a pair, {FASTER} times faster than the"
-                f" residue form: {ratio:.0f} times in the calls of an assembly, {verdict(ratio >= FASTER)}. A new"
+                f" residue form: {ratio:.0f} times, {verdict(ratio >= FASTER)} ({same['tabulated']:.3f} against"
+                f" {same['residue']:.1f} µs on the same {POINTS_PER_CALL} points of an assembly, in turns). A new"
                 f" process has its first values after {starts}."
             ),
             table(("what", "µs a pair", "million values a second", f"at most {TARGET} µs"), rows),
             prose(
-                "Largest error against the line integral in random directions, relative to the largest entry. The"
-                f" tolerance {ERRORS['U']:g} is that of U; T, a derivative, is allowed ten times as much."
+                "Largest error against the line integral in random directions, relative to the largest entry of each"
+                f" matrix: at most {ERRORS['U']:g} in U and {ERRORS['T']:g} in T."
             ),
             table(("material", *ERRORS, ""), errors),
             *_roofline(record),
