@@ -73,7 +73,7 @@ class Elimination(ABC):
 
     @abstractmethod
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
-        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, `fixed`: as if all potentials were.
+        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, as of Conductors.fixed.
 
         rest: part of the guess's error that may be left: iterations whose guesses get better need no more.
         Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above.
@@ -194,20 +194,24 @@ class DenseElimination(Elimination):
 class KrylovElimination(Elimination):
     """Elimination by GMRES, for compliances without a matrix.
 
-    fields: the potentials, 0 and 1, that the laws conduct; inverse: the system's approximate one in them, (n, k) of
-    (n, k), None if it has none or nothing conducts. Where a node conducts well, which is where its own response exceeds
+    mechanical: the fields, of 0 to 2, in which the law asks for tractions; conducting: those of 3 and 4 that the laws
+    conduct; inverse: the system's approximate one in these, (n, k) of (n, k), None if it has none or nothing conducts.
+    Products are of these fields alone. Where a node conducts well, which is where its own response exceeds
     its resistance, that preconditions; elsewhere the sum of the two does.
     """
 
-    fields: list[int]
+    mechanical: list[int]
+    conducting: list[int]
     inverse: Callable[[Array], Array] | None
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "KrylovElimination":
         """Of a problem."""
-        fields = [k for k, law in enumerate((problem.electric_law, problem.magnetic_law)) if conducts(law)]
-        inverse = problem.system.approximate_inverse([POTENTIALS.start + k for k in fields]) if fields else None
-        return cls(problem, fields, inverse)
+        laws = enumerate((problem.electric_law, problem.magnetic_law), POTENTIALS.start)
+        conducting = [field for field, law in laws if conducts(law)]
+        inverse = problem.system.approximate_inverse(conducting) if conducting else None
+        frictional = problem.contact_law.tangential_scaling().any()
+        return cls(problem, [0, 1, 2] if frictional else [2], conducting, inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
         """See Elimination."""
@@ -224,23 +228,29 @@ class KrylovElimination(Elimination):
         alone = solve(_difference(self.problem)[conducts], guess[conducts])
         balanced, potential = floating.balance(alone, floating.totals)
         flux = _filled(conducts, balanced)
-        moved = self.problem.system.offset + self._apply(np.zeros((len(flux), 3)), flux)
-        return Conductors(resistance, flux, moved[:, MECHANICAL], potential, floating, solve)
+        moved = self.problem.system.offset[:, MECHANICAL] + self._response(flux, self.mechanical)[:, MECHANICAL]
+        return Conductors(resistance, flux, moved, potential, floating, solve)
 
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
         """See Elimination."""
-        unloaded = np.zeros_like(traction)
         conducts = np.isfinite(conductors.resistance)
-        moved = self._apply(traction, np.zeros_like(guess))
+        moved = self._response(traction, self.mechanical + self.conducting)
         alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts], rest)
         balanced, potential = conductors.floating.balance(alone, 0.0)
         flux = _filled(conducts, balanced)
-        if flux.any():
-            moved += self._apply(unloaded, flux)
+        moved += self._response(flux, self.mechanical)
         return Response(flux, moved[:, MECHANICAL], potential)
 
-    def _apply(self, traction: Array, flux: Array) -> Array:
-        return self.problem.system.apply(np.concatenate([traction, flux], axis=1))
+    def _response(self, load: Array, fields: list[int]) -> Array:
+        """Displacement (n, 5) in the given fields, zero in the others, of tractions (n, 3) or fluxes (n, 2) alone.
+
+        Fields are stored one after another, which systems may like better.
+        """
+        moved, loaded = np.zeros((2, N_FIELDS, len(load))).transpose(0, 2, 1)
+        if load.any():
+            loaded[:, POTENTIALS if load.shape[1] == 2 else MECHANICAL] = load
+            moved[:, fields] = self.problem.system.response(loaded, fields)
+        return moved
 
     def _solve(
         self, difference: Array, resistance: Array, own: Array, conducts: Mask, guess: Array, rest: float
@@ -249,11 +259,10 @@ class KrylovElimination(Elimination):
         if difference.size == 0:
             return np.zeros(0)
         scale = (own + resistance) ** -0.5
-        unloaded = np.zeros((len(conducts), 3))
 
         def equations(scaled: Array) -> Array:
             trial = scale * scaled
-            raised = self._apply(unloaded, _filled(conducts, trial))[:, POTENTIALS]
+            raised = self._response(_filled(conducts, trial), self.conducting)[:, POTENTIALS]
             left: Array = scale * (raised[conducts] + resistance * trial)
             return left
 
@@ -265,7 +274,8 @@ class KrylovElimination(Elimination):
 
     def _preconditioner(self, well: Mask, scale: Array, conducts: Mask) -> Linear:
         """Of the scaled equations; well: (a,) of the pairs that conduct, (n, 2), those that do so well."""
-        inverse, fields = self.inverse, self.fields
+        inverse = self.inverse
+        fields = [field - POTENTIALS.start for field in self.conducting]
         if inverse is None or not well.any():
             return lambda values: values
 

@@ -15,6 +15,8 @@ from meeframe.solvers.scales import Scales
 
 NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
+CHANGED: Final = 1e-2
+"""Part of a change's fluxes that may be left where they are found by iteration; those at a pressure make up for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class NormalResponse(ABC):
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
-        """What a pressure (n,) alone causes, the indenter at rest but for its potentials."""
+        """What a pressure (n,) alone causes, the indenter at rest but for its potentials; fluxes may be rough."""
 
     @abstractmethod
     def closed(self, pressure: Array) -> Array:
@@ -121,7 +123,7 @@ class Conducting(NormalResponse):
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse."""
         nothing = np.zeros((len(pressure), 2))
-        response = self.ground.elimination.respond(_traction(pressure), self.conductors, nothing)
+        response = self.ground.elimination.respond(_traction(pressure), self.conductors, nothing, CHANGED)
         motion = np.zeros(len(self.problem.freedoms))
         motion[self.conductors.floating.numbers] = response.potential
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
