@@ -215,7 +215,8 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(settings))
+        scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
+        stack.enter_context(dask.config.set({**settings, "temporary-directory": scratch}))
         # what users can mend is said by errors
         stack.enter_context(distributed.utils.silence_logging_cmgr(logging.CRITICAL))
 
@@ -231,13 +232,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
     if scheduler is None:
-        scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
-        options = {
-            "threads_per_worker": 1,
-            "memory_limit": 0,
-            "dashboard_address": ":0",
-            "local_directory": scratch,
-        }
+        options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
         place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
         stack.callback(_close, place)
         return distributed.Client(place)

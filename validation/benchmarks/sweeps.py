@@ -4,10 +4,12 @@ import tempfile
 import time
 from pathlib import Path
 
+import numba
 from common import Record, command_line, prose, table, verdict
 
 from meeframe.case.load import load_case
 from meeframe.case.solve import solve_case
+from meeframe.plugin.registry import load
 from meeframe.study.sweep import sweep
 from meeframe.study.sweep_engine import pool_of
 
@@ -21,6 +23,8 @@ case = "case.toml"
 "steps[1].approach" = ["25 um", "50 um"]
 """
 POINTS = 20
+COUNTED = Path(__file__).with_name("counted_reductions.py")
+"""Plugin of a formulation that writes down its reductions, in whatever process they are."""
 
 
 def measure(quick: bool) -> Record:
@@ -30,25 +34,34 @@ def measure(quick: bool) -> Record:
         text = CASE.read_text(encoding="utf-8")
         for fine, coarse in COARSE if quick else ():
             text = text.replace(fine, coarse)
+        text += f'\n[formulation]\nname = "counted"\nlog = "{folder / "log"}"\n'
         (folder / "case.toml").write_text(text, encoding="utf-8")
         study = folder / "study.toml"
         study.write_text(STUDY, encoding="utf-8")
-        case = load_case(folder / "case.toml")
+        case = load_case(folder / "case.toml", load(COUNTED))
         solve_case(case)  # warm
+        systems = {}
         seconds = {"one run by itself": _timed(lambda: solve_case(case))}
         for workers in (1, 2):
             out = folder / f"out{workers}"
+            (folder / "log").write_text("", encoding="utf-8")
             seconds[f"sweep, {workers} process{'es' * (workers > 1)}"] = _timed(
                 lambda n=workers, o=out: _run(study, o, n)
             )
+            systems[str(workers)] = _lines(folder / "log")
         seconds["the same command again"] = _timed(lambda: _run(study, folder / "out2", 2))
-        systems = len(list((folder / "out2" / "systems").glob("*.h5")))
-        return {"elements": case.mesh.n_elements, "seconds": seconds, "systems": systems}
+        systems["again"] = _lines(folder / "log") - systems["2"]
+        threads = numba.get_num_threads()
+        return {"elements": case.mesh.n_elements, "seconds": seconds, "systems": systems, "threads": threads}
+
+
+def _lines(file: Path) -> int:
+    return len(file.read_text(encoding="utf-8").splitlines())
 
 
 def _run(study: Path, out: Path, workers: int) -> None:
-    with pool_of(workers) as pool:
-        found = sweep(study, out, pool)
+    with pool_of(workers, plugins=[COUNTED]) as pool:
+        found = sweep(study, out, pool, registry=load(COUNTED))
     if not (found.status == "converged").all():
         raise SystemExit(f"{out}: {', '.join(found.message.ravel())}")
 
@@ -65,13 +78,15 @@ def section(record: Record, _pictures: Path) -> str:
     alone = seconds["one run by itself"]
     rows = [[name, f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
     rows[0][2] = ""
+    systems = record["systems"]
     return "\n\n".join(
         [
             prose(
                 f"{POINTS} points, ten coefficients of friction at two depths, of figure 7's block with "
-                f"{record['elements']} elements. Reduced systems computed: {record['systems']}, "
-                f"{verdict(record['systems'] == 1)}. Processes of a sweep have one thread each, one process alone has "
-                "all; their start is counted. Again: nothing is computed, results are gathered and drawn."
+                f"{record['elements']} elements. Reductions: {systems['1']} in one process, {systems['2']} in two, "
+                f"{systems['again']} again, {verdict(list(systems.values()) == [1, 1, 0])}. Processes of a sweep have "
+                f"one thread each, one process alone has {record['threads']}; their start is counted. "
+                "Again: nothing is computed, results are gathered and drawn."
             ),
             table(("", "seconds", f"times as fast as {POINTS} runs by themselves"), rows),
         ]

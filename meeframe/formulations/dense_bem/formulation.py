@@ -45,8 +45,8 @@ class DenseBEM(Formulation):
         """Check mesh, boundary conditions, material and memory.
 
         Raises MeshError unless the mesh is a closed surface with outward normals; TooLargeError if its matrices would
-        not fit into this machine's memory; CaseError if boundary conditions contradict each other, touch the contact zone or leave a
-        field undetermined; MaterialError if the fundamental solution does not apply.
+        not fit into this machine's memory; CaseError if boundary conditions contradict each other, touch the contact
+        zone or leave a field undetermined; MaterialError if the fundamental solution does not apply.
         """
         _check_memory(body)
         check_mesh(body.mesh)
