@@ -70,7 +70,7 @@ class Tabulated(FundamentalSolution):
     """
 
     tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-8
-    cells: int = 18
+    cells: int = 20
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from meeframe_laws.interface import Compliant
 from scipy.optimize import brentq
@@ -35,6 +35,7 @@ def test_resolvent_leaves_the_closure_of_its_pressure(load, spring, exponent):
     trial = np.array([[0.0, 0.0, -2e6 * 10.0**load], [0.0, 0.0, 1.0], [1.0, 2.0, np.inf]])
     traction = law.resolve(trial, np.zeros((3, 3)), (r, r))
     pressure = -traction[0, 2]
+    assume(pressure > np.finfo(float).tiny)  # below, numbers have fewer digits than are asked for
     closure = 3e-6 * (pressure / 2e6) ** (1.0 / exponent)
     assert pressure + r * closure == pytest.approx(2e6 * 10.0**load, rel=1e-12)
     assert not traction[1:].any()
