@@ -1,12 +1,10 @@
 """Friction and five fields on grids of a half space, one thread, against Tamaas where that has a solver."""
 
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 from time import perf_counter, process_time
-from typing import Any, final
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -17,7 +15,7 @@ from meeframe_halfspace import HalfSpace
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Solver
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import ConductivityLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
@@ -25,6 +23,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductiv
 from meeframe.materials import Material, library_material
 from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
+from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 
 TITLE = "Half space by fast Fourier transforms, with friction"
@@ -40,42 +39,6 @@ CAPS = {"Condat": (128, 3_000), "PolonskyKeerTan": (128, 3_000), "Kato": (64, 2_
 TIMES_FIVE_FIELDS, MOST_RESIDUAL, NEARLY_CONSTANT = 8.0, 1e-8, 1.5
 MEE_FORCE, MEE_WIDTH = 450.0, 7e-3
 """Of the magneto-electro-elastic sphere of 0.1 m [N], [m]."""
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Counted(ReducedSystem):
-    """A reduced system that counts its products."""
-
-    inner: ReducedSystem
-    products: list[None] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, inner: ReducedSystem) -> "Counted":
-        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner)
-
-    def apply(self, load: Array) -> Array:
-        self.products.append(None)
-        return self.inner.apply(load)
-
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        self.products.append(None)
-        return self.inner.response(load, fields)
-
-    def diagonal_blocks(self) -> Array:
-        return self.inner.diagonal_blocks()
-
-    def dense(self) -> Array | None:
-        return self.inner.dense()
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.inner.recover(load)
-
-    def approximate_inverse(self, fields: Sequence[int]) -> Any:
-        return self.inner.approximate_inverse(fields)
-
-    def coarser(self) -> Coarsening | None:
-        return self.inner.coarser()
 
 
 def reduced(n: int, stiffness: Array, period: float, periodic: bool) -> ReducedSystem:

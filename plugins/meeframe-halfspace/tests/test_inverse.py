@@ -1,8 +1,6 @@
 """The approximate inverse, and what it changes: how fast friction and conduction are solved, not what is found."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import final
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +8,7 @@ from meeframe_halfspace import HalfSpace
 
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactSolution, Status
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
@@ -19,49 +16,13 @@ from meeframe.materials import library_material
 from meeframe.solvers import BarzilaiBorwein, Limits, SemismoothNewton, residual, solve
 from meeframe.solvers.conduction import own_response
 from meeframe.solvers.newton_steps import newton_step
+from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 
 MEDIUM = library_material("orthotropic-mee")
 RADIUS, FORCE, MU, WIDTH = 0.1, 450.0, 0.3, 7e-3
 INSULATING, CONDUCTING, RESISTING = (0.0, 0.0), (np.inf, np.inf), (3.0, 0.2)
 """Conductivities in units of the inverse own response of a node."""
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class Counted(ReducedSystem):
-    """A reduced system that counts its products; without its approximate inverse if it is not helped."""
-
-    inner: ReducedSystem
-    helped: bool
-    products: list[None] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, inner: ReducedSystem, helped: bool) -> "Counted":
-        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, helped)
-
-    def apply(self, load: Array) -> Array:
-        self.products.append(None)
-        return self.inner.apply(load)
-
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        self.products.append(None)
-        return self.inner.response(load, fields)
-
-    def diagonal_blocks(self) -> Array:
-        return self.inner.diagonal_blocks()
-
-    def dense(self) -> Array | None:
-        return self.inner.dense()
-
-    def recover(self, load: Array) -> NodalFields:
-        return self.inner.recover(load)
-
-    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
-        return self.inner.approximate_inverse(fields) if self.helped else None
-
-    def coarser(self) -> Coarsening | None:
-        return self.inner.coarser() if self.helped else None
 
 
 def reduced(n: int, matrix_up_to: int = 0, periodic: bool = False) -> ReducedSystem:

@@ -1,0 +1,56 @@
+"""A reduced system that counts its products: what iterations cost, whatever the machine does."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import final
+
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Counted(ReducedSystem):
+    """A reduced system that counts its products; without approximate inverse and coarser division if not `helped`.
+
+    products: one entry for each.
+    """
+
+    inner: ReducedSystem
+    helped: bool
+    products: list[None] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, inner: ReducedSystem, helped: bool = True) -> "Counted":
+        """Of any system."""
+        return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, helped)
+
+    def apply(self, load: Array) -> Array:
+        """See ReducedSystem."""
+        self.products.append(None)
+        return self.inner.apply(load)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """See ReducedSystem."""
+        self.products.append(None)
+        return self.inner.response(load, fields)
+
+    def diagonal_blocks(self) -> Array:
+        """See ReducedSystem."""
+        return self.inner.diagonal_blocks()
+
+    def dense(self) -> Array | None:
+        """See ReducedSystem."""
+        return self.inner.dense()
+
+    def recover(self, load: Array) -> NodalFields:
+        """See ReducedSystem."""
+        return self.inner.recover(load)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """See ReducedSystem."""
+        return self.inner.approximate_inverse(fields) if self.helped else None
+
+    def coarser(self) -> Coarsening | None:
+        """See ReducedSystem."""
+        return self.inner.coarser() if self.helped else None
