@@ -1,6 +1,7 @@
 """Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
 
 import math
+import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
+_PREFIXED: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eE]([-+]?[0-9]+))?\s*([A-Za-zµμ]+)\s*")
+_PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
 class Quantity:
@@ -76,7 +79,10 @@ class Quantity:
         return " and ".join([*parts, *(["finite"] if len(finite) < len(self.bounds) else [])])
 
     def _parse(self, text: str) -> float:
-        # pint takes half a second to start: imported when the first text comes along
+        number = self._prefixed(text)
+        if number is not None:
+            return number
+        # pint takes half a second to start: imported when the first text of another kind comes along
         import pint
 
         try:
@@ -88,6 +94,18 @@ class Quantity:
             raise ValueError(f"has the wrong unit; expected {self.expected}") from None
         except Exception:  # pint's parser lets many kinds of errors through
             raise ValueError(f"cannot be read as a quantity; expected {self.expected}") from None
+
+    def _prefixed(self, text: str) -> float | None:
+        """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
+        match = _PREFIXED.fullmatch(text)
+        if match is None:
+            return None
+        number, exponent, name = match.groups()
+        for unit in self.units:
+            prefix = name.removesuffix(unit)
+            if unit.isalpha() and name.endswith(unit) and prefix in _PREFIXES:
+                return float(f"{number}e{int(exponent or 0) + _PREFIXES[prefix]}")
+        return None
 
 
 @lru_cache(maxsize=1)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
-from scipy.optimize import brentq
 
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
@@ -142,7 +141,11 @@ def geometric_fractions(total: float, count: int, first: float) -> Array:
         return np.arange(1, count + 1) / count
     powers = np.arange(count)
     most = (total / first) ** (1 / (count - 1))
-    ratio = brentq(lambda g: first * np.sum(g**powers) / total - 1, 1.0, most, xtol=1e-14)
+    # Newton's method from above: the sum of the powers is convex, so that ratios fall until round-off stops them
+    ratio, before = most, np.inf
+    while ratio < before:
+        before, excess = ratio, np.sum(ratio**powers) - total / first
+        ratio -= excess / np.sum(powers * ratio ** (powers - 1))
     sums = np.cumsum(ratio**powers)
     fractions: Array = sums / sums[-1]
     return fractions

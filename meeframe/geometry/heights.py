@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, final
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
-from scipy.spatial import cKDTree
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
@@ -105,6 +103,8 @@ def _check_rows(rows: Array) -> None:
 
 
 def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) -> Array:
+    from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator  # loads half of scipy; only here
+
     at = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=-1)
     if interpolation == "nodes":
         return _at_nodes(rows, at)
@@ -149,6 +149,8 @@ def _axis(values: Array) -> tuple[Array, Indices]:
 
 def _at_nodes(rows: Array, at: Array) -> Array:
     """Heights of the rows at the same places, inf where there is none."""
+    from scipy.spatial import cKDTree
+
     extent = np.ptp(rows[:, :2], axis=0).max()
     distance, row = cKDTree(rows[:, :2]).query(at)
     return np.where(distance <= SAME * extent, rows[row, 2] - rows[:, 2].min(), np.inf)

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import Array
@@ -32,6 +31,8 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
             f"a rotation needs a finite axis of three numbers, not all zero, and a finite angle; "
             f"got axis {direction.tolist()}, angle {angle}"
         )
+    from scipy.spatial.transform import Rotation  # slow to import; only here
+
     matrix: Array = Rotation.from_rotvec(angle * direction / length).as_matrix()
     return matrix
 
@@ -47,6 +48,8 @@ def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
             f"Euler angles are three finite numbers and a sequence such as 'ZXZ' or 'xyz'; "
             f"got {values.tolist()}, {sequence!r}"
         )
+    from scipy.spatial.transform import Rotation
+
     try:
         matrix: Array = Rotation.from_euler(sequence, values).as_matrix()
     except ValueError as error:

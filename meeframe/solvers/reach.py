@@ -9,7 +9,6 @@ until the nearest resultant found is right or its difference proves to be such a
 from typing import Final
 
 import numpy as np
-from scipy.optimize import nnls
 
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
@@ -46,6 +45,8 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     moving = motions(problem)
     if moving.size == 0:
         return 0.0
+    from scipy.optimize import nnls  # slow to import; free motions alone need it
+
     below = np.isfinite(problem.gap)
     measures = np.stack([problem.freedoms[k].measure[:, MECHANICAL] / scales.totals[k] for k in moving])
     measures[:, ~below] = 0.0

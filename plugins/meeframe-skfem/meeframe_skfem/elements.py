@@ -1,12 +1,10 @@
 """The volume elements: shape functions and quadrature from scikit-fem, numbered as meshio numbers their nodes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
-from skfem import ElementHex1, ElementHex2, ElementHexS2, ElementTetP2  # type: ignore[import-untyped]
-from skfem.quadrature import get_quadrature  # type: ignore[import-untyped]
 
 from meeframe.core.element import SurfaceElement, shape_functions
 from meeframe.core.fields import Array
@@ -31,7 +29,7 @@ class VolumeElement:
     name: short name; meshio_type: meshio's name, whose order the nodes have; surface: the element of its faces;
     nodes: (n, 3) in the reference domain; faces: corners of each, counter-clockwise seen from outside;
     quadrature: degree of the rule, of positive weights, which integrates its stiffness if its edges are straight and
-    parallel, and its gradients in any case; basis: scikit-fem's element.
+    parallel, and its gradients in any case; basis: scikit-fem's element, by its name.
     """
 
     name: str
@@ -40,7 +38,7 @@ class VolumeElement:
     nodes: Array
     faces: Corners
     quadrature: int
-    basis: Any = field(repr=False)
+    basis: str
 
     @property
     def n_corners(self) -> int:
@@ -51,7 +49,8 @@ class VolumeElement:
 def tabulate(element: VolumeElement, xi: Array) -> tuple[Array, Array]:
     """Shape functions (m, n) and their derivatives (m, n, 3) at reference points xi (m, 3)."""
     order = _order_in_skfem(element)
-    pairs = [element.basis.lbasis(xi.T, i) for i in order]
+    basis = _basis(element)
+    pairs = [basis.lbasis(xi.T, i) for i in order]
     ones = np.ones(len(xi))
     values = np.stack([value * ones for value, _ in pairs], axis=1)
     derivatives = np.stack([np.stack([part * ones for part in slope], axis=-1) for _, slope in pairs], axis=1)
@@ -60,7 +59,9 @@ def tabulate(element: VolumeElement, xi: Array) -> tuple[Array, Array]:
 
 def cell_rule(element: VolumeElement, degree: int | None = None) -> tuple[Array, Array]:
     """Points (m, 3) and weights (m,) of scikit-fem's rule of a degree, by default the element's own."""
-    points, weights = get_quadrature(element.basis.refdom, degree or element.quadrature)
+    from skfem.quadrature import get_quadrature  # type: ignore[import-untyped]
+
+    points, weights = get_quadrature(_basis(element).refdom, degree or element.quadrature)
     return np.asarray(points.T, float), np.asarray(weights, float)
 
 
@@ -75,9 +76,17 @@ def face_nodes(element: VolumeElement) -> Indices:
 
 
 @lru_cache(maxsize=8)
+def _basis(element: VolumeElement) -> Any:
+    """Scikit-fem's element."""
+    import skfem  # type: ignore[import-untyped]  # slow to import; not by whoever only registers this formulation
+
+    return getattr(skfem, element.basis)()
+
+
+@lru_cache(maxsize=8)
 def _order_in_skfem(element: VolumeElement) -> tuple[int, ...]:
     """Number of scikit-fem's shape function for each node."""
-    distance = np.linalg.norm(element.nodes[:, None] - element.basis.doflocs, axis=2)
+    distance = np.linalg.norm(element.nodes[:, None] - _basis(element).doflocs, axis=2)
     return tuple(int(number) for number in distance.argmin(axis=1))
 
 
@@ -90,15 +99,15 @@ def _nodes(corners: Corners, *between: Corners) -> Array:
 
 
 _WHOLE: Final = (tuple(range(8)),)
-HEX8: Final = VolumeElement("hex8", "hexahedron", Quad4(), _nodes(_CUBE), _CUBE_FACES, 3, ElementHex1())
+HEX8: Final = VolumeElement("hex8", "hexahedron", Quad4(), _nodes(_CUBE), _CUBE_FACES, 3, "ElementHex1")
 HEX20: Final = VolumeElement(
-    "hex20", "hexahedron20", Quad8(), _nodes(_CUBE, _CUBE_EDGES), _CUBE_FACES, 5, ElementHexS2()
+    "hex20", "hexahedron20", Quad8(), _nodes(_CUBE, _CUBE_EDGES), _CUBE_FACES, 5, "ElementHexS2"
 )
 HEX27: Final = VolumeElement(
-    "hex27", "hexahedron27", Quad9(), _nodes(_CUBE, _CUBE_EDGES, _CUBE_FACES, _WHOLE), _CUBE_FACES, 5, ElementHex2()
+    "hex27", "hexahedron27", Quad9(), _nodes(_CUBE, _CUBE_EDGES, _CUBE_FACES, _WHOLE), _CUBE_FACES, 5, "ElementHex2"
 )
 TET10: Final = VolumeElement(
-    "tet10", "tetra10", Tri6(), _nodes(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_FACES, 5, ElementTetP2()
+    "tet10", "tetra10", Tri6(), _nodes(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_FACES, 5, "ElementTetP2"
 )
 
 ELEMENTS: Final = (HEX8, HEX20, HEX27, TET10)

@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from meeframe.core.quantities import Quantity
+from meeframe.core.quantities import Quantity, unit_registry
 
 LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
@@ -17,6 +17,26 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 )
 def test_numbers_and_texts(given, metres):
     assert LENGTH.validate_python(given) == pytest.approx(metres, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["m", "rad", "s", "N", "Pa", "V", "A", "C", "Wb"])
+@pytest.mark.parametrize("prefix", ["", *"nuµμmckMG"])
+@pytest.mark.parametrize("number", ["50", "-2.5", ".5e-3 ", "+7.E2"])
+def test_prefixes_mean_what_pint_takes_them_for(unit, prefix, number):
+    """Read without pint, which is slow to start."""
+    text = f"{number}{prefix}{unit}"
+    expected = unit_registry().Quantity(text).to_base_units()
+    assert expected.check(unit)
+    assert Quantity(unit).convert(text) == pytest.approx(expected.magnitude, rel=1e-15)
+
+
+@pytest.mark.parametrize(("unit", "given", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
+def test_prefixes_of_compound_units(unit, given, number):
+    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-12)
+
+
+def test_a_prefixed_number_is_the_nearest_there_is():
+    assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
 
 
 @pytest.mark.parametrize("given", ["5 V", "5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
