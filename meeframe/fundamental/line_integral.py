@@ -41,7 +41,7 @@ class LineIntegral(FundamentalSolution):
 
 
 def line_modulation(stiffness: Array, points: int, triad: Array, with_tangents: bool = True) -> Array:
-    """H, A, B (n, 3, 15) on triads (n, 3, 3); A = B = 0 without tangents.
+    """H, A, B (n, 3, 15) on triads (n, 3, 3), or H alone, (n, 1, 15), without tangents.
 
     Raises MaterialError if the rule does not converge.
     """

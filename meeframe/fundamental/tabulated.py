@@ -136,15 +136,17 @@ def _table(stiffness: Array, cells: int) -> Array:
     offset = _directions(cells, np.repeat(nodes, count), np.tile(nodes, count)).reshape(-1, 3)
     distance, triad = triads(offset)
     modulation = line_modulation(stiffness, LINE_POINTS, triad, with_tangents=False)
-    values = np.zeros((len(offset), WIDTH))
-    values[:, :15] = modulation[:, 0] / distance[:, None]
+    values = modulation[:, 0] / distance[:, None]
     powers = _basis(count)
     in_basis = np.linalg.inv(np.vander(nodes, increasing=True) @ powers)
-    series = np.einsum("ip,jq,npqc->nijc", in_basis, in_basis, values.reshape(-1, count, count, WIDTH), optimize=True)
-    series[:, np.add.outer(np.arange(count), np.arange(count)) > DEGREE] = 0.0
-    table = np.einsum("ip,jq,npqc->nijc", powers, powers, series, optimize=True)
     row, place = np.tril_indices(count)
-    return np.ascontiguousarray(table[:, DEGREE - row, row - place].reshape(len(table), -1))
+    rows = count * (DEGREE - row) + row - place
+    # Two steps: a round-off in the first is a Chebyshev polynomial and stays small inside the cell.
+    to_series, to_powers = np.kron(in_basis, in_basis)[rows], np.kron(powers, powers)[np.ix_(rows, rows)]
+    n_cells = 3 * cells**2
+    table = np.zeros((n_cells, len(row), WIDTH))
+    table[..., : values.shape[1]] = to_powers @ (to_series @ values.reshape(n_cells, count**2, -1))
+    return table.reshape(n_cells, -1)
 
 
 def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:

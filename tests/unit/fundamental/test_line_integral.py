@@ -3,6 +3,7 @@ import pytest
 
 from meeframe.core.errors import CaseError, MaterialError
 from meeframe.fundamental import LineIntegral
+from meeframe.kernels.line_integral import line_integrals
 from meeframe.kernels.modulation import triads
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
@@ -65,3 +66,14 @@ def test_refuses_bad_stiffness(isotropic):
     wrong[:, :3, :3, :] *= -1.0
     with pytest.raises(MaterialError, match="mechanical block"):
         LineIntegral().bind(wrong)
+
+
+@pytest.mark.parametrize("entries", [[], [(0, 0), (1, 1), (2, 2)]])
+def test_says_where_nothing_converges(entries, random):
+    """Forms that have no inverse: of no stiffness, and of one without electromagnetic block."""
+    stiffness = np.zeros((3, 5, 5, 3))
+    for j, k in entries:
+        stiffness[:, j, k, :] = np.eye(3)
+    _, triad = triads(unit_vectors(random, 40))
+    for with_tangents in (False, True):
+        assert not line_integrals(stiffness, triad, 16, 256, 1e-8, with_tangents)[1]
