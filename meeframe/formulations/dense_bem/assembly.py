@@ -29,11 +29,24 @@ SOURCES_PER_TASK = 8
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """matrix @ unknowns = rhs + load_matrix @ loads; matrix (u, u), load_matrix (u, 5 n), rhs (u,)."""
+    """matrix @ unknowns = load_matrix @ loads + rhs, in one array: columns (u, u + 5 n + 1), in Fortran order."""
 
-    matrix: Array
-    load_matrix: Array
-    rhs: Array
+    columns: Array
+
+    @property
+    def matrix(self) -> Array:
+        """(u, u)."""
+        return self.columns[:, : len(self.columns)]
+
+    @property
+    def load_matrix(self) -> Array:
+        """(u, 5 n)."""
+        return self.columns[:, len(self.columns) : -1]
+
+    @property
+    def rhs(self) -> Array:
+        """(u,)."""
+        return self.columns[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +81,9 @@ def assemble(
     planes = tuple(_planes(rule) for rule in rules)
     problem = Problem(mesh, layout, sources, kernel, accuracy, exterior, rules, planes)
     n = layout.n_unknowns
-    system = System(np.zeros((n, n)), np.zeros((n, N_FIELDS * len(layout.zone)), order="F"), np.zeros(n))
+    # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of both matrices.
+    system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
+    system.rhs[:] = 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
     with ThreadPoolExecutor(get_num_threads()) as pool:

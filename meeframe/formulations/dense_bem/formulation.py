@@ -83,9 +83,9 @@ class DenseBEM(Formulation):
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         system = assemble(mesh, layout, collocate(mesh, layout), kernel, accuracy, progress)
         progress("factorisation", 0.0)
-        constant, response = factorise(system)
+        factors = factorise(system)
         progress("factorisation", 1.0)
-        return BoundarySolution(constant, response, layout, units, body.mesh)
+        return BoundarySolution(factors, layout, units, body.mesh)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

@@ -47,7 +47,8 @@ class Layout:
     """Columns of unknowns and contact loads (NONE where there is none), and known data in units of the system.
 
     value_column, value_data: (p, 5); flux_column, flux_data, load_column: (m, 5);
-    zone: (n,) points of the contact zone; n_unknowns: size of the system. Unknowns have zero data.
+    zone: (n,) points of the contact zone; n_unknowns: size of the system. Unknowns have zero data. The values of the
+    zone, all of them unknown, are numbered last and in its order.
     """
 
     patches: Patches
@@ -83,9 +84,13 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         flux_unknown[np.isin(patches.point, edge)] = False
 
     unknown_value = np.isnan(values)
-    value_column = _number(unknown_value, 0)
-    flux_column = _number(flux_unknown, int(unknown_value.sum()))
     zone = np.unique(patches.point[contact])
+    in_zone = np.zeros(unknown_value.shape, bool)
+    in_zone[zone] = unknown_value[zone]
+    n_unknowns = int(unknown_value.sum() + flux_unknown.sum())
+    value_column = _number(unknown_value & ~in_zone, 0)
+    flux_column = _number(flux_unknown, int((unknown_value & ~in_zone).sum()))
+    value_column[in_zone] = np.arange(n_unknowns - in_zone.sum(), n_unknowns)
     load_column = np.full(fluxes.shape, NONE)
     load_column[contact] = N_FIELDS * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(N_FIELDS)
     return Layout(
@@ -96,7 +101,7 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         units.fluxes(np.where(flux_unknown, 0.0, fluxes)),
         load_column,
         zone,
-        int(unknown_value.sum() + flux_unknown.sum()),
+        n_unknowns,
     )
 
 

@@ -1,12 +1,10 @@
 """From the collocated system to the reduced system: one factorisation, then contact-size relations."""
 
-import warnings
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
-from scipy.linalg.lapack import dgecon, dlange
+from scipy.linalg.lapack import dgecon, dgetrf, dlange, dtrtrs
 
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError
@@ -24,13 +22,12 @@ A free part leaves 1e-13, the round-off of its constant fields; a block a thousa
 
 @dataclass(frozen=True, eq=False)
 class BoundarySolution:
-    """unknowns = constant + response @ load; load flattened (n * 5,), all in units of the system.
+    """upper @ unknowns = loaded @ load + constant; load flattened (n * 5,), all in units of the system.
 
-    constant: (u,); response: (u, 5 n).
+    factors: (u, u + 5 n + 1), of which these are the upper triangle of the first u columns, the next 5 n and the last.
     """
 
-    constant: Array
-    response: Array
+    factors: Array
     layout: Layout
     units: Units
     mesh: SurfaceMesh
@@ -39,7 +36,8 @@ class BoundarySolution:
         """Fields on the boundary for a load (n, 5) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
-        unknowns = self.constant + self.response @ loads
+        n = layout.n_unknowns
+        unknowns, _ = dtrtrs(self.factors[:, :n], self.factors[:, n:-1] @ loads + self.factors[:, -1])
         values = _fill(layout.value_data, layout.value_column, unknowns)
         fluxes = _fill(layout.flux_data, layout.flux_column, unknowns)
         fluxes = _fill(fluxes, layout.load_column, loads)
@@ -51,37 +49,36 @@ class BoundarySolution:
         return NodalFields(self.mesh.points[points], cells, units.values_si(values)[points], units.fluxes_si(fluxes))
 
 
-def factorise(system: System) -> tuple[Array, Array]:
-    """constant (u,) and response (u, 5 n) of the unknowns to the loads. Overwrites the matrices of the system.
+def factorise(system: System) -> Array:
+    """The factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
 
-    Raises CaseError if the matrix is singular to working precision.
+    The elimination of the matrix takes the other columns along: what is left of them is a back substitution, of which
+    the values of the zone, numbered last, need only the last rows. Raises CaseError if the matrix is singular to
+    working precision.
     """
-    # the C-ordered matrix is handed over as its Fortran-ordered transpose: no copy is made
-    matrix = system.matrix.T
-    norm = dlange("1", matrix)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LinAlgWarning)  # an exactly singular factor is judged below
-        factors = lu_factor(matrix, overwrite_a=True, check_finite=False)
-    reciprocal, _ = dgecon(factors[0], norm, norm="1")
+    norm = dlange("I", system.matrix)
+    factors: Array
+    factors, _, _ = dgetrf(system.columns, overwrite_a=True)
+    reciprocal, _ = dgecon(factors[:, : len(factors)], norm, norm="I")
     if not reciprocal > SINGULAR:
         raise CaseError(
             f"the boundary element system is singular (reciprocal condition {reciprocal:.1e}): every separate part of "
             "the body needs supports and a prescribed value of each potential"
         )
-    constant: Array = lu_solve(factors, system.rhs, trans=1, check_finite=False)
-    response: Array = lu_solve(factors, system.load_matrix, trans=1, overwrite_b=True, check_finite=False)
-    return constant, response
+    return factors
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the contact zone, SI units, global axes."""
     layout, units = solution.layout, solution.units
-    columns = layout.value_column[layout.zone]
-    n = len(columns)
-    offset = units.values_si(solution.constant[columns])
+    n = len(layout.zone)
+    end = layout.n_unknowns
+    last = solution.factors[end - N_FIELDS * n :]
+    values, _ = dtrtrs(last[:, end - N_FIELDS * n : end], last[:, end:])
+    offset = units.values_si(values[:, -1].reshape(n, N_FIELDS))
     to_values = units.values_si(np.ones(N_FIELDS))
     to_loads = units.fluxes(np.ones(N_FIELDS))
-    matrix = solution.response[columns.ravel()].reshape(n, N_FIELDS, n, N_FIELDS)
+    matrix = values[:, :-1].reshape(n, N_FIELDS, n, N_FIELDS)
     compliance: Array = matrix * to_values[None, :, None, None] * to_loads
     return offset, compliance
 

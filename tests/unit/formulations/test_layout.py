@@ -98,3 +98,12 @@ def test_the_contact_zone_takes_no_conditions():
         layout_of(mesh, (*clamped("z-"), BoundaryCondition("z+", 3, "value")), contact="z+")
     with pytest.raises(CaseError, match="electric_potential is prescribed on a face that touches the contact zone"):
         layout_of(mesh, (*clamped("z-"), BoundaryCondition("x+", 3, "value")), contact="z+")
+
+
+def test_values_of_the_zone_are_numbered_last():
+    mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
+    layout = layout_of(mesh, clamped("z-"), contact="z+")
+    last = np.arange(layout.n_unknowns - layout.zone.size * 5, layout.n_unknowns)
+    np.testing.assert_array_equal(layout.value_column[layout.zone].ravel(), last)
+    columns = np.concatenate([layout.value_column.ravel(), layout.flux_column.ravel()])
+    np.testing.assert_array_equal(np.sort(columns[columns != NONE]), np.arange(layout.n_unknowns))
