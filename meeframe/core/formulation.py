@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.core.body import Body
-from meeframe.core.fields import Array
+from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 
 Progress = Callable[[str, float], None]
@@ -72,6 +72,15 @@ class ReducedSystem(ABC):
     def response(self, load: Array, fields: Sequence[int]) -> Array:
         """compliance(load) in the given fields alone, (n, len(fields)), where that is cheaper than all five."""
         return self.apply(load)[:, list(fields)]
+
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """compliance in k fields alone, (n, k), of loads (n, l) in l fields alone.
+
+        Of loads in single precision it need be no more precise than they are, where that is cheaper.
+        """
+        whole = np.zeros((N_FIELDS, len(load))).T
+        whole[:, list(loaded)] = load
+        return self.response(whole, fields)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Loads (n, k) of the given k fields alone that roughly cause displacements (n, k) in them; None if unknown.

@@ -1,6 +1,6 @@
 """Mesh generators: the graded block of the paper (Fig. 2), a plain box and a sphere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -8,10 +8,9 @@ import numpy as np
 from meeframe.core.element import SurfaceElement
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.core.mesh import SurfaceMesh
 from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.geometry.checks import drop_unused
-from meeframe.geometry.lattice import border, grid_points, prism, require, side_of_border, with_element
+from meeframe.geometry.lattice import border, framed, grid_points, prism, require, side_of_border, with_element
 
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
 BOX_GROUPS: Final = ("x-", "x+", "y-", "y+", "z-", "z+")
@@ -58,24 +57,31 @@ def block_mesh(
     """
     half, contact, cells = _pair(half_width), _pair(contact_width), _whole_pair(divisions)
     _check_sizes(half, height, contact)
-    for name, counts in (("divisions", cells), ("rings", (rings,)), ("layers", (layers,))):
-        require(name, counts, at_least=1)
+    require("layers", (layers,), at_least=1)
     grading = grading or Grading()
-    zone_half = (contact[0] / 2, contact[1] / 2)
-    top, base = grid_points(zone_half, cells, 0.0), grid_points(half, cells, -float(height))
-    # equal rays from the border of the zone to the edge: all widths scale with their mean
-    distance = sum(half) / 2 - sum(contact) / 4
-    first = grading.first_ring * (contact[0] / cells[0] + contact[1] / cells[1]) / 2
-    outward = geometric_fractions(distance, rings, first)[:, None, None]
+    top, ring_loops = _top(half, contact, cells, rings, grading)
+    base = grid_points(half, cells, -float(height))
     downward = np.cumsum(grading.layer_growth ** np.arange(layers))
     downward /= downward[-1]
-    edge = border(grid_points(half, cells, 0.0))
-    ring_loops = (1 - outward) * border(top) + outward * edge
-    layer_loops = (1 - downward)[:, None, None] * edge + downward[:, None, None] * border(base)
+    layer_loops = (1 - downward)[:, None, None] * ring_loops[-1] + downward[:, None, None] * border(base)
     sides = side_of_border(cells, (4, 3, 5, 2))
     strips = np.concatenate([np.ones((rings, len(sides)), np.int64), np.tile(sides, (layers, 1))])
     surface = prism(top, np.concatenate([ring_loops, layer_loops]), base, (0, strips, 6), BLOCK_GROUPS)
     return with_element(surface, element)
+
+
+def _top(
+    half: tuple[float, float], contact: tuple[float, float], cells: tuple[int, int], rings: int, grading: Grading
+) -> tuple[Array, Array]:
+    """Points of the contact zone, (nx + 1, ny + 1, 3), and of the loops around it, (rings, 2 nx + 2 ny, 3)."""
+    for name, counts in (("divisions", cells), ("rings", (rings,))):
+        require(name, counts, at_least=1)
+    top = grid_points((contact[0] / 2, contact[1] / 2), cells, 0.0)
+    # equal rays from the border of the zone to the edge: all widths scale with their mean
+    distance = sum(half) / 2 - sum(contact) / 4
+    first = grading.first_ring * (contact[0] / cells[0] + contact[1] / cells[1]) / 2
+    outward = geometric_fractions(distance, rings, first)[:, None, None]
+    return top, (1 - outward) * border(top) + outward * border(grid_points(half, cells, 0.0))
 
 
 def _check_sizes(half_width: tuple[float, float], height: float, contact_width: tuple[float, float]) -> None:
@@ -98,11 +104,10 @@ def half_space_mesh(
 
     Face groups 'contact' and 'top'. Raises MeshError.
     """
-    block = block_mesh(half_width, 1.0, contact_width, divisions, rings, 1, element, grading)
-    (elements,) = block.blocks
-    on_top = elements.groups < 2
-    top = ElementBlock(element, elements.connectivity[on_top], elements.groups[on_top])
-    return drop_unused(SurfaceMesh(block.points, (top,), BLOCK_GROUPS[:2], semi_infinite=True))
+    half, contact, cells = _pair(half_width), _pair(contact_width), _whole_pair(divisions)
+    _check_sizes(half, 1.0, contact)
+    surface = framed(*_top(half, contact, cells, rings, grading or Grading()), BLOCK_GROUPS[:2])
+    return replace(with_element(surface, element), semi_infinite=True)
 
 
 def box_mesh(

@@ -63,6 +63,8 @@ def _split(quads: Indices, parity: Indices) -> Indices:
 
 def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array, Indices]:
     """Points (corners first) and connectivity; nodes with the same weights on the same corners are one point."""
+    if np.array_equal(weights, np.eye(corners.shape[1])):
+        return points, corners
     connectivity = np.empty((len(corners), len(weights)), np.int64)
     at_corner = weights.max(axis=1) > 1 - 1e-12
     connectivity[:, at_corner] = corners[:, weights[at_corner].argmax(axis=1)]
@@ -108,29 +110,64 @@ def prism(
     shape = top.shape[:2]
     top_numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     count = loops.shape[1]
-    loop_numbers = top_numbers.size + np.arange(len(loops) * count).reshape(-1, count)
+    loop_numbers = _loop_numbers(top_numbers, loops)
     base_numbers = np.empty(shape, np.int64)
     base_numbers.flat[border(top_numbers)] = loop_numbers[-1]
     inner = base_numbers[1:-1, 1:-1]
     inner[...] = top_numbers.size + loop_numbers.size + np.arange(inner.size).reshape(inner.shape)
 
-    here = np.concatenate([border(top_numbers)[None], loop_numbers[:-1]])
-    strips = np.stack([here, loop_numbers, np.roll(loop_numbers, -1, 1), np.roll(here, -1, 1)], axis=-1)
+    strips = _strips(np.concatenate([border(top_numbers)[None], loop_numbers]))
     cells = _cells(top_numbers)
-    chequer = np.add.outer(np.arange(shape[0] - 1), np.arange(shape[1] - 1)).ravel() % 2
+    chequer = _chequer(shape[0] - 1, shape[1] - 1)
     return QuadSurface(
         points=np.concatenate([part.reshape(-1, 3) for part in (top, loops, base[1:-1, 1:-1])]),
-        quads=np.concatenate([cells, strips.reshape(-1, 4), _cells(base_numbers)[:, ::-1]]),
+        quads=np.concatenate([cells, strips, _cells(base_numbers)[:, ::-1]]),
         groups=np.concatenate([np.full(len(cells), groups[0]), groups[1].ravel(), np.full(len(cells), groups[2])]),
-        parity=np.concatenate([chequer, np.add.outer(np.arange(len(loops)), np.arange(count)).ravel() % 2, chequer]),
+        parity=np.concatenate([chequer, _chequer(len(loops), count), chequer]),
         group_names=names,
     )
 
 
+def framed(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurface:
+    """Open surface of a grid (nx + 1, ny + 1, 3), seen from above, and strips of cells between loops around it.
+
+    loops: (k, 2 nx + 2 ny, 3) counter-clockwise from above; names: of the grid's group and of that of the strips.
+    """
+    shape, count = grid.shape[:2], loops.shape[1]
+    numbers = np.arange(shape[0] * shape[1]).reshape(shape)
+    cells, strips = _cells(numbers), _strips(np.concatenate([border(numbers)[None], _loop_numbers(numbers, loops)]))
+    return QuadSurface(
+        points=np.concatenate([grid.reshape(-1, 3), loops.reshape(-1, 3)]),
+        quads=np.concatenate([cells, strips]),
+        groups=np.repeat([0, 1], [len(cells), len(strips)]),
+        parity=np.concatenate([_chequer(shape[0] - 1, shape[1] - 1), _chequer(len(loops), count)]),
+        group_names=names,
+    )
+
+
+def _loop_numbers(numbers: Indices, loops: Array) -> Indices:
+    """Numbers of the points of loops (k, m, 3), which follow those of a grid."""
+    return numbers.size + np.arange(len(loops) * loops.shape[1]).reshape(-1, loops.shape[1])
+
+
+def _strips(loops: Indices) -> Indices:
+    """Cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
+    here, there = loops[:-1], loops[1:]
+    return np.stack([here, there, np.roll(there, -1, 1), np.roll(here, -1, 1)], axis=-1).reshape(-1, 4)
+
+
+def _chequer(rows: int, columns: int) -> Indices:
+    """Parities of rows x columns cells, one row after another."""
+    parity: Indices = np.add.outer(np.arange(rows), np.arange(columns)).ravel() % 2
+    return parity
+
+
 def _cells(numbers: Indices) -> Indices:
     """Cells of a grid of point numbers, counter-clockwise from above, (nx ny, 4)."""
-    corners = (numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])
-    return np.stack(corners, axis=-1).reshape(-1, 4)
+    cells = np.empty((numbers.shape[0] - 1, numbers.shape[1] - 1, 4), np.int64)
+    for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
+        cells[:, :, k] = corner
+    return cells.reshape(-1, 4)
 
 
 def side_of_border(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -> Indices:

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_rows, tabulate
+from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_far, fill_rows, tabulate
 from meeframe_halfspace.response import PointResponse
 
 Shape = Literal["bilinear", "constant"]
@@ -19,6 +19,10 @@ _MOST_POINTS: Final = 9
 _ANGLES: Final = 8192
 _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
+FAR: Final = 30.0
+"""Spacings from a cell beyond which the response at nodes alone tells the integral over the density."""
+_REACH: Final = 4
+"""Nodes on either side that tell it: exact of the ninth degree, an error like 48 / distance^10."""
 
 
 def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int]) -> Array:
@@ -39,6 +43,32 @@ def cell_table(response: PointResponse, spacing: tuple[float, float], shape: Sha
 
     def fill(first: int, last: int) -> None:
         fill_rows(first, last, steps, along, across, even, odd, around, rule, tables, thresholds, table)
+
+    share_out(fill, nx)
+    return table
+
+
+def near_size(spacing: tuple[float, float], size: tuple[int, int]) -> tuple[int, int]:
+    """Nodes along both axes of the part of a grid of that size where `far_table` does not hold."""
+    widest = max(spacing)
+    nx, ny = (min(n, int(np.ceil(FAR * widest / h)) + 1) for n, h in zip(size, spacing, strict=True))
+    return nx, ny
+
+
+def far_table(
+    response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int], entry: int
+) -> Array:
+    """One entry of `cell_table`, (nx, 2 ny - 1), right but near the cell (`near_size`).
+
+    Samples at the nodes add up to the integral over a density with weights that are exact for polynomials.
+    """
+    nx, ny = size
+    table = np.empty((nx, 2 * ny - 1))
+    coefficients, odd = response.entry(entry)
+    steps, weights = np.array(spacing), _node_weights(shape)
+
+    def fill(first: int, last: int) -> None:
+        fill_far(first, last, steps, coefficients, odd, weights, table)
 
     share_out(fill, nx)
     return table
@@ -75,6 +105,17 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
     thresholds = width / 4.0 * _ACCURACY ** (-0.5 / np.arange(1, _MOST_POINTS + 1))
     thresholds[-1] = min(thresholds[-1], NEAR)
     return tables, thresholds
+
+
+@lru_cache(maxsize=2)
+def _node_weights(shape: Shape) -> Array:
+    """Weights (2 _REACH + 1,) of values at nodes in their integral over the density about the middle one."""
+    powers = 2 * np.arange(_REACH + 1)
+    moments = 0.5**powers / (powers + 1.0) if shape == "constant" else 2.0 / ((powers + 1.0) * (powers + 2.0))
+    values = np.arange(_REACH + 1.0)[None, :] ** powers[:, None]
+    half = np.linalg.solve(values, moments)  # of the middle one, and of both nodes at each distance
+    half[1:] /= 2.0
+    return np.concatenate([half[:0:-1], half])
 
 
 def _gauss(shape: Shape, n: int) -> tuple[Array, Array]:

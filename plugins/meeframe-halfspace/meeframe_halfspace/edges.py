@@ -11,7 +11,7 @@ nothing varies.
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Edges, Rim
@@ -66,7 +66,7 @@ def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: 
     places = rim.distance / _spacing(grid, rim.outward)
     pressed = pressure > 0.0
     outermost = pressed & (places < 1.0)  # no other node lies between them and the rim
-    around = binary_dilation(outermost[grid.nodes], np.ones((3, 3), bool))
+    around = scipy.ndimage.binary_dilation(outermost[grid.nodes], np.ones((3, 3), bool))
     near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
     fades = (np.einsum("na,na->n", outward, rim.outward) > TOWARDS) & (distance < places)
     # nodes under the indenter without pressure have their edge elsewhere

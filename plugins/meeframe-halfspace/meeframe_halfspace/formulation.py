@@ -12,12 +12,11 @@ from meeframe.core.errors import CaseError, MeshError
 from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.quantities import check_quantities
-from meeframe.geometry import ContactZone, zone_frames
-from meeframe_halfspace.cells import cell_table
-from meeframe_halfspace.convolution import Convolution, free_convolution, periodic_convolution
+from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.response import PointResponse
-from meeframe_halfspace.system import HalfSpaceSystem, dense_matrix, own_response
+from meeframe_halfspace.system import HalfSpaceSystem, dense_matrix
 
 
 @final
@@ -58,37 +57,33 @@ class HalfSpace(Formulation):
         self._grid(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Surface compliance, response of the grid to one node, its transform. Raises as check, and MaterialError."""
+        """Surface compliance, response of the grid to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)
         progress("surface compliance", 0.0)
         response = PointResponse.of(body.stiffness, grid.frame)
-        progress("response of the grid", 0.0)
-        convolution = self._convolution(response, grid)
-        progress("response of the grid", 1.0)
+        progress("surface compliance", 1.0)
         weights = grid.weights(self.periodic)
         system = HalfSpaceSystem(
             points=zone.points,
-            frames=zone.frames,
+            frames=np.broadcast_to(zone.frame, (len(weights), 3, 3)),
             weights=weights,
             cells=zone.cells,
             offset=np.zeros((len(weights), N_FIELDS)),
             grid=grid,
-            convolution=convolution,
+            grid_response=self._grid_response(response, grid),
             shares=weights / weights.max(),
-            factors=response.factors,
-            own=own_response(convolution.own(), response.factors),
             edge_waves=response.wave_series()[0] if self.edges == "resolved" else None,
         )
         # a system with a matrix does not know its grid any more
         return _with_matrix(system) if len(weights) <= self.matrix_up_to and self.edges == "nodes" else system
 
-    def _convolution(self, response: PointResponse, grid: Grid) -> Convolution:
+    def _grid_response(self, response: PointResponse, grid: Grid) -> GridResponse:
         if self.periodic:
-            return periodic_convolution(response, grid.spacing, self.density, grid.size)
+            return PeriodicGrid(response, grid.spacing, grid.size, self.density)
         assert self.density != "trigonometric"
-        return free_convolution(cell_table(response, grid.spacing, self.density, grid.size))
+        return FreeGrid(response, grid.spacing, grid.size, self.density)
 
-    def _grid(self, body: Body) -> tuple[ContactZone, Grid]:
+    def _grid(self, body: Body) -> tuple[FlatZone, Grid]:
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
         if not body.mesh.semi_infinite:
@@ -103,7 +98,7 @@ class HalfSpace(Formulation):
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = flat_zone(body.mesh, body.contact_group)
         return zone, find_grid(zone, body.contact_group)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe.geometry import ContactZone
+from meeframe_halfspace.flat_zone import FlatZone
 
 SAME: Final = 1e-6
 """Of a spacing: nodes nearer to a place of the grid stand there."""
@@ -41,16 +41,14 @@ class Grid:
         """Nodal values (n,) on the grid, (nx, ny)."""
         return values[self.nodes] if self._order is None else values.reshape(self.size, order=self._order)
 
-    def gather(self, values: Array) -> Array:
-        """Nodal values (n, k) on the grid, (k, nx, ny)."""
-        gathered = np.empty((values.shape[1], *self.size))
-        for field, part in enumerate(gathered):
-            part[...] = self.place(values[:, field])
-        return gathered
-
     def scatter(self, values: Array) -> Array:
-        """Values on the grid, (k, nx, ny), at the nodes, (n, k); fields are stored one after another."""
-        nodal = np.empty((len(values), self.nodes.size))
+        """Values on the grid, (k, nx, ny), at the nodes, (n, k), in the same memory if it can be.
+
+        Fields are stored one after another.
+        """
+        if self._order == "C":
+            return values.reshape(len(values), -1).T
+        nodal = np.empty((len(values), self.nodes.size), values.dtype)
         for part, value in zip(nodal, values, strict=True):
             if self._order is None:
                 part[self.nodes] = value
@@ -68,19 +66,13 @@ class Grid:
         return self.scatter(areas[None])[:, 0]
 
 
-def find_grid(zone: ContactZone, name: str) -> Grid:
+def find_grid(zone: FlatZone, name: str) -> Grid:
     """The grid of a contact zone; name: of its face group.
 
-    Raises MeshError unless the zone is flat and its nodes are the places of a full grid with equal spacings along e1
-    and along e2.
+    Raises MeshError unless its nodes are the places of a full grid with equal spacings along e1 and along e2.
     """
-    frame = zone.frames[0]
-    turn = float(np.abs(zone.frames - frame).max())
-    along, across, level = (zone.points @ frame.T).T
-    extent = max(np.ptp(along), np.ptp(across))
-    if turn > SAME or np.ptp(level) > SAME * extent:
-        raise MeshError(f"contact zone {name!r}: a half space has a flat one; this is {np.ptp(level):.3g} m deep")
-    (i, hx), (j, hy) = _places(along, name), _places(across, name)
+    along, across, _ = zone.frame @ zone.points.T
+    (i, hx), (j, hy) = _places(along, across, name), _places(across, along, name)
     nodes = np.full((i.max() + 1, j.max() + 1), -1)
     nodes[i, j] = np.arange(len(i))
     if nodes.size != len(i) or nodes.min() < 0:
@@ -89,18 +81,18 @@ def find_grid(zone: ContactZone, name: str) -> Grid:
             f"{nodes.shape[1]}; allowed: a rectangle of equal elements with edges along its axes e1 and e2, without "
             "nodes on edges alone (quad4, quad9, tri3, but not quad8)"
         )
-    return Grid(nodes, (hx, hy), frame)
+    return Grid(nodes, (hx, hy), zone.frame)
 
 
-def _places(coordinates: Array, name: str) -> tuple[Indices, float]:
-    """Place (n,) of each node along an axis, and the spacing [m]."""
-    ordered = np.sort(coordinates)
-    steps = np.diff(ordered)
-    count = 1 + int((steps > SAME * (ordered[-1] - ordered[0])).sum())
+def _places(coordinates: Array, others: Array, name: str) -> tuple[Indices, float]:
+    """Place (n,) of each node along an axis, and the spacing [m]; others: coordinates along the other axis."""
+    first, extent = others.min(), float(np.ptp(coordinates))
+    row = np.sort(coordinates[others <= first + SAME * np.ptp(others)])
+    count = 1 + int((np.diff(row) > SAME * extent).sum())
     if count < 2:
         raise MeshError(f"contact zone {name!r}: one row of nodes is no grid")
-    spacing = float(ordered[-1] - ordered[0]) / (count - 1)
-    places = (coordinates - ordered[0]) / spacing
+    spacing = float(row[-1] - row[0]) / (count - 1)
+    places = (coordinates - row[0]) / spacing
     nearest = np.rint(places).astype(np.int64)
     off = float(np.abs(places - nearest).max())
     if off > SAME * count:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Annotated, Literal, final
 
 import numpy as np
+import scipy  # its parts load where they are used
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
@@ -85,5 +85,5 @@ def _sampled(given: MeasuredHeights, _changed: int) -> SampledHeights:
 def _filled(surface: HeightMap, gaps: NDArray[np.bool_]) -> HeightMap:
     if not gaps.any():
         return surface
-    nearest = distance_transform_edt(gaps, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(gaps, return_distances=False, return_indices=True)
     return HeightMap(surface.x, surface.y, surface.heights[tuple(nearest)])

@@ -141,16 +141,61 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule,
 
 
 @njit(cache=True, nogil=True)
-def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, even, odd, symbol):
-    """symbol[:, i, j] = Y(q)/|q| times the windows, (25,), for rows first..last - 1; zero at q = 0.
+def series_value(c, s, coefficients, odd):
+    """Series (n, 2) in an angle whose cos and sin are given: of harmonics 1, 3, ... if `odd`, 0, 2, ... if not."""
+    step_c, step_s = c * c - s * s, 2.0 * s * c
+    cn, sn = (c, s) if odd else (1.0, 0.0)
+    value = 0.0
+    for n in range(coefficients.shape[0]):
+        value += coefficients[n, 0] * cn + coefficients[n, 1] * sn
+        cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
+    return value
 
-    along, across: wave numbers (nx,), (ny // 2 + 1,); even, odd: series of Y in the angle of q. The highest wave number
-    of an even count stands for both signs: the mean of the two is real where it must be.
+
+@njit(cache=True, nogil=True)
+def fill_far(first, last, spacing, coefficients, odd, weights, out):
+    """out[i, j], (nx, 2 ny - 1), for rows first..last - 1 = one entry's response, as of `fill_rows`, far from the cell.
+
+    weights: (2 m + 1,) with which samples at the places around add up to the integral over a density.
     """
-    values = np.empty(N_VALUES)
+    reach, middle = len(weights) // 2, (out.shape[1] - 1) // 2
+    samples = np.empty((len(weights), out.shape[1] + 2 * reach))  # of row i in place i modulo their number
+    across = np.empty(samples.shape[1])
+    area = spacing[0] * spacing[1]
+    for ahead in range(first - reach, last + reach):
+        row = samples[ahead % len(weights)]
+        for j in range(len(row)):
+            x, y = ahead * spacing[0], (j - reach - middle) * spacing[1]
+            distance = np.sqrt(x * x + y * y)
+            if distance > 0.0:
+                row[j] = area / distance * series_value(x / distance, y / distance, coefficients, odd)
+            else:
+                row[j] = 0.0
+        i = ahead - reach
+        if i < first:
+            continue
+        across[:] = 0.0
+        for k in range(len(weights)):
+            row = samples[(i + k - reach) % len(weights)]
+            for j in range(len(row)):
+                across[j] += weights[k] * row[j]
+        for j in range(out.shape[1]):
+            value = 0.0
+            for k in range(len(weights)):
+                value += weights[k] * across[j + k]
+            out[i, j] = value
+
+
+@njit(cache=True, nogil=True)
+def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coefficients, odd, symbol):
+    """symbol[i, j] = one entry of Y(q)/|q| times the windows for rows first..last - 1; zero at q = 0.
+
+    along, across: wave numbers (nx // 2 + 1,), (ny,); coefficients: series of the entry in the angle of q. The highest
+    wave number of an even count stands for both signs: the mean of the two is real where it must be.
+    """
     for i in range(first, last):
-        for j in range(symbol.shape[2]):
-            values[:] = 0.0
+        for j in range(symbol.shape[1]):
+            value = 0.0
             k = np.sqrt(along[i] ** 2 + across[j] ** 2)
             if k > 0.0:
                 both_x, both_y = 2 * i == nx, 2 * j == ny
@@ -158,17 +203,23 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, even, od
                 for sign_x in (1.0, -1.0):
                     for sign_y in (1.0, -1.0):
                         if (sign_x > 0.0 or both_x) and (sign_y > 0.0 or both_y):
-                            add_response(sign_x * along[i] / k, sign_y * across[j] / k, share, even, odd, values)
-            symbol[:, i, j] = values
+                            c, s = sign_x * along[i] / k, sign_y * across[j] / k
+                            value += share * series_value(c, s, coefficients, odd)
+            symbol[i, j] = value
 
 
 @njit(cache=True, nogil=True)
-def add_product(real, imaginary, sign, spectrum, product):
-    """product += (real + sign i imaginary) spectrum, entry by entry; imaginary is not read where the sign is zero."""
+def add_real(real, factor, spectrum, product):
+    """product += factor real spectrum, entry by entry."""
     for row in range(len(product)):
         for column in range(product.shape[1]):
-            k = real[row, column]
-            if sign == 0.0:
-                product[row, column] += k * spectrum[row, column]
-            else:
-                product[row, column] += complex(k, sign * imaginary[row, column]) * spectrum[row, column]
+            product[row, column] += (factor * real[row, column]) * spectrum[row, column]
+
+
+@njit(cache=True, nogil=True)
+def add_imaginary(imaginary, factor, spectrum, product):
+    """product += i factor imaginary spectrum, entry by entry."""
+    for row in range(len(product)):
+        for column in range(product.shape[1]):
+            k, wave = factor * imaginary[row, column], spectrum[row, column]
+            product[row, column] += complex(-k * wave.imag, k * wave.real)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import scipy  # its parts load where they are used
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
@@ -65,7 +65,7 @@ def find_outline(pressure: Array) -> Outline:
     Of all nodes next to it on either side, but for those where too few others or no rising pressure tell.
     """
     touching = pressure > 0.0
-    edge = binary_dilation(~touching, _AROUND) & binary_dilation(touching, _AROUND)
+    edge = scipy.ndimage.binary_dilation(~touching, _AROUND) & scipy.ndimage.binary_dilation(touching, _AROUND)
     nodes = np.argwhere(edge)
     places, near = _neighbours(nodes, touching)
     known = near.sum(axis=1) >= LEAST_NODES

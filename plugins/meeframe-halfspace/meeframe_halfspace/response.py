@@ -72,11 +72,23 @@ class PointResponse:
         matrix: Array = entries_to_matrix(values / r[:, None]) * np.outer(self.factors, self.factors)
         return matrix
 
+    def entry(self, number: int) -> tuple[Array, bool]:
+        """Series (n, 2) of one of the 25 entries without what is zero at its end, and whether its harmonics are odd."""
+        return series_entry(self.even, self.odd, number)
+
     def wave_series(self) -> tuple[Array, Array]:
         """Series of Y(m) in the angle of m, laid out as `even` (its real part) and `odd` (its imaginary part)."""
         even, odd = (np.arange(len(part)) for part in (self.even, self.odd))
         to_even, to_odd = 2.0 * np.pi / _factor(2 * even), 2.0 * np.pi / _factor(2 * odd + 1)
         return self.even * to_even[:, None, None], self.odd * to_odd[:, None, None]
+
+
+def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
+    """One entry of a series laid out as that of PointResponse: see PointResponse.entry."""
+    antisymmetric = number >= N_SYMMETRIC
+    whole = odd[:, :, number - N_SYMMETRIC] if antisymmetric else even[:, :, number]
+    count = int(np.flatnonzero(whole.any(axis=1)).max(initial=-1)) + 1
+    return np.ascontiguousarray(whole[:count]), antisymmetric
 
 
 def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[np.complex128]:
@@ -144,6 +156,7 @@ def _series(harmonics: NDArray[np.complex128]) -> tuple[Array, Array]:
     """Cosine and sine coefficients of the even harmonics, (e, 2, 15), and of the odd ones, (o, 2, 10)."""
     waves = np.stack([2.0 * harmonics.real, -2.0 * harmonics.imag], axis=1)
     waves[0] /= 2.0
+    waves[np.abs(waves) <= _NEGLIGIBLE * np.abs(waves).max()] = 0.0  # round-off of what symmetry forbids
     even, odd = waves[0::2][..., UPPER[0], UPPER[1]], waves[1::2][..., STRICT[0], STRICT[1]]
     return np.ascontiguousarray(even), np.ascontiguousarray(odd)
 

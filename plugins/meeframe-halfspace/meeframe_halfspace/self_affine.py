@@ -5,8 +5,8 @@ from functools import lru_cache
 from typing import Annotated, Final, final
 
 import numpy as np
+import scipy  # its parts load where they are used
 from pydantic import Field
-from scipy.ndimage import map_coordinates, spline_filter
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
@@ -67,7 +67,9 @@ class SelfAffine(Indenter):
         """Height above the lowest sample, (n,) [m]."""
         spline, lowest, count = _spline(self)
         places = (np.array([x, y]) / self.period + 0.5) * count - 0.5
-        heights: Array = map_coordinates(spline, places, order=3, mode="grid-wrap", prefilter=False) - lowest
+        heights: Array = (
+            scipy.ndimage.map_coordinates(spline, places, order=3, mode="grid-wrap", prefilter=False) - lowest
+        )
         # a spline may swing below the lowest sample
         return np.maximum(heights, 0.0)
 
@@ -114,4 +116,4 @@ def _surface(surface: SelfAffine) -> Array:
 def _spline(surface: SelfAffine) -> tuple[Array, float, int]:
     """Coefficients of the periodic cubic spline, its lowest sample, samples along a side."""
     heights = _surface(surface)
-    return spline_filter(heights, order=3, mode="grid-wrap"), float(heights.min()), len(heights)
+    return scipy.ndimage.spline_filter(heights, order=3, mode="grid-wrap"), float(heights.min()), len(heights)

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Final, final
 
-import numba
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
-from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_convolution, coarse_grid
+from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_grid
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.grid import Grid
-from meeframe_halfspace.inverse import apply_waves, wave_inverse
+from meeframe_halfspace.grid_response import GridResponse
+from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.response import entries_to_matrix
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
@@ -24,19 +24,30 @@ SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 @final
 @dataclass(frozen=True, eq=False)
 class HalfSpaceSystem(ReducedSystem):
-    """displacement = factors (convolution of (factors, shares, load)), potentials negated.
+    """displacement = convolution of (shares, load).
 
-    shares: (n,) of the density around each node that belongs to the zone, 1 but on the border of a free grid; factors:
-    (5,) of the scaling; own: (5, 5) response of a node to its own density [SI], signs as in ReducedSystem; edge_waves:
-    series of Re Y with which edges are resolved between the nodes, None if they are resolved to nodes.
+    shares: (n,) of the density around each node that belongs to the zone, 1 but on the border of a free grid;
+    grid_response: to the density around one node; edge_waves: series of Re Y with which edges are resolved between the
+    nodes, None if they are resolved to nodes.
     """
 
     grid: Grid
-    convolution: Convolution
+    grid_response: GridResponse
     shares: Array
-    factors: Array
-    own: Array
     edge_waves: Array | None = None
+
+    @cached_property
+    def convolution(self) -> Convolution:
+        """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
+        response = self.grid_response
+        return Convolution(response.symbol, response.size, response.padded, self.scale)
+
+    @property
+    def scale(self) -> Array:
+        """Of the scaled response, (5, 5)."""
+        factors = self.grid_response.response.factors
+        scale: Array = np.outer(factors * SIGNS, factors)
+        return scale
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
@@ -48,15 +59,21 @@ class HalfSpaceSystem(ReducedSystem):
         Columns of the load may be stored one after another: it then takes the shortest time.
         """
         loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
-        scaled = {field: self.grid.place(load[:, field] * self.shares * self.factors[field]) for field in loaded}
-        chosen = list(fields)
-        response = self.grid.scatter(self.convolution.response(scaled, chosen))
-        response *= (self.factors * SIGNS)[chosen]
-        return response
+        return self._response({field: load[:, field] for field in loaded}, fields)
+
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """See ReducedSystem."""
+        return self._response(dict(zip(loaded, load.T, strict=True)), fields)
+
+    def _response(self, load: dict[int, Array], fields: Sequence[int]) -> Array:
+        if not self.convolution.periodic:
+            load = {field: np.multiply(part, self.shares, dtype=part.dtype) for field, part in load.items()}
+        placed = {field: self.grid.place(part) for field, part in load.items()}
+        return self.grid.scatter(self.convolution.response(placed, fields))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
-        blocks: Array = self.shares[:, None, None] * self.own
+        blocks: Array = self.shares[:, None, None] * (entries_to_matrix(self.grid_response.own) * self.scale)
         return blocks
 
     def dense(self) -> Array | None:
@@ -67,18 +84,19 @@ class HalfSpaceSystem(ReducedSystem):
         """The edge of the contact between the nodes, if that is asked for."""
         if self.edge_waves is None:
             return None
-        return resolved_edges(self.grid, self.edge_waves, np.outer(self.factors * SIGNS, self.factors), pressure, rim)
+        return resolved_edges(self.grid, self.edge_waves, self.scale, pressure, rim)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
-        waves = wave_inverse(self.convolution.response, self.grid.size, fields, self.convolution.periodic)
-        unit = self.factors[list(fields)]
-        waves *= (1.0 / np.outer(unit, unit * SIGNS[list(fields)])).astype(np.float32)[:, :, None, None]
+        waves, chosen = wave_inverse(self.convolution, fields), list(fields)
 
         def inverse(displacement: Array) -> Array:
-            load = self.grid.scatter(apply_waves(waves, self.grid.gather(displacement), numba.get_num_threads()))
-            load /= self.shares[:, None]
-            return load
+            parts = {
+                field: self.grid.place(part.astype(np.float32))
+                for field, part in zip(chosen, displacement.T, strict=True)
+            }
+            load = self.grid.scatter(waves.response(parts, chosen)).astype(displacement.dtype, copy=False)
+            return load if waves.size == self.convolution.padded else load / self.shares[:, None]
 
         return inverse
 
@@ -88,22 +106,19 @@ class HalfSpaceSystem(ReducedSystem):
 
     @cached_property
     def _coarser(self) -> Coarsening | None:
-        grid = coarse_grid(self.grid, self.convolution)
-        if grid is None:
+        grid, response = coarse_grid(self.grid), self.grid_response.coarser()
+        if grid is None or response is None:
             return None
         kept = self.grid.nodes[::2, ::2].ravel()
-        system = replace(
-            self,
+        system = HalfSpaceSystem(
             points=self.points[kept],
             frames=self.frames[kept],
             weights=4.0 * self.weights[kept],
             cells=coarse_cells(grid),
             offset=self.offset[kept],
             grid=grid,
-            convolution=coarse_convolution(self.convolution),
+            grid_response=response,
             shares=self.shares[kept],
-            edge_waves=None,
-            own=2.0 * self.own,  # of the same density, twice as wide; roughly so if it is not bilinear
         )
         return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
 
@@ -131,10 +146,9 @@ def dense_matrix(system: HalfSpaceSystem) -> Array:
     wide = replace(system.convolution, size=system.convolution.padded)
     kernel = np.empty((N_FIELDS, N_FIELDS, *wide.size))
     for field in range(N_FIELDS):
-        load = np.zeros((N_FIELDS, *wide.size))
-        load[field, 0, 0] = 1.0
-        kernel[:, field] = wide.apply(load)
-    kernel *= (np.outer(system.factors * SIGNS, system.factors))[:, :, None, None]
+        load = np.zeros(wide.size)
+        load[0, 0] = 1.0
+        kernel[:, field] = wide.response({field: load}, range(N_FIELDS))
     place = np.empty((n, 2), np.int64)
     place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
     i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end
@@ -143,9 +157,3 @@ def dense_matrix(system: HalfSpaceSystem) -> Array:
         for column in range(N_FIELDS):
             matrix[:, row, :, column] = kernel[row, column][i, j] * system.shares
     return matrix
-
-
-def own_response(values: Array, factors: Array) -> Array:
-    """Response (5, 5) [SI], signs as in ReducedSystem, of the entries (25,) in scaled fields."""
-    own: Array = entries_to_matrix(values) * np.outer(factors * SIGNS, factors)
-    return own

@@ -70,6 +70,22 @@ def test_matrix_and_transforms_are_the_same_relation(divisions, formulation):
     assert (np.abs(held.diagonal_blocks() - free.diagonal_blocks()) / blocks).max() < 1e-12
 
 
+@pytest.mark.parametrize(
+    "formulation", [HalfSpace("constant", matrix_up_to=0), HalfSpace(periodic=True, matrix_up_to=0)]
+)
+def test_blocks_in_double_and_in_single_precision(formulation):
+    """Loads of two fields alone, in three."""
+    system = formulation.reduce(body((40, 31)))
+    load, loaded, fields = random_load(system), [2, 4], [0, 4, 2]
+    load[:, [0, 1, 3]] = 0.0
+    expected = system.apply(load)[:, fields]
+    size = np.abs(expected).max(axis=0)
+    assert (np.abs(system.block_response(load[:, loaded], loaded, fields) - expected) / size).max() < 1e-13
+    single = system.block_response(load[:, loaded].astype(np.float32), loaded, fields)
+    assert single.dtype == np.float32
+    assert 1e-9 < (np.abs(single - expected) / size).max() < 1e-5
+
+
 def test_weights_and_nodes_are_those_of_four_node_elements():
     """So that the half space can be compared, exchanged and paired with elements node by node."""
     given = body((9, 6))

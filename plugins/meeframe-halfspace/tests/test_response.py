@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from meeframe_halfspace import PointResponse
-from meeframe_halfspace.cells import _pieces, _product_rules, cell_table
+from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_table, near_size
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
 from meeframe_halfspace.response import entries_to_matrix
@@ -149,6 +149,31 @@ def test_product_rules_take_over_without_a_step(shape):
             # along the edges terms cancel that are larger by the distance squared
             worst = max(worst, np.abs(near - far).max() / np.abs(near).max() / distance**2)
     assert worst < 1e-13
+
+
+@pytest.mark.parametrize("shape", ["constant", "bilinear"])
+def test_far_cells_from_the_response_at_nodes(shape):
+    """Every entry against integration, relative to the largest at that place."""
+    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+    spacing, size = (1.0, 0.8), (44, 50)
+    near = near_size(spacing, size)
+    assert near == (31, 39)
+    whole = cell_table(response, spacing, shape, size)
+    found = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
+    far = np.ones(whole.shape[1:], bool)
+    far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False
+    error = np.abs(found - whole).max(axis=0) / np.abs(whole).max(axis=0)
+    assert far.any()
+    assert error[far].max() < 1e-12
+
+
+def test_entries_that_symmetry_forbids_are_zero():
+    """Isotropic: 12 of 25 are left to be made; orthotropic and turned: all."""
+    isotropic = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
+    made = [entry for entry in range(25) if len(isotropic.entry(entry)[0])]
+    assert made == [0, 1, 5, 9, 12, 14, 16, 19]
+    turned = PointResponse.of(turned_orthotropic(), np.eye(3))
+    assert all(len(turned.entry(entry)[0]) for entry in range(25))
 
 
 def test_what_is_no_material_is_refused():

@@ -1,0 +1,176 @@
+"""Response of a grid, free or periodic, to the density around one of its nodes: entries of its transform on demand."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, Literal, final
+
+import numba
+import numpy as np
+import scipy.fft
+
+from meeframe.core.fields import Array
+from meeframe_halfspace.cells import Shape, cell_table, far_table, near_size, share_out
+from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, fill_symbol
+from meeframe_halfspace.response import PointResponse, series_entry
+
+Window = Literal["bilinear", "constant", "trigonometric"]
+_POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class GridResponse(ABC):
+    """Of a half space on a grid of `size` nodes `spacing` [m] apart, in scaled fields."""
+
+    response: PointResponse
+    spacing: tuple[float, float]
+    size: tuple[int, int]
+
+    @property
+    @abstractmethod
+    def padded(self) -> tuple[int, int]:
+        """Nodes of the periodic grid that the symbol belongs to."""
+
+    @abstractmethod
+    def symbol(self, number: int) -> Array | None:
+        """One of the 25 entries: see meeframe_halfspace.convolution."""
+
+    @property
+    @abstractmethod
+    def own(self) -> Array:
+        """Response (25,) of a node to the density around it."""
+
+    @abstractmethod
+    def coarser(self) -> "GridResponse | None":
+        """Of the same half space on a grid of every second node; None if that does not fit."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class FreeGrid(GridResponse):
+    """The grid stands free. shape: of the density around a node."""
+
+    shape: Shape
+
+    @property
+    def padded(self) -> tuple[int, int]:
+        """See GridResponse: twice as many nodes, or a few more."""
+        px, py = (int(scipy.fft.next_fast_len(2 * n - 1, real=True)) for n in self.size)
+        return px, py
+
+    @cached_property
+    def _near(self) -> Array:
+        """All entries near the node, see cell_table."""
+        return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
+
+    def symbol(self, number: int) -> Array | None:
+        """See GridResponse. By integration over the density around the node, exact but for round-off."""
+        coefficients, odd = self.response.entry(number)
+        if not len(coefficients):
+            return None
+        table = far_table(self.response, self.spacing, self.shape, self.size, number)
+        near = self._near[number]
+        middle, reach = table.shape[1] // 2, near.shape[1] // 2
+        table[: len(near), middle - reach : middle + reach + 1] = near
+        kernel = np.zeros(self.padded)
+        _wrap(kernel, table, -1.0 if odd else 1.0)
+        spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
+        return np.ascontiguousarray(spectrum.imag if odd else spectrum.real)
+
+    @property
+    def own(self) -> Array:
+        """See GridResponse."""
+        values = self._near[:, 0, self._near.shape[2] // 2].copy()
+        values[N_SYMMETRIC:] = 0.0  # an odd function at zero
+        return values
+
+    def coarser(self) -> "FreeGrid":
+        """See GridResponse."""
+        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class PeriodicGrid(GridResponse):
+    """The surface repeats itself after `size` nodes.
+
+    A wave q answers with Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric. Waves
+    shorter than the grid resolves are left out. The mean load has no finite response: here it answers as a wave as long
+    as the period, averaged over all directions. That says from which plane displacements and potentials count, and
+    keeps the compliance positive definite.
+    """
+
+    shape: Window
+
+    @property
+    def padded(self) -> tuple[int, int]:
+        """See GridResponse: the same."""
+        return self.size
+
+    def symbol(self, number: int) -> Array | None:
+        """See GridResponse. No integrals are needed."""
+        nx, ny = self.size
+        even, odd = self.response.wave_series()
+        coefficients, antisymmetric = series_entry(even, odd, number)
+        if not len(coefficients):
+            return None
+        waves = [
+            2.0 * np.pi * scipy.fft.rfftfreq(nx, self.spacing[0]),
+            2.0 * np.pi * scipy.fft.fftfreq(ny, self.spacing[1]),
+        ]
+        power = _POWERS[self.shape]
+        windows = [np.sinc(q * h / (2.0 * np.pi)) ** power for q, h in zip(waves, self.spacing, strict=True)]
+        symbol = np.empty((len(waves[0]), ny))
+
+        def fill(first: int, last: int) -> None:
+            fill_symbol(first, last, *waves, *windows, nx, ny, coefficients, antisymmetric, symbol)
+
+        share_out(fill, len(symbol))
+        if not antisymmetric:
+            symbol[0, 0] = coefficients[0, 0] * mean_length(self.size, self.spacing)
+        return symbol
+
+    @property
+    def own(self) -> Array:
+        """See GridResponse."""
+        nx, ny = self.size
+        twice = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
+        twice[0] = 1.0
+        if nx % 2 == 0:
+            twice[-1] = 1.0
+        values = np.zeros(N_VALUES)  # those of odd functions are zero
+        for number in range(N_SYMMETRIC):
+            symbol = self.symbol(number)
+            if symbol is not None:
+                values[number] = twice @ symbol.sum(axis=1) / (nx * ny)
+        return values
+
+    def coarser(self) -> "PeriodicGrid | None":
+        """See GridResponse: there must be an even number of nodes."""
+        if any(n % 2 for n in self.size):
+            return None
+        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+
+
+def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
+    """Length [m] by which a uniform load on a periodic surface is multiplied: 1/k of a wave as long as the period."""
+    return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
+
+
+def _wrap(kernel: Array, response: Array, parity: float) -> None:
+    """Enter the response, (nx, 2 ny - 1), of offsets (i, j) and by parity (-i, -j), negative ones from the end."""
+    nx, wide = response.shape
+    ny = (wide + 1) // 2
+    kernel[:nx, :ny] = response[:, ny - 1 :]
+    kernel[:nx, kernel.shape[1] - ny + 1 :] = response[:, : ny - 1]
+    turned = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
+    kernel[kernel.shape[0] - nx + 1 :, :ny] = turned[:, ny - 1 :]
+    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
+
+
+def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:
+    return 2.0 * spacing[0], 2.0 * spacing[1]
+
+
+def _halved(size: tuple[int, int]) -> tuple[int, int]:
+    return (size[0] + 1) // 2, (size[1] + 1) // 2
