@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import Final, Protocol, final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
@@ -172,10 +173,8 @@ def match_nodes(first: ZoneGeometry, counter: ZoneGeometry) -> Indices:
     Raises MeshError, which says how many nodes have none and by how much the first of them misses, unless the nodes
     coincide (COINCIDENT), the two surfaces face each other, and they are divided into elements alike (SAME_DIVISION).
     """
-    from scipy.spatial import cKDTree  # slow to import; two bodies are rare
-
     extent = float(np.linalg.norm(np.ptp(first.points, axis=0)))
-    distances, nearest = cKDTree(counter.points * TURN_OVER).query(first.points)
+    distances, nearest = scipy.spatial.cKDTree(counter.points * TURN_OVER).query(first.points)
     missing = np.flatnonzero(~(distances <= COINCIDENT * extent))
     n, others = len(first.points), len(counter.points)
     if missing.size:

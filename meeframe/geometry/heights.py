@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
@@ -103,8 +104,6 @@ def _check_rows(rows: Array) -> None:
 
 
 def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) -> Array:
-    from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator  # loads half of scipy; only here
-
     at = np.stack([np.asarray(x, float), np.asarray(y, float)], axis=-1)
     if interpolation == "nodes":
         return _at_nodes(rows, at)
@@ -118,9 +117,9 @@ def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) 
     inside = np.clip(at[within], low, high)
     heights = np.full(len(at), np.inf)
     if interpolation == "cubic":
-        heights[within] = RectBivariateSpline(xs, ys, grid - grid.min()).ev(*inside.T)
+        heights[within] = scipy.interpolate.RectBivariateSpline(xs, ys, grid - grid.min()).ev(*inside.T)
     else:
-        heights[within] = RegularGridInterpolator((xs, ys), grid - grid.min())(inside)
+        heights[within] = scipy.interpolate.RegularGridInterpolator((xs, ys), grid - grid.min())(inside)
     return heights
 
 
@@ -149,8 +148,6 @@ def _axis(values: Array) -> tuple[Array, Indices]:
 
 def _at_nodes(rows: Array, at: Array) -> Array:
     """Heights of the rows at the same places, inf where there is none."""
-    from scipy.spatial import cKDTree
-
     extent = np.ptp(rows[:, :2], axis=0).max()
-    distance, row = cKDTree(rows[:, :2]).query(at)
+    distance, row = scipy.spatial.cKDTree(rows[:, :2]).query(at)
     return np.where(distance <= SAME * extent, rows[row, 2] - rows[:, 2].min(), np.inf)

@@ -1,6 +1,7 @@
 """Rotations of a material's frame."""
 
 import numpy as np
+import scipy  # its parts load where they are used
 from numpy.typing import ArrayLike
 
 from meeframe.core.errors import MaterialError
@@ -31,9 +32,7 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
             f"a rotation needs a finite axis of three numbers, not all zero, and a finite angle; "
             f"got axis {direction.tolist()}, angle {angle}"
         )
-    from scipy.spatial.transform import Rotation  # slow to import; only here
-
-    matrix: Array = Rotation.from_rotvec(angle * direction / length).as_matrix()
+    matrix: Array = scipy.spatial.transform.Rotation.from_rotvec(angle * direction / length).as_matrix()
     return matrix
 
 
@@ -48,10 +47,8 @@ def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
             f"Euler angles are three finite numbers and a sequence such as 'ZXZ' or 'xyz'; "
             f"got {values.tolist()}, {sequence!r}"
         )
-    from scipy.spatial.transform import Rotation
-
     try:
-        matrix: Array = Rotation.from_euler(sequence, values).as_matrix()
+        matrix: Array = scipy.spatial.transform.Rotation.from_euler(sequence, values).as_matrix()
     except ValueError as error:
         raise MaterialError(f"Euler sequence {sequence!r}: {error}") from None
     return matrix

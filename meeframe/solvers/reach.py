@@ -9,6 +9,7 @@ until the nearest resultant found is right or its difference proves to be such a
 from typing import Final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
@@ -45,8 +46,6 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     moving = motions(problem)
     if moving.size == 0:
         return 0.0
-    from scipy.optimize import nnls  # slow to import; free motions alone need it
-
     below = np.isfinite(problem.gap)
     measures = np.stack([problem.freedoms[k].measure[:, MECHANICAL] / scales.totals[k] for k in moving])
     measures[:, ~below] = 0.0
@@ -67,7 +66,7 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
         if power[node] <= NEGLIGIBLE * missing * np.linalg.norm(generator):
             return missing / float(np.linalg.norm(totals))
         generators = np.column_stack([generators, generator / np.linalg.norm(generator)])
-        amounts, missing = nnls(generators, totals)
+        amounts, missing = scipy.optimize.nnls(generators, totals)
         difference = totals - generators @ amounts
     return 0.0
 
