@@ -52,6 +52,12 @@ def threads(count: int) -> Iterator[None]:
         numba.set_num_threads(before)
 
 
+def users_environment(caches: Path) -> dict[str, str]:
+    """Variables of a process as a user starts it: Python and numba keep what they compile, here in a folder of ours."""
+    given = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return given | {"PYTHONPYCACHEPREFIX": str(caches / "python"), "NUMBA_CACHE_DIR": str(caches / "numba")}
+
+
 def slope(x: Sequence[float], y: Sequence[float]) -> float:
     """Slope of the straight line through points in log-log axes, by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])

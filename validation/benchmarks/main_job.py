@@ -1,11 +1,11 @@
 """Time of the main job, the paper's mesh by `meeframe run`.
 
-Each run is a process of its own, as a user starts it: once with an empty numba cache (the cold first run), then
-repeatedly with a warm one. Medians, with the stages that summary.json reports.
+Each run is a process of its own, as a user starts it: once without any compiled code, of Python's modules or of
+numba's kernels (the cold first run), then repeatedly with what that left. Medians, with the stages that summary.json
+reports.
 """
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from common import Record, command_line, prose, table, verdict
+from common import Record, command_line, prose, table, users_environment, verdict
 
 TITLE = "Main job"
 CASE = Path(__file__).parents[1] / "transversely_isotropic_indentation" / "emii.toml"
@@ -25,8 +25,8 @@ def measure(quick: bool) -> Record:
     repeats = 1 if quick else 5
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        cold, _ = whole_run(CASE, folder / "cold", folder / "numba")
-        warm = [whole_run(CASE, folder / f"warm{number}", folder / "numba") for number in range(repeats)]
+        cold, _ = whole_run(CASE, folder / "cold", folder)
+        warm = [whole_run(CASE, folder / f"warm{number}", folder) for number in range(repeats)]
     timings = [summary["timings"] for _, summary in warm]
     return {
         "threads": warm[0][1]["threads"],
@@ -40,12 +40,13 @@ def measure(quick: bool) -> Record:
     }
 
 
-def whole_run(case: Path, out: Path, cache: Path) -> tuple[float, Record]:
-    """Seconds of `meeframe run` in a process of its own, start-up included, and its summary; cache: numba's folder."""
+def whole_run(case: Path, out: Path, caches: Path) -> tuple[float, Record]:
+    """Seconds of `meeframe run` in a process of its own, start-up included, and its summary; caches: compiled code."""
     command = [sys.executable, "-m", "meeframe", "run", str(case), "--out", str(out)]
     start = time.perf_counter()
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
-    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    subprocess.run(
+        command, env=users_environment(caches), check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     return time.perf_counter() - start, json.loads((out / "summary.json").read_text(encoding="utf-8"))
 
 
@@ -58,8 +59,8 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 "`meeframe run validation/transversely_isotropic_indentation/emii.toml`: 1088 elements, figures and"
-                f" fields included, {record['threads']} threads. Median of {record['repeats']} warm runs; cold: numba"
-                " compiles everything."
+                f" fields included, {record['threads']} threads. Median of {record['repeats']} warm runs; cold: Python"
+                " and numba compile everything."
             ),
             table(("what", "found", "at most", ""), rows),
             table(("stage", "s"), [[name, f"{seconds:.2f}"] for name, seconds in stages.items()]),

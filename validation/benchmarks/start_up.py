@@ -1,6 +1,5 @@
-"""Start-up: what a command costs before it does anything, and what comes from numba's cache."""
+"""Start-up: what a command costs before it does anything, and what is compiled once for all processes."""
 
-import os
 import re
 import resource
 import statistics
@@ -10,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from common import Record, command_line, prose, table, verdict
+from common import Record, command_line, prose, table, users_environment, verdict
 
 TITLE = "Start-up"
 HELP = 0.4
@@ -28,42 +27,48 @@ SHOWN = 8
 
 
 def measure(quick: bool) -> Record:
-    """Seconds of whole processes, of the packages that they import, and what numba's cache gives."""
+    """Seconds of whole processes, of the packages that they import, and what is compiled once."""
+    with tempfile.TemporaryDirectory() as caches:
+        environment = users_environment(Path(caches))
+        cache = {name: _cached(environment) for name in ("first process", "second process")}
+        seconds = _seconds(environment, 2 if quick else REPEATS)
+        imports = {name: _imports(COMMANDS[name], environment) for name in ("meeframe --help", "meeframe check")}
+    return {"seconds": seconds, "imports": imports, "cache": cache}
+
+
+def _seconds(environment: dict[str, str], repeats: int) -> Record:
+    """Medians of each command."""
     seconds: dict[str, dict[str, list[float]]] = {name: {"wall": [], "processor": []} for name in COMMANDS}
-    for _ in range(2 if quick else REPEATS):
+    for _ in range(repeats):
         for name, arguments in COMMANDS.items():  # in turns
-            wall, processor = _process(arguments)
+            wall, processor = _process(arguments, environment)
             seconds[name]["wall"].append(wall)
             seconds[name]["processor"].append(processor)
-    medians = {name: {kind: statistics.median(times) for kind, times in both.items()} for name, both in seconds.items()}
-    imports = {name: _imports(COMMANDS[name]) for name in ("meeframe --help", "meeframe check")}
-    with tempfile.TemporaryDirectory() as folder:
-        fresh = {} if quick else {"NUMBA_CACHE_DIR": folder}
-        cache = {name: _cached(fresh) for name in ("first process", "second process")}
-    return {"seconds": medians, "imports": imports, "cache": cache}
+    return {name: {kind: statistics.median(times) for kind, times in both.items()} for name, both in seconds.items()}
 
 
-def _process(arguments: tuple[str, ...]) -> tuple[float, float]:
+def _process(arguments: tuple[str, ...], environment: dict[str, str]) -> tuple[float, float]:
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=environment)
     wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def _imports(arguments: tuple[str, ...]) -> dict[str, float]:
+def _imports(arguments: tuple[str, ...], environment: dict[str, str]) -> dict[str, float]:
     """Seconds of the packages that cost most, with what each imports in turn."""
     command = [sys.executable, "-X", "importtime", *arguments]
-    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    told = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stderr
     found = {name: int(cost) / 1e6 for cost, name in (m.groups() for m in map(IMPORTED.match, told.splitlines()) if m)}
     return dict(sorted(found.items(), key=lambda item: -item[1])[:SHOWN])
 
 
-def _cached(variables: dict[str, str]) -> Record:
+def _cached(environment: dict[str, str]) -> Record:
     """A check in a process of its own: compiled functions that numba loads and saves, seconds."""
     start = time.perf_counter()
-    environment = os.environ | {"NUMBA_DEBUG_CACHE": "1"} | variables
     command = [sys.executable, *COMMANDS["meeframe check"]]
-    told = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+    told = subprocess.run(
+        command, check=True, capture_output=True, text=True, env=environment | {"NUMBA_DEBUG_CACHE": "1"}
+    ).stdout
     counts = {what: told.count(f"[cache] data {what}") for what in ("loaded", "saved")}
     return counts | {"seconds": time.perf_counter() - start}
 
@@ -84,8 +89,9 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 f"Whole processes, medians, in turns. Demanded: `meeframe --help` under {HELP} s: {verdict(met)}. "
-                "`meeframe check` loads all that a case needs: kernels, plugins, units; what draws or sweeps is loaded "
-                "by the commands that do (tests/cli/test_start_up.py)."
+                "`meeframe check` loads all that a case needs: kernels and plugins; what only some cases need, such as "
+                "units other than prefixed ones, what draws and what sweeps is loaded where it is used "
+                "(tests/cli/test_start_up.py)."
             ),
             table(("process", "seconds", "processor time [s]"), rows),
             "Packages that cost most to import, each with what it imports in turn [s]:",
@@ -93,8 +99,8 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 "Compiled kernels are kept by numba beside their sources (`__pycache__`), in the user's cache folder "
                 "where that cannot be written, or in `NUMBA_CACHE_DIR`. Functions loaded and saved by `meeframe check` "
-                f"with an empty cache and then again: {verdict(cache['second process']['saved'] == 0)}, the second "
-                "process compiles nothing."
+                "with nothing compiled, of Python's modules neither, and then again: "
+                f"{verdict(cache['second process']['saved'] == 0)}, the second process compiles nothing."
             ),
             table(("process", "loaded", "saved", "seconds"), compiled),
         ]
