@@ -30,6 +30,8 @@ ROUND_OFF: Final = 1e-14
 LOOSEST: Final = 0.1
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
+FINEST: Final = 1e-13
+"""Merit that is not asked for: round-off is near."""
 COARSE: Final = Limits(tolerance=1e-3, max_iterations=40)
 """Of the coarser problem from which to start: the two differ by more."""
 ROUGHENING: Final = 100.0
@@ -103,6 +105,8 @@ class SemismoothNewton(Solver):
         if direction.finite:
             for fraction in FRACTIONS:
                 flips, moved = _moved(point, flips, direction, fraction)
+                if not moved.merit < allowed:
+                    moved = _held(point, moved)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
@@ -122,7 +126,8 @@ def _tolerance(merits: tuple[float, ...]) -> float:
     """
     if len(merits) < 2:
         return LOOSEST
-    return float(np.clip(0.5 * (merits[-1] / merits[-2]) ** 1.5, TIGHTEST, LOOSEST))
+    forced = max(0.5 * (merits[-1] / merits[-2]) ** 1.5, FINEST / merits[-1])
+    return float(np.clip(forced, TIGHTEST, LOOSEST))
 
 
 def _matrixless(problem: ContactProblem) -> bool:
@@ -158,8 +163,10 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _iterate(memory: _Memory) -> Iterate:
+    """The iterate; where products are dear, with the violation of the laws that the equation knows of."""
     point = memory.point
-    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory, point.motion)
+    estimate = point.violation if _matrixless(point.equation.problem) else None
+    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory, point.motion, estimate)
 
 
 def _between(closed: Array) -> Mask:
@@ -180,7 +187,22 @@ def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Arr
     grazing = moved.grazing | (flips > FLIPS)
     if (grazing == moved.grazing).all():
         return flips, moved
-    return flips, equation.at(load, moved.closed, grazing, motion)
+    return flips, equation.beside(load, moved.ahead, moved.closed, grazing, motion)
+
+
+def _held(point: Point, moved: Point) -> Point:
+    """A moved point, or the same with nodes that graze where it opened or closed them, if that violates the laws less.
+
+    Their conduction stays for the time being: it would jump, and the fluxes with it. Only nodes whose trial is as near
+    to zero as their own switching moves it can graze.
+    """
+    switched = ((moved.closed > 0.0) != (point.closed > 0.0)) & moved.jump.any(axis=1) & ~moved.grazing
+    near = switched & (np.abs(moved.trial[:, 2]) < moved.sigma)
+    if not near.any():
+        return moved
+    closed = np.where(near, point.closed, moved.closed)
+    held = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing | near, moved.motion)
+    return held if held.merit < moved.merit else moved
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:

@@ -4,6 +4,8 @@ Coupled rows are of two kinds. Those of sticking and pressed nodes and of conduc
 potential: to them the approximate inverse answers, restricted to where they are. Those of the others have mostly to do
 with loads of their own node, as friction has that follows the pressure: to them the inverse of the node's own block.
 Free motions are unknowns beside the loads; that a motion is resisted by the contact is part of the preconditioner.
+
+Components come before nodes in what follows: numpy is much faster along the longer axis.
 """
 
 from dataclasses import dataclass
@@ -12,45 +14,69 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear, gmres
 from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
 UNRESISTED: Final = 1e-12
 """Stiffness against a motion, as a fraction of the largest one, that is none."""
+SINGULAR: Final = 1e12
+"""Condition of a node's block from which on its pseudo-inverse is meant."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The linearised equations on the coupled rows (n, 6), by dimensionless unknowns (k,) in units (n, 6)."""
+    """The linearised equations on the k coupled rows, by dimensionless unknowns (k,).
+
+    nodes: (c,) that have such rows; a: (6, 6, c) and b: (6, 5, c) of theirs; coupled: (6, c) rows of theirs; places:
+    (k,) where those are in all rows (6, n), units: (k,) of the unknowns there; asked: fields of the displacement that b
+    asks for.
+    """
 
     equation: Equation
-    blocks: Blocks
+    nodes: Indices
+    a: Array
+    b: Array
     coupled: Mask
+    places: Indices
     units: Array
+    asked: list[int]
 
     @classmethod
     def of(cls, equation: Equation, blocks: Blocks, coupled: Mask) -> "Rows":
-        """Of the blocks of an equation."""
-        units = np.broadcast_to(np.append(equation.scales.load, 1.0), coupled.shape)
-        return cls(equation, blocks, coupled, units)
+        """Of the blocks of an equation; coupled: (n, 6)."""
+        nodes = np.flatnonzero(coupled.any(axis=1))
+        a, b = (np.ascontiguousarray(part[nodes].transpose(1, 2, 0)) for part in (blocks.a, blocks.b))
+        places = np.flatnonzero(coupled.T)
+        units = np.append(equation.scales.load, 1.0)[places // len(coupled)]
+        asked = np.flatnonzero(b.any(axis=(0, 2))).tolist()
+        return cls(equation, nodes, a, b, np.ascontiguousarray(coupled[nodes].T), places, units, asked)
 
-    def full(self, values: Array) -> Array:
-        """Values (k,) among all rows, (n, 6)."""
-        filled = np.zeros(self.coupled.shape)
-        filled[self.coupled] = values
-        return filled
+    def step(self, values: Array) -> Array:
+        """Step (n, 6) by unknowns (k,), zero off the coupled rows."""
+        step = np.zeros((CLOSED + 1, len(self.equation.blocks)))
+        step.reshape(-1)[self.places] = self.units * values
+        return step.T
+
+    def product(self, step: Array) -> Array:
+        """Product (k,) of the equations with a step (n, 6)."""
+        moved = self.equation.problem.system.response(step[:, :N_FIELDS], self.asked)
+        image = multiplied(self.a, step[self.nodes].T) + multiplied(self.b[:, self.asked], moved[self.nodes].T)
+        return np.asarray(image[self.coupled])
 
     def multiply(self, values: Array) -> Array:
         """Product (k,) of the equations with unknowns (k,)."""
-        return np.asarray(product(self.equation, self.blocks, self.units * self.full(values))[self.coupled])
+        return self.product(self.step(values))
+
+    def lifted(self, displacement: Array) -> Array:
+        """What displacements (n, 5, m) of the indenter add to the right-hand side, (k, m)."""
+        return np.asarray(np.einsum("ijc,cjm->icm", self.b, displacement[self.nodes])[self.coupled])
 
 
-def product(equation: Equation, blocks: Blocks, step: Array) -> Array:
-    """(A + B C) step, (n, 6)."""
-    asked = np.flatnonzero(blocks.b.any(axis=(0, 1))).tolist()
-    moved = equation.problem.system.response(step[:, :N_FIELDS], asked)
-    return np.asarray((blocks.a @ step[:, :, None] + blocks.b[:, :, asked] @ moved[:, :, None])[:, :, 0])
+def multiplied(blocks: Array, vectors: Array) -> Array:
+    """Product (i, c) of the blocks (i, j, c) of c nodes with their vectors (j, c)."""
+    return np.asarray(np.einsum("ijc,jc->ic", blocks, vectors))
 
 
 def krylov_step(
@@ -61,12 +87,12 @@ def krylov_step(
     The residual that is left is that fraction of the one before.
     """
     rows = Rows.of(equation, blocks, coupled)
-    right = -blocks.residual - (product(equation, blocks, given) if given.any() else 0.0)
+    right = -blocks.residual[rows.nodes].T[rows.coupled] - (rows.product(given) if given.any() else 0.0)
     precondition = _preconditioner(rows)
     border = _Border.of(rows, precondition)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
     weight = np.sqrt(len(given))  # as the merit weighs the balance
-    size = int(coupled.sum())
+    size = len(right)
 
     def multiply(values: Array) -> Array:
         loads, amounts = values[:size], values[size:]
@@ -78,15 +104,13 @@ def krylov_step(
         amounts = (values[size:] / weight - border.totals @ loads) / border.stiffness
         return np.concatenate([loads + border.responses @ amounts, amounts])
 
-    rights = np.concatenate([right[coupled], weight * border.turned(balance)])
-    found = gmres(multiply, solve, rights, tolerance)
+    found = gmres(multiply, solve, np.concatenate([right, weight * border.turned(balance)]), tolerance)
     amounts = border.motions @ found[size:]
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
         amounts *= blocks.farthest / farthest
-        moved = right + (blocks.b @ (equation.modes @ amounts)[:, :, None])[:, :, 0]
-        found = gmres(rows.multiply, precondition, moved[coupled], tolerance)
-    return given + rows.units * rows.full(found[:size]), amounts
+        found = gmres(rows.multiply, precondition, right + rows.lifted(equation.modes) @ amounts, tolerance)
+    return given + rows.step(found[:size]), amounts
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +131,12 @@ class _Border:
 
     @classmethod
     def of(cls, rows: Rows, precondition: Linear) -> "_Border":
-        equation, coupled = rows.equation, rows.coupled
-        columns = (rows.blocks.b @ equation.modes)[coupled]
+        equation = rows.equation
+        columns = rows.lifted(equation.modes)
         responses = np.column_stack([precondition(column) for column in columns.T]) if columns.size else columns
-        extended = np.zeros((len(columns.T), *coupled.shape))
-        extended[:, :, :N_FIELDS] = equation.measures
-        totals = (extended * rows.units)[:, coupled]
+        extended = np.zeros((columns.shape[1], CLOSED + 1, len(equation.blocks)))
+        extended[:, :N_FIELDS] = equation.measures.transpose(0, 2, 1)
+        totals = extended.reshape(columns.shape[1], (CLOSED + 1) * len(equation.blocks))[:, rows.places] * rows.units
         left, stiffness, right = np.linalg.svd(totals @ responses)
         resisted = stiffness > UNRESISTED * stiffness.max(initial=0.0)
         motions, left = right[resisted].T, left[:, resisted]
@@ -126,49 +150,81 @@ class _Border:
 def _preconditioner(rows: Rows) -> Linear:
     """Roughly the inverse of the coupled rows, (k,) of (k,): first of those that ask for displacements, then of the
     others, node by node."""
-    inverse, fields = rows.equation.inverse, rows.equation.loaded
-    asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[:, :N_FIELDS])
+    inverse, fields, n = rows.equation.inverse, rows.equation.loaded, len(rows.equation.blocks)
+    asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[:N_FIELDS])
     others = rows.coupled.copy()
-    others[:, :N_FIELDS] &= ~asking
+    others[:N_FIELDS] &= ~asking
     own = _inverse_of_own(rows, others)
-    if inverse is None or not asking.any():
-        return lambda values: np.asarray((own @ rows.full(values)[:, :, None])[:, :, 0][rows.coupled])
-    both = asking[:, :, None] & asking[:, None, :]
-    units = rows.equation.scales.displacement
-    ask = units[:, None] * np.linalg.pinv(np.where(both, rows.blocks.b[:, :N_FIELDS] * units, np.eye(N_FIELDS)))
+    units = np.append(rows.equation.scales.load, 1.0)[:, None]
+    ask = _restricted_inverse(rows.b[:N_FIELDS] * rows.equation.scales.displacement[:, None], asking)
+    ask *= rows.equation.scales.displacement[:, None, None]
 
     def precondition(values: Array) -> Array:
-        rest = rows.full(values)
-        asked = np.where(asking, (ask @ np.where(asking, rest[:, :N_FIELDS], 0.0)[:, :, None])[:, :, 0], 0.0)
-        found = np.zeros(rows.coupled.shape)
-        found[:, fields] = np.where(asking[:, fields], inverse(asked[:, fields]), 0.0)
-        rest -= (rows.blocks.a @ found[:, :, None])[:, :, 0]
-        found /= rows.units
-        found += (own @ rest[:, :, None])[:, :, 0]
+        rest = np.zeros(rows.coupled.shape)
+        rest[rows.coupled] = values
+        found = np.zeros_like(rest)
+        if inverse is not None and asking.any():
+            asked = np.zeros((len(fields), n))
+            asked[:, rows.nodes] = multiplied(ask[fields], rest[:N_FIELDS])
+            found[fields] = np.where(asking[fields], inverse(asked.T)[rows.nodes].T, 0.0)
+            rest -= multiplied(rows.a, found)
+            found /= units
+        found += multiplied(own, rest)
         return np.asarray(found[rows.coupled])
 
     return precondition
 
 
 def _asking(rows: Rows) -> Mask:
-    """Rows (n, 5) that ask for displacements: those in which a node's own response outweighs its own load."""
-    own = rows.equation.blocks
-    load, moved = (np.abs(_diagonal(part[:, :N_FIELDS, :N_FIELDS])) for part in (rows.blocks.a, rows.blocks.b))
-    asking: Mask = rows.coupled[:, :N_FIELDS] & (moved * np.abs(_diagonal(own)) > load)
-    asking[:, np.setdiff1d(np.arange(N_FIELDS), rows.equation.loaded)] = False
+    """Rows (5, c) that ask for displacements: those in which a node's own response outweighs its own load.
+
+    Not those of nodes that graze, between open and closed: there the row of the closed fraction asks.
+    """
+    own = _diagonal(rows.equation.blocks[rows.nodes].transpose(1, 2, 0))
+    load, moved = (np.abs(_diagonal(part[:N_FIELDS, :N_FIELDS])) for part in (rows.a, rows.b))
+    asking: Mask = rows.coupled[:N_FIELDS] & (moved * np.abs(own) > load)
+    asking[np.setdiff1d(np.arange(N_FIELDS), rows.equation.loaded)] = False
+    asking[:, rows.coupled[CLOSED] & (rows.a[CLOSED, CLOSED] == 0.0)] = False
     return asking
 
 
 def _diagonal(blocks: Array) -> Array:
-    return np.asarray(np.diagonal(blocks, axis1=1, axis2=2))
+    return np.asarray(np.diagonal(blocks).T)
 
 
 def _inverse_of_own(rows: Rows, which: Mask) -> Array:
-    """Inverses (n, 6, 6) of each node's own block on the rows (n, 6) which, dimensionless; zero elsewhere."""
-    both = which[:, :, None] & which[:, None, :]
-    extended = np.zeros((len(which), N_FIELDS, CLOSED + 1))
-    extended[:, :, :N_FIELDS] = rows.equation.blocks
-    own = np.where(both, (rows.blocks.a + rows.blocks.b @ extended) * rows.units[:, None, :], np.eye(6))
-    # the own block of a grazing node says nothing on its closed fraction
-    own[:, np.arange(6), np.arange(6)] += _diagonal(own) == 0.0
-    return np.where(both, np.linalg.pinv(own), 0.0)
+    """Inverses (6, 6, c) of each node's own block on the rows (6, c) which, dimensionless; zero elsewhere."""
+    own = rows.a.copy()
+    own[:, :N_FIELDS] += np.einsum("ijc,cjk->ikc", rows.b, rows.equation.blocks[rows.nodes])
+    own *= np.append(rows.equation.scales.load, 1.0)[:, None]
+    # the own block of a grazing node may say nothing on its closed fraction
+    own[range(CLOSED + 1), range(CLOSED + 1)] += _diagonal(own) == 0.0
+    return _restricted_inverse(own, which)
+
+
+def _restricted_inverse(blocks: Array, which: Mask) -> Array:
+    """Inverses (s, s, c) of blocks (s, s, c) on the rows and columns (s, c) which, zero elsewhere."""
+    size = range(len(blocks))
+    restricted = np.where(which[:, None] & which, blocks, 0.0)
+    diagonal = _diagonal(restricted).copy()
+    inverses = np.zeros_like(blocks)
+    inverses[size, size] = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal != 0.0)
+    restricted[size, size] = 0.0
+    full = np.flatnonzero(restricted.any(axis=(0, 1)))
+    if full.size:
+        restricted[size, size] = np.where(which, diagonal, 1.0)
+        inverse = _inverse(restricted[:, :, full].transpose(2, 0, 1)).transpose(1, 2, 0)
+        inverses[:, :, full] = np.where(which[:, None, full] & which[:, full], inverse, 0.0)
+    return inverses
+
+
+def _inverse(blocks: Array) -> Array:
+    """Inverses of blocks (c, s, s), pseudo-inverses of those that are singular."""
+    try:
+        found = np.linalg.inv(blocks)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(blocks)
+    size, bound = (np.abs(part).max(axis=(1, 2)) for part in (blocks, found))
+    singular = ~(size * bound < SINGULAR)
+    found[singular] = np.linalg.pinv(blocks[singular])
+    return found

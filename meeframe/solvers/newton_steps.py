@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
-from meeframe.solvers.newton_krylov import UNRESISTED, krylov_step, product
+from meeframe.solvers.newton_krylov import UNRESISTED, krylov_step
 from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
 ACCURATE: Final = 1e-10
@@ -53,7 +53,7 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
     Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, 6), what the other
     rows say; matrix: (5n, 5n) compliance.
     """
-    right = -blocks.residual - (product(equation, blocks, given) if given.any() else 0.0)
+    right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
     rights = np.concatenate([right[:, :, None], blocks.b @ equation.modes], axis=2)[coupled]
     responses = np.zeros((*coupled.shape, rights.shape[1]))
     responses[:, :, 0] = given
@@ -61,6 +61,12 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
         responses[coupled] = _direct(equation, blocks, coupled, rights, matrix)
     amounts = _amounts(equation, blocks, responses)
     return responses[:, :, 0] + responses[:, :, 1:] @ amounts, amounts
+
+
+def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
+    """(A + B C) step, (n, 6)."""
+    moved = equation.problem.system.apply(step[:, :N_FIELDS])
+    return np.asarray((blocks.a @ step[:, :, None] + blocks.b @ moved[:, :, None])[:, :, 0])
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:

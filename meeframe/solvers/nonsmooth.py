@@ -3,7 +3,7 @@
 With the trial traction t* = p + r S g of a load (p, f) and a closed fraction c, the residual of a node has six rows:
     p - project(t*)                                     contact,
     T (-phi + phi_o) + (1 - T) own f                    either potential, T = own / (own + R),
-    c - clip(c - t*_nu / sigma, 0, 1)                   where the node grazes; elsewhere c = [t*_nu < 0].
+    sigma (c - clip(c - t*_nu / sigma, 0, 1))           where the node grazes; elsewhere c = [t*_nu < 0].
 The transmissivity T grows from 0 (insulated) to 1 (perfect conductor) with the conductivity and is interpolated by c as
 in meeframe.solvers.conduction; `own` is the node's own response. The gap depends on the load through the compliance C
 alone, so that the generalised Jacobian is A + B C with blocks A (6, 6) and B (6, 5) of each node: all that a linear
@@ -97,6 +97,10 @@ class Equation:
         """
         displacement = self.problem.system.offset + self.problem.system.apply(load)
         ahead = indenter_position(self.problem, motion) - displacement
+        return self.beside(load, ahead, closed, grazing, motion)
+
+    def beside(self, load: Array, ahead: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
+        """As `at`, with the indenter known to be (n, 5) ahead of the body."""
         law = self.problem.contact_law
         gap = ahead[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
@@ -117,7 +121,7 @@ class Equation:
         ) / self.scales.pressure
         residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]
         switch = closed - trial[:, 2] / sigma
-        residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0)
+        residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0) * sigma / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
         return Point(self, load, closed, grazing, motion, *nodes, balance)
@@ -204,6 +208,11 @@ class Point:
         merit = float(np.sqrt(square))
         return merit if np.isfinite(merit) else np.inf
 
+    @property
+    def violation(self) -> float:
+        """Largest part of the residual or the balance."""
+        return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
+
     def linearise(self) -> Blocks:
         """An element of the generalised Jacobian, by the tangents of the laws.
 
@@ -218,14 +227,14 @@ class Point:
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
-        residual[between, CLOSED] = equation.r * self.ahead[between, 2] / self.sigma[between]
+        residual[between, CLOSED] = equation.r * self.ahead[between, 2] / scales.pressure
         by_trial, by_gap = traction_tangents(
             law, self.trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between
         )
         a[:, MECHANICAL, MECHANICAL] = (np.eye(3) - by_trial) / scales.pressure
         b[:, MECHANICAL, MECHANICAL] = by_gap / scales.pressure
-        a[:, CLOSED, CLOSED] = ~between
-        b[between, CLOSED, 2] = -equation.r / self.sigma[between]
+        a[:, CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
+        b[between, CLOSED, 2] = -equation.r / scales.pressure
         closed = np.clip(self.closed, 0.0, 1.0)
         alone = unloaded(self.ahead, self.load[:, POTENTIALS], equation.own)
         slope = closed[:, None] * equation.transmissivity_slope(pressing, alone)
