@@ -16,12 +16,10 @@ from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start
 from meeframe.solvers.normal_modes import NormalModes
 from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, NormalResponse, load_of, normal_response
-from meeframe.solvers.scales import problem_scales
+from meeframe.solvers.scales import Scales, problem_scales
 
-REFRESH: Final = 0.1
-"""The conduction is brought up to date when the violation has fallen to this fraction since the last time."""
 RENEWAL: Final = 50
-"""And after so many steps in any case; the gap is then computed anew, free of accumulated round-off."""
+"""Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
 COARSE, MOST_COARSE = 1e-2, 100
 """Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
 OUTDATED: Final = 0.1
@@ -50,8 +48,8 @@ class _Memory:
     response, modes: see there; inverse: of the normal compliance, roughly, (n,) from (n,), if there is one; weight:
     (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; direction, residual: (n,)
     of the last step, product: of its preconditioned residual with the residual; free: (f,) nodes that it moved;
-    touching: (t,) nodes with pressure or overlap, which move next; guides: see there; start: violation when the
-    conduction was brought up to date; age: steps since.
+    touching: (t,) nodes with pressure or overlap, which move next; guides: see there; start: violation when gap and
+    conduction were last found anew; age: steps since.
     """
 
     response: NormalResponse
@@ -78,7 +76,8 @@ class ProjectedCG(Solver):
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
     nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
     in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a tenth the conduction follows.
+    and Ribiere. When the violation has fallen to a tenth the conduction follows; where nothing conducts, gaps change in
+    single precision and are found anew when it has fallen to a ten-thousandth.
 
     If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
     hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.
@@ -96,9 +95,13 @@ class ProjectedCG(Solver):
 
         Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of.
         """
-        modes, scales = NormalModes.of(problem), problem_scales(problem)
+        return self._begun(problem, start, problem_scales(problem))
+
+    def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> Iterate:
+        modes = NormalModes.of(problem)
         _check(problem.contact_law, scales.pressure)
-        start = start or nested_start(problem, self._coarse_solution)
+        # what is characteristic of the problem is so on any division
+        start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
         n = len(problem.gap)
         load, motion = start_load(start, n), start_motion(problem, start)
         response = normal_response(problem, scales, start, load, motion)
@@ -114,10 +117,11 @@ class ProjectedCG(Solver):
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
         still, nodes = np.zeros(n), np.zeros(0, np.int64)
-        effect = _rested(modes, pressure, response.at(pressure, flux, motion))
         mechanics = (response, modes, _normal_inverse(problem), weight)
-        touching = _touching(pressure, effect)
-        return _iterate(_Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, touching, None, np.inf))
+        effect = response.at(pressure, flux, motion)
+        memory = _Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, nodes, None, np.inf)
+        memory = _placed(memory, pressure, effect)
+        return _iterate(memory if isinstance(response, Conducting) else replace(memory, start=_violation(memory)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
@@ -141,13 +145,15 @@ class ProjectedCG(Solver):
             memory = _placed(memory, _spread(moved, free, len(memory.pressure)), there)
         else:
             moved = modes.balanced(moved)
-            memory = _renewed(memory, _spread(moved, free, len(memory.pressure)))
-        due = isinstance(memory.response, Conducting) and _violation(memory) <= REFRESH * memory.start
+            pressure = _spread(moved, free, len(memory.pressure))
+            there = memory.response.after(pressure, pressure - memory.pressure, memory.effect)
+            memory = _placed(memory, pressure, there)
+        due = _violation(memory) <= memory.response.lasting * memory.start
         return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
-    def _coarse_solution(self, problem: ContactProblem) -> Iterate:
+    def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
         """By steps until the solver thinks that it is near enough."""
-        iterate = self.init(problem, None)
+        iterate = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
             if iterate.estimate is not None and iterate.estimate <= COARSE:
                 break
@@ -175,7 +181,7 @@ def _conjugate(memory: _Memory, modes: NormalModes, free: Indices) -> _Memory:
         fresh = False
         if modes.numbers.size and (guides is None or not guides.fit(free)):
             guides = _guides(memory, memory.inverse, free)
-        preconditioned = memory.inverse(_spread(residual, free, len(memory.pressure)))[free]
+        preconditioned = memory.inverse(_spread(residual.astype(np.float32), free, len(memory.pressure)))[free]
         steepest = modes.without(preconditioned, None if guides is None else guides.along[:, free])
     change = residual - memory.residual[free]
     share = 0.0 if fresh or memory.product <= 0.0 else max(float((weight * steepest) @ change) / memory.product, 0.0)
@@ -249,7 +255,7 @@ def _iterate(memory: _Memory) -> Iterate:
 
 def _spread(values: Array, free: Indices, n: int) -> Array:
     """Values (f,) on the free nodes (f,), zero on the others of n."""
-    spread = np.zeros(n)
+    spread = np.zeros(n, values.dtype)
     spread[free] = values
     return spread
 
@@ -261,17 +267,8 @@ def _renewed(memory: _Memory, pressure: Array) -> _Memory:
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
     """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
-    effect = _rested(memory.modes, pressure, effect)
-    return replace(memory, pressure=pressure, effect=effect, touching=_touching(pressure, effect))
-
-
-def _touching(pressure: Array, effect: Effect) -> Indices:
-    return np.flatnonzero((pressure > 0.0) | (effect.gap < 0.0))
-
-
-def _rested(modes: NormalModes, pressure: Array, effect: Effect) -> Effect:
-    gap, motion = modes.rested(pressure, effect.gap, effect.motion)
-    return Effect(gap, effect.flux, motion)
+    gap, motion, touching = memory.modes.rested(pressure, effect.gap, effect.motion, memory.touching)
+    return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), touching=touching)
 
 
 def _violation(memory: _Memory) -> float:

@@ -94,23 +94,29 @@ class NormalModes:
         rest = values + self.amounts(values, along) @ along
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
-    def rested(self, pressure: Array, gap: Array, motion: Array) -> tuple[Array, Array]:
-        """Gap (n,) and motion (m,) with the indenter at rest under a pressure (n,), from a gap (n,) at a motion."""
+    def rested(
+        self, pressure: Array, gap: Array, motion: Array, touching: Indices | None = None
+    ) -> tuple[Array, Array, Indices]:
+        """Gap (n,), motion (m,) and nodes (t,) with pressure or overlap, the indenter at rest under a pressure (n,).
+
+        gap: (n,) at a motion (m,); touching: (t,) nodes that may be those found, by which the search begins.
+        """
+        pressed = np.flatnonzero(pressure)
         if self.numbers.size == 0:
-            return gap, motion
-        pressed = pressure > 0.0
-        free = pressed if pressed.any() else gap < 0.0
+            return gap, motion, _touching(pressed, gap)
+        nodes = pressed if touching is None or not touching.size else touching
+        if not nodes.size:
+            nodes = np.flatnonzero(gap < 0.0)
         for _ in range(ROUNDS):
-            nodes = np.flatnonzero(free)
             amounts = self.on(nodes).amounts(gap[nodes])
             moved = gap + amounts @ self.mode
-            following = pressed | (moved < 0.0)
-            if np.array_equal(following, free):
+            following = _touching(pressed, moved)
+            if np.array_equal(following, nodes):
                 break
-            free = following
+            nodes = following
         motion = motion.copy()
         motion[self.numbers] += amounts
-        return moved, motion
+        return moved, motion, following
 
     def balanced(self, pressure: Array) -> Array:
         """The nearest compression (f,) with the prescribed resultants to pressures (f,)."""
@@ -143,3 +149,10 @@ class NormalModes:
         traction[self.nodes, NORMAL] = -pressure
         found = balanced_projection(self.problem, traction, apart, (1.0, 1.0))
         return np.asarray(-found.traction[self.nodes, NORMAL])
+
+
+def _touching(pressed: Indices, gap: Array) -> Indices:
+    """Nodes (t,) that have pressure (p,) or overlap at a gap (n,)."""
+    touching = gap < 0.0
+    touching[pressed] = True
+    return np.flatnonzero(touching)

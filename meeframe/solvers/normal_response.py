@@ -17,6 +17,10 @@ NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
 CHANGED: Final = 1e-2
 """Part of a change's fluxes that may be left where they are found by iteration; those at a pressure make up for it."""
+FOLLOWING: Final = 0.1
+"""The conduction is brought up to date when violations have fallen to this fraction since the last time."""
+SINGLE: Final = 1e-4
+"""And gaps, which change in single precision: three digits of their violation are then right."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,16 @@ class NormalResponse(ABC):
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
-        """What a pressure (n,) alone causes, the indenter at rest but for its potentials; fluxes may be rough."""
+        """What a pressure (n,) alone causes, the indenter at rest but for its potentials; roughly: see `lasting`."""
+
+    @abstractmethod
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """At a pressure (n,) that differs by a change (n,) from that of an effect; roughly: see `lasting`."""
+
+    @property
+    @abstractmethod
+    def lasting(self) -> float:
+        """To which fraction violations may fall before all of it is to be found anew."""
 
     @abstractmethod
     def closed(self, pressure: Array) -> Array:
@@ -85,14 +98,23 @@ class Insulated(NormalResponse):
 
     def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
         """See NormalResponse: one normal response."""
-        gap = self.apart - self._raised(pressure)
+        gap = self.apart + self._opened(pressure)
         for mode, amount in zip(self.modes, motion, strict=True):
             gap += amount * mode
         return Effect(gap, NO_FLUX, motion)
 
     def change(self, pressure: Array) -> Effect:
-        """See NormalResponse: one normal response."""
-        return Effect(-self._raised(pressure), NO_FLUX, np.zeros(len(self.problem.freedoms)))
+        """See NormalResponse: one normal response, in single precision."""
+        return Effect(self._opened(pressure.astype(np.float32)), NO_FLUX, np.zeros(len(self.problem.freedoms)))
+
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """See NormalResponse: that of the change."""
+        return Effect(effect.gap + self.change(change).gap, NO_FLUX, effect.motion)
+
+    @property
+    def lasting(self) -> float:
+        """See NormalResponse: the gap keeps an error of single precision of how much it changes."""
+        return SINGLE
 
     def closed(self, pressure: Array) -> Array:
         """See NormalResponse: wherever there is pressure."""
@@ -102,8 +124,8 @@ class Insulated(NormalResponse):
         """See NormalResponse."""
         return self
 
-    def _raised(self, pressure: Array) -> Array:
-        return self.problem.system.response(load_of(pressure), (NORMAL,))[:, 0]
+    def _opened(self, pressure: Array) -> Array:
+        return self.problem.system.block_response(pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
 @final
@@ -127,6 +149,15 @@ class Conducting(NormalResponse):
         motion = np.zeros(len(self.problem.freedoms))
         motion[self.conductors.floating.numbers] = response.potential
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
+
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """See NormalResponse: the fluxes follow."""
+        return self.at(pressure, effect.flux, effect.motion)
+
+    @property
+    def lasting(self) -> float:
+        """See NormalResponse: the conduction is to follow."""
+        return FOLLOWING
 
     def closed(self, pressure: Array) -> Array:
         """See NormalResponse: as the conduction has it."""
