@@ -5,9 +5,10 @@ elimination, until they meet an undivided block and are subtracted in one compre
 block itself. Accumulated updates: Boerm, Numerische Mathematik 142 (2019) 1-41, here with a random range finder.
 """
 
-from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lu_factor, solve_triangular
@@ -23,6 +24,7 @@ from meeframe_hmatrix.blocks import (
     multiply,
     multiply_transposed,
     shape,
+    transposed,
     within,
 )
 
@@ -51,8 +53,41 @@ class EliminatedSplit:
     lower: Block
     second: "Factors"
 
+    @cached_property
+    def upper_transposed(self) -> Block:
+        """The transpose of the upper part."""
+        return transposed(self.upper)
+
 
 Factors = Eliminated | EliminatedSplit
+
+
+class Form(StrEnum):
+    """A triangle of factors: the lower one, the upper one, and the upper one transposed, which is lower again."""
+
+    LOWER = "lower"
+    UPPER = "upper"
+    UPPER_TRANSPOSED = "upper transposed"
+
+
+@dataclass(frozen=True, eq=False)
+class Triangle:
+    """A triangle of divided factors as it is solved with, part after part.
+
+    order: numbers of the parts along the diagonal; parts: these, in that order; coupling: the block by which the
+    solution of the first enters the equations of the second.
+    """
+
+    order: tuple[int, int]
+    parts: tuple[Factors, Factors]
+    coupling: Block
+
+
+def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
+    parts = factors.first, factors.second
+    if form is Form.UPPER:
+        return Triangle((1, 0), parts[::-1], factors.upper)
+    return Triangle((0, 1), parts, factors.lower if form is Form.LOWER else factors.upper_transposed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +192,9 @@ def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending =
     assert isinstance(block, Split)
     pending = _condensed(pending, tolerance)
     first = eliminate(block.parts[0][0], tolerance, pool, _handed_down(pending, block, 0, 0))
-    later = pool.submit(solve_lower, first, block.parts[0][1], tolerance, _handed_down(pending, block, 0, 1))
-    lower = solve_upper_right(first, block.parts[1][0], tolerance, _handed_down(pending, block, 1, 0))
+    above = _handed_down(pending, block, 0, 1)
+    later = pool.submit(solve, first, Form.LOWER, block.parts[0][1], tolerance, above)
+    lower = solve_from_right(first, block.parts[1][0], tolerance, _handed_down(pending, block, 1, 0))
     upper = later.result()
     remaining = _with_product(_handed_down(pending, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], tolerance, pool, remaining)
@@ -172,104 +208,56 @@ def _permutation(swaps: Indices) -> Indices:
     return order
 
 
-def solve_lower(factors: Factors, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
-    """X of lower @ X = block - pending."""
+def solve(factors: Factors, form: Form, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
+    """X of triangle @ X = block - pending, for one of the triangles of factors."""
     if not isinstance(block, Split):
         rest = _subtracted(block, pending, tolerance)
         if isinstance(rest, Dense):
-            return Dense(rest.rows, rest.columns, lower_solution(factors, rest.array))
-        return LowRank(rest.rows, rest.columns, lower_solution(factors, rest.left), rest.right)
+            return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
+        return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
     pending = _condensed(pending, tolerance)
-    lines: list[list[Block]] = [[] for _ in block.parts]
+    columns: list[list[Block]] = []
     for column in range(len(block.parts[0])):
-        shares = [_handed_down(pending, block, row, column) for row in range(len(block.parts))]
+        parts = [line[column] for line in block.parts]
+        shares = [_handed_down(pending, block, row, column) for row in range(len(parts))]
         if isinstance(factors, Eliminated):
-            lines[0].append(solve_lower(factors, block.parts[0][column], tolerance, shares[0]))
-            continue
-        first = solve_lower(factors.first, block.parts[0][column], tolerance, shares[0])
-        share = _with_product(shares[1], factors.lower, first)
-        lines[0].append(first)
-        lines[1].append(solve_lower(factors.second, block.parts[1][column], tolerance, share))
-    return _split(block, lines)
+            parts = [solve(factors, form, parts[0], tolerance, shares[0])]
+        else:
+            triangle = _triangle(factors, form)
+            first, second = triangle.order
+            parts[first] = solve(triangle.parts[0], form, parts[first], tolerance, shares[first])
+            share = _with_product(shares[second], triangle.coupling, parts[first])
+            parts[second] = solve(triangle.parts[1], form, parts[second], tolerance, share)
+        columns.append(parts)
+    return Split(block.rows, block.columns, tuple(zip(*columns, strict=True)))
 
 
-def solve_upper(factors: Factors, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
-    """X of upper @ X = block - pending."""
-    if not isinstance(block, Split):
-        rest = _subtracted(block, pending, tolerance)
-        if isinstance(rest, Dense):
-            return Dense(rest.rows, rest.columns, upper_solution(factors, rest.array))
-        return LowRank(rest.rows, rest.columns, upper_solution(factors, rest.left), rest.right)
-    pending = _condensed(pending, tolerance)
-    lines: list[list[Block]] = [[] for _ in block.parts]
-    for column in range(len(block.parts[0])):
-        shares = [_handed_down(pending, block, row, column) for row in range(len(block.parts))]
-        if isinstance(factors, Eliminated):
-            lines[0].append(solve_upper(factors, block.parts[0][column], tolerance, shares[0]))
-            continue
-        second = solve_upper(factors.second, block.parts[1][column], tolerance, shares[1])
-        share = _with_product(shares[0], factors.upper, second)
-        lines[1].append(second)
-        lines[0].append(solve_upper(factors.first, block.parts[0][column], tolerance, share))
-    return _split(block, lines)
-
-
-def solve_upper_right(factors: Factors, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
+def solve_from_right(factors: Factors, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
     """X of X @ upper = block - pending."""
-    if not isinstance(block, Split):
-        rest = _subtracted(block, pending, tolerance)
-        if isinstance(rest, Dense):
-            return Dense(rest.rows, rest.columns, upper_transposed_solution(factors, rest.array.T).T)
-        return LowRank(rest.rows, rest.columns, rest.left, upper_transposed_solution(factors, rest.right.T).T)
-    pending = _condensed(pending, tolerance)
-    lines: list[list[Block]] = [[] for _ in block.parts]
-    for row, line in enumerate(block.parts):
-        shares = [_handed_down(pending, block, row, column) for column in range(len(line))]
-        if isinstance(factors, Eliminated):
-            lines[row].append(solve_upper_right(factors, line[0], tolerance, shares[0]))
-            continue
-        first = solve_upper_right(factors.first, line[0], tolerance, shares[0])
-        share = _with_product(shares[1], first, factors.upper)
-        lines[row] += [first, solve_upper_right(factors.second, line[1], tolerance, share)]
-    return _split(block, lines)
-
-
-def _split(like: Split, lines: Sequence[Sequence[Block]]) -> Split:
-    return Split(like.rows, like.columns, tuple(tuple(line) for line in lines))
-
-
-def lower_solution(factors: Factors, x: Array) -> Array:
-    """lower^-1 @ x for x (n, k)."""
-    if isinstance(factors, Eliminated):
-        return _triangular(factors.factors, x[factors.order], lower=True, unit=True)
-    middle = factors.first.rows.stop - factors.rows.start
-    first = lower_solution(factors.first, x[:middle])
-    second = lower_solution(factors.second, x[middle:] - multiply(factors.lower, first))
-    return np.concatenate([first, second])
-
-
-def upper_solution(factors: Factors, x: Array) -> Array:
-    """upper^-1 @ x for x (n, k)."""
-    if isinstance(factors, Eliminated):
-        return _triangular(factors.factors, x)
-    middle = factors.first.rows.stop - factors.rows.start
-    second = upper_solution(factors.second, x[middle:])
-    first = upper_solution(factors.first, x[:middle] - multiply(factors.upper, second))
-    return np.concatenate([first, second])
-
-
-def upper_transposed_solution(factors: Factors, x: Array) -> Array:
-    """upper^-T @ x for x (n, k)."""
-    if isinstance(factors, Eliminated):
-        return _triangular(factors.factors, x, transposed=True)
-    middle = factors.first.rows.stop - factors.rows.start
-    first = upper_transposed_solution(factors.first, x[:middle])
-    rest = x[middle:] - multiply_transposed(factors.upper, first)
-    return np.concatenate([first, upper_transposed_solution(factors.second, rest)])
-
-
-def _triangular(factors: Array, x: Array, lower: bool = False, unit: bool = False, transposed: bool = False) -> Array:
-    solution: Array = solve_triangular(
-        factors, x, trans=1 if transposed else 0, lower=lower, unit_diagonal=unit, check_finite=False
+    turned = Pending(
+        tuple((right.T, left.T) for left, right in pending.terms),
+        tuple((transposed(second), transposed(first)) for first, second in pending.products),
     )
-    return solution
+    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), tolerance, turned))
+
+
+def solution(factors: Factors, form: Form, x: Array) -> Array:
+    """triangle^-1 @ x for x (n, k), for one of the triangles of factors."""
+    if isinstance(factors, Eliminated):
+        rhs = x[factors.order] if form is Form.LOWER else x
+        solved: Array = solve_triangular(
+            factors.factors,
+            rhs,
+            trans=int(form is Form.UPPER_TRANSPOSED),
+            lower=form is Form.LOWER,
+            unit_diagonal=form is Form.LOWER,
+            check_finite=False,
+        )
+        return solved
+    middle = factors.first.rows.stop - factors.rows.start
+    parts = [x[:middle], x[middle:]]
+    triangle = _triangle(factors, form)
+    first, second = triangle.order
+    parts[first] = solution(triangle.parts[0], form, parts[first])
+    parts[second] = solution(triangle.parts[1], form, parts[second] - multiply(triangle.coupling, parts[first]))
+    return np.concatenate(parts)

@@ -13,8 +13,10 @@ from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import NONE
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, recompress
 from meeframe_hmatrix.clusters import Cluster, diameter, distance
-from meeframe_hmatrix.integrals import Integrals, column_window, far_block, near_rows, reachable
+from meeframe_hmatrix.cross_approximation import far_block, reachable
+from meeframe_hmatrix.integrals import Integrals
 from meeframe_hmatrix.kernels import Rows
+from meeframe_hmatrix.rows import column_window, near_rows
 
 ADMISSIBLE = 3.0
 """Clusters are far from each other if the smaller of their diameters is less than so many times their distance."""

@@ -101,6 +101,16 @@ def multiply_transposed(block: Block, x: Array) -> Array:
     return result
 
 
+def transposed(block: Block) -> Block:
+    """The transpose; it shares the numbers."""
+    if isinstance(block, Dense):
+        return Dense(block.columns, block.rows, block.array.T)
+    if isinstance(block, LowRank):
+        return LowRank(block.columns, block.rows, block.right.T, block.left.T)
+    parts = tuple(tuple(transposed(part) for part in column) for column in zip(*block.parts, strict=True))
+    return Split(block.columns, block.rows, parts)
+
+
 def to_dense(block: Block) -> Array:
     """All entries, (m, n)."""
     result = np.empty(shape(block))

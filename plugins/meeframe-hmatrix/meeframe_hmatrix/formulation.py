@@ -32,6 +32,8 @@ LEAF_SIZE = 24
 
 BLOCK_SHARE = 0.1
 """Relative error of each block in the Frobenius norm, in terms of the tolerance: errors add up (measured)."""
+QUADRATURE_SHARE = 0.1
+"""Relative error of each integral over an element, likewise: with the default tolerance that of dense-bem."""
 NUMBERS_A_DIGIT = 900.0
 """Numbers stored for each unknown, digit of the tolerance and halving of a thousand unknowns (measured, generous)."""
 
@@ -41,14 +43,13 @@ NUMBERS_A_DIGIT = 900.0
 class HierarchicalBEM(Formulation):
     """The collocated boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
 
-    tolerance: relative error of displacements by approximation of blocks, in assembly and elimination, roughly;
-    fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral; edge_angle:
-    tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+    tolerance: relative error of displacements, roughly, by all that is approximated: element integrals, blocks in
+    assembly and elimination; its least value is that of the tabulated kernel. fundamental_solution: the kernels;
+    edge_angle: tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
     """
 
-    tolerance: Annotated[float, Quantity("", gt=0, lt=0.01)] = 1e-4
+    tolerance: Annotated[float, Quantity("", ge=1e-8, lt=0.01)] = 1e-4
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
-    quadrature_tolerance: Annotated[float, Quantity("", gt=0, lt=0.1)] = 1e-5
     edge_angle: Annotated[float, Quantity("rad", gt=0, lt=np.pi)] = np.pi / 6
 
     def __post_init__(self) -> None:
@@ -99,7 +100,7 @@ class HierarchicalBEM(Formulation):
     def solve(self, body: Body, progress: Progress = silent) -> BoundarySystem:
         """The system with its factors and the compliance of the contact zone, unchecked."""
         stiffness = _scaled(body)
-        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(stiffness))
+        accuracy = Accuracy(QUADRATURE_SHARE * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         sources = collocate(mesh, layout)

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Kernels of the assembly: quadrature points of many elements seen from a source, and sums over them by columns."""
+"""Kernels of the assembly: quadrature points of elements seen from a source or a box, and sums over them by columns."""
 
 from math import sqrt
 from typing import NamedTuple
@@ -7,49 +7,43 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, required_order
+from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
+from meeframe.kernels.quadrature_order import most_points, required_orders
 from meeframe.kernels.shape import map_rule
 
 
-class Rules(NamedTuple):
-    """Tensor rules on all elements, of k nodes at most.
+class Elements(NamedTuple):
+    """Elements of one kind: nodes (e, k, 3); centres (e, 3), sizes (e, 2), least_orders (e,) as in ElementExtents."""
 
-    centres (e, 3), sizes (e, 2), least_orders (e,), degrees (e,): for required_order; starts: (e, orders) first row of
-    the rule of each order, negative where it is not tabulated, in positions (., 3), normals (., 3) and shape_weights
-    (., k).
-    """
-
+    nodes: np.ndarray
     centres: np.ndarray
     sizes: np.ndarray
     least_orders: np.ndarray
-    degrees: np.ndarray
-    starts: np.ndarray
-    positions: np.ndarray
-    normals: np.ndarray
-    shape_weights: np.ndarray
 
 
 class Points(NamedTuple):
-    """Quadrature points: offsets from the source or positions (c, 3), normals (c, 3), shape functions times measure
-    for fluxes and for values (c, k), which differ on elements that hold the source, and elements (c,)."""
+    """Quadrature points on elements, the i-th of which has those from starts[i] to starts[i + 1].
 
-    places: np.ndarray
+    offsets: (c, 3) from the source; normals: (c, 3); weights: (c, k) shape functions times measure; measures: (c,); the
+    rest is scratch of rules.
+    """
+
+    starts: np.ndarray
+    offsets: np.ndarray
     normals: np.ndarray
-    flux_weights: np.ndarray
-    value_weights: np.ndarray
-    elements: np.ndarray
+    weights: np.ndarray
+    measures: np.ndarray
+    reference: np.ndarray
+    reference_weights: np.ndarray
 
 
 class Columns(NamedTuple):
-    """Where the nodes of elements go; sites, unknowns and loads in the order of the tree.
+    """Where the nodes go; sites, unknowns and loads in the order of the tree.
 
-    sites, patches: (e, k) of the nodes, negative beyond the last; value_column, value_data: (sites, 5);
-    flux_column, flux_data, load_column: (patches, 5). Columns are negative where there is none. flux_unit: unknown
-    fluxes are in units of it.
+    value_column, value_data: (sites, 5); flux_column, flux_data, load_column: (patches, 5). Columns are negative where
+    there is none. flux_unit: unknown fluxes are in units of it.
     """
 
-    sites: np.ndarray
-    patches: np.ndarray
     value_column: np.ndarray
     value_data: np.ndarray
     flux_column: np.ndarray
@@ -75,55 +69,58 @@ class Rows(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _order(distance, element, rules, tolerance, anisotropy):
-    """The tabulated order that serves an element, 0 if none does."""
-    size_xi, size_eta = rules.sizes[element]
-    order = required_order(distance, size_xi, size_eta, rules.degrees[element], tolerance, anisotropy)
-    order = max(order, rules.least_orders[element])
-    while order < rules.starts.shape[1] and rules.starts[element, order] < 0:
-        order += 1
-    return order if order < rules.starts.shape[1] else 0
-
-
-@njit(cache=True, nogil=True)
-def orders_from_box(low, high, elements, rules, tolerance, anisotropy, out):
-    """Orders (n,) that serve elements (n,) seen from anywhere in a box; 0 where none does."""
-    for i in range(len(elements)):
+def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
+    """Orders (n, 2) of tensor rules that serve elements (n,) seen from anywhere in a box (2, 3); 0 where none does."""
+    limit, degree = most_points(accuracy.tolerance, gauss), shape_degree(table)
+    for i in range(len(numbers)):
+        element = numbers[i]
         square = 0.0
         for axis in range(3):
-            x = rules.centres[elements[i], axis]
-            gap = max(0.0, max(low[axis] - x, x - high[axis]))
+            x = elements.centres[element, axis]
+            gap = max(0.0, max(box[0, axis] - x, x - box[1, axis]))
             square += gap * gap
-        out[i] = _order(sqrt(square), elements[i], rules, tolerance, anisotropy)
+        size_xi, size_eta = elements.sizes[element]
+        xi, eta = required_orders(sqrt(square), size_xi, size_eta, degree, accuracy.tolerance, accuracy.anisotropy)
+        xi, eta = max(xi, elements.least_orders[element]), max(eta, elements.least_orders[element])
+        if table.triangle:
+            xi = eta = max(xi, eta)
+        if xi > limit or eta > limit:
+            xi = eta = 0
+        out[i, 0], out[i, 1] = xi, eta
 
 
 @njit(cache=True, nogil=True)
-def orders_from_point(source, elements, rules, tolerance, anisotropy, out):
-    """As orders_from_box, from a point (3,)."""
-    orders_from_box(source, source, elements, rules, tolerance, anisotropy, out)
+def element_points(source, numbers, orders, places, elements, table, accuracy, gauss, out):
+    """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones where 0.
 
-
-@njit(cache=True, nogil=True)
-def tabulated_points(elements, orders, origin, rules, out):
-    """Fill out with the rules of elements (n,) of the given orders, relative to origin (3,); those of order 0 not.
-
-    Returns their number; out must have room.
+    places: (n, 2) reference coordinates of the source in an element that holds it, else NaN. Returns the number of
+    points, or a negative code of pair_rule.
     """
     count = 0
-    for i in range(len(elements)):
-        n = orders[i] * orders[i]
-        if n == 0:
-            continue
-        row = rules.starts[elements[i], orders[i]]
-        for q in range(row, row + n):
+    for i in range(len(numbers)):
+        nodes = elements.nodes[numbers[i]]
+        reference, weights = out.reference[count:], out.reference_weights[count:]
+        n = orders[i, 0] * orders[i, 1]
+        if n > len(weights):
+            return BUFFER_TOO_SMALL
+        if n > 0:
+            rectangular_rule(orders[i, 0], orders[i, 1], table.triangle, gauss, reference, weights)
+        else:
+            tolerance, anisotropy = accuracy.tolerance, accuracy.anisotropy
+            n = pair_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
+            if n < 0:
+                return n
+        rows = slice(count, count + n)
+        offsets, measures, shapes = out.offsets[rows], out.measures[rows], out.weights[rows]
+        map_rule(table, nodes, reference[:n], weights[:n], offsets, out.normals[rows], measures, shapes)
+        for q in range(n):
             for axis in range(3):
-                out.places[count, axis] = rules.positions[q, axis] - origin[axis]
-                out.normals[count, axis] = rules.normals[q, axis]
-            for a in range(rules.shape_weights.shape[1]):
-                out.flux_weights[count, a] = rules.shape_weights[q, a]
-                out.value_weights[count, a] = rules.shape_weights[q, a]
-            out.elements[count] = elements[i]
-            count += 1
+                offsets[q, axis] -= source[axis]
+            for a in range(shapes.shape[1]):
+                shapes[q, a] *= measures[q]
+        out.starts[i] = count
+        count += n
+    out.starts[len(numbers)] = count
     return count
 
 
@@ -160,52 +157,31 @@ def spread_out(places, low, high, count):
 
 
 @njit(cache=True, nogil=True)
-def refined_points(source, nodes, own_xi, own_shape, table, gauss, tolerance, anisotropy, number, scratch, out, count):
-    """Append the adaptive rule of one element (n, 3) to out; returns the new count or a negative code of pair_rule.
-
-    own_xi: (2,) place of the source in it or NaN; own_shape: (n,) the shape functions there, else zero; scratch:
-    reference points (c, 2), weights (c,), measures (c,), shapes (c, n).
-    """
-    reference, weights, measures, shapes = scratch
-    n = pair_rule(source, nodes, table, own_xi, tolerance, gauss, reference, weights, anisotropy)
-    if n < 0:
-        return n
-    if count + n > len(out.elements):
-        return BUFFER_TOO_SMALL
-    places = out.places[count : count + n]
-    map_rule(table, nodes, reference[:n], weights[:n], places, out.normals[count : count + n], measures[:n], shapes[:n])
-    for i in range(n):
-        for axis in range(3):
-            places[i, axis] -= source[axis]
-        for a in range(nodes.shape[0]):
-            out.flux_weights[count + i, a] = measures[i] * shapes[i, a]
-            out.value_weights[count + i, a] = measures[i] * (shapes[i, a] - own_shape[a])
-        out.elements[count + i] = number
-    return count + n
+def sums_by_element(u, t, flux_weights, value_weights, starts, sum_u, sum_t):
+    """Sums (m, k, 25) of weights (c, k) times u and t (c, 25) at the points from starts[e] to starts[e + 1]."""
+    sum_u[:] = 0.0
+    sum_t[:] = 0.0
+    for element in range(len(starts) - 1):
+        for point in range(starts[element], starts[element + 1]):
+            for a in range(flux_weights.shape[1]):
+                wu, wt = flux_weights[point, a], value_weights[point, a]
+                for i in range(25):
+                    sum_u[element, a, i] += wu * u[point, i]
+                    sum_t[element, a, i] += wt * t[point, i]
 
 
 @njit(cache=True, nogil=True)
-def accumulate(u, t, points, rows, columns, window, out):
-    """Add the coefficients of one source to out. u, t: (c, 25) at the points, entry 5 J + K; rows: (5,) or < 0."""
-    count, n_nodes = points.flux_weights.shape
-    sum_u, sum_t = np.empty((n_nodes, 25)), np.empty((n_nodes, 25))
-    point = 0
-    while point < count:
-        element = points.elements[point]
-        sum_u[:] = 0.0
-        sum_t[:] = 0.0
-        while point < count and points.elements[point] == element:
-            for a in range(n_nodes):
-                wu, wt = points.flux_weights[point, a], points.value_weights[point, a]
-                for i in range(25):
-                    sum_u[a, i] += wu * u[point, i]
-                    sum_t[a, i] += wt * t[point, i]
-            point += 1
-        for a in range(n_nodes):
-            site = columns.sites[element, a]
-            if site >= 0 and window.site[site] >= 0:
-                _enter_values(sum_t[a], site, rows, columns, window, out)
-                _enter_fluxes(sum_u[a], columns.patches[element, a], rows, columns, window, out)
+def enter(u, t, sites, patches, rows, columns, window, out):
+    """Add integrals u, t (m, k, 25) over elements to the rows (5,) of one source, where those are not negative.
+
+    sites, patches: (m, k) of their nodes; entry 5 J + K of an integral belongs to the field J in the equation K.
+    """
+    for element in range(len(sites)):
+        for a in range(sites.shape[1]):
+            site = sites[element, a]
+            if window.site[site] >= 0:
+                _enter_values(t[element, a], site, rows, columns, window, out)
+                _enter_fluxes(u[element, a], patches[element, a], rows, columns, window, out)
 
 
 @njit(cache=True, nogil=True)

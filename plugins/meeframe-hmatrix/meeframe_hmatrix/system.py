@@ -13,15 +13,7 @@ from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
-from meeframe_hmatrix.arithmetic import (
-    EliminatedSplit,
-    Factors,
-    eliminate,
-    lower_solution,
-    solve_lower,
-    solve_upper,
-    upper_solution,
-)
+from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solution, solve
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Dense, Split, leaves, multiply
 from meeframe_hmatrix.clusters import ClusterTree
@@ -84,7 +76,7 @@ class BoundarySystem:
         return solution, len(history)
 
     def _preconditioned(self, x: Array) -> Array:
-        return upper_solution(self.factors, lower_solution(self.factors, x.reshape(-1, 1)))[:, 0]
+        return solution(self.factors, Form.UPPER, solution(self.factors, Form.LOWER, x.reshape(-1, 1)))[:, 0]
 
     def fields(self, loads: Array) -> NodalFields:
         """Fields on the boundary for loads (n, 5) in units of the system and the order of the layout, global axes."""
@@ -111,9 +103,9 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
         zone = factors.second
 
         def compliance(loads: Split) -> Block:
-            reduced = solve_lower(factors, loads, tolerance)
+            reduced = solve(factors, Form.LOWER, loads, tolerance)
             assert isinstance(reduced, Split)
-            return solve_upper(zone, reduced.parts[1][0], tolerance)
+            return solve(zone, Form.UPPER, reduced.parts[1][0], tolerance)
 
         progress("compliance", 0.0)
         halves = list(pool.map(compliance, _column_halves(system.load_matrix)))

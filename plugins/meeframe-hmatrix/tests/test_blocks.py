@@ -4,14 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from meeframe_hmatrix.arithmetic import (
-    eliminate,
-    lower_solution,
-    solve_lower,
-    solve_upper,
-    solve_upper_right,
-    upper_solution,
-)
+from meeframe_hmatrix.arithmetic import Form, eliminate, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
     LowRank,
@@ -112,17 +105,18 @@ def test_factors_solve_within_their_tolerance(matrices, tolerance):
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     with ThreadPoolExecutor(2) as pool:
         factors = eliminate(block, tolerance, pool)
-    assert error(upper_solution(factors, lower_solution(factors, x)), np.linalg.solve(square, x)) < tolerance
-    solved = solve_upper(factors, solve_lower(factors, wide_block, tolerance), tolerance)
+    found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
+    assert error(found, np.linalg.solve(square, x)) < tolerance
+    solved = solve(factors, Form.UPPER, solve(factors, Form.LOWER, wide_block, tolerance), tolerance)
     assert error(to_dense(solved), np.linalg.solve(square, wide)) < 2 * tolerance
     tall = whole(np.ascontiguousarray(wide.T), 1e-9)
     upper = np.linalg.solve(square.T, wide).T @ to_dense_lower(factors, len(square))
-    assert error(to_dense(solve_upper_right(factors, tall, tolerance)), upper) < 4 * tolerance
+    assert error(to_dense(solve_from_right(factors, tall, tolerance)), upper) < 4 * tolerance
 
 
 def to_dense_lower(factors, size):
     """The lower factor, from its inverse."""
-    return np.linalg.inv(lower_solution(factors, np.eye(size)))
+    return np.linalg.inv(solution(factors, Form.LOWER, np.eye(size)))
 
 
 def test_points_are_spread_out_and_dense_where_the_box_is_close():
