@@ -1,9 +1,10 @@
 """Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which says what the folder's points are of."""
 
+import fcntl
 import json
 import shutil
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,7 @@ SWEEP_FILE: Final = "sweep.h5"
 LIST_FILE: Final = "sweep.json"
 POINTS: Final = "points"
 SYSTEMS: Final = "systems"
+LOCK_FILE: Final = ".lock"
 NODE: Final = "node"
 
 
@@ -64,16 +66,43 @@ def dataset(sweep: SweepResult) -> Any:
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
 
 
-def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> None:
-    """Make the folder of a sweep ready for points with these keys, or for going on with them.
+@contextmanager
+def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterator[None]:
+    """Make the folder of a sweep ready for points with these keys, or for going on with them; keep others out of it.
 
     keys: of its points. What the folder holds of them stays. With overwrite, points of another sweep are removed that
-    are not in this one. Raises ResultError if it cannot be written; and unless overwrite is true if it holds anything
-    else, or another sweep.
+    are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there; and
+    unless overwrite is true if it holds anything else, or another sweep.
     """
+    check_output(folder, overwrite or _held(folder) is not None)
+    with _locked(folder):
+        _make_ready(folder, set(keys), overwrite)
+        yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """The folder for this process alone. The system lets go of it when the process ends, however it ends."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / LOCK_FILE).open("a")
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ResultError(
+                f"folder {folder} is in use: another process writes a sweep there; wait until it ends or name another "
+                "folder"
+            ) from None
+        except OSError:  # a file system without locks
+            pass
+        yield
+
+
+def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
     held = _held(folder)
-    check_output(folder, overwrite or held is not None)
-    wanted = set(keys)
     if held is not None and held != wanted and not overwrite:
         raise ResultError(
             f"folder {folder} holds another sweep, {len(held & wanted)} of its {len(held)} points are in this one of "
@@ -81,7 +110,7 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> None:
             "pass --overwrite, which keeps the points that are in both"
         )
     try:
-        (folder / SYSTEMS).mkdir(parents=True, exist_ok=True)
+        (folder / SYSTEMS).mkdir(exist_ok=True)
         (folder / POINTS).mkdir(exist_ok=True)
         # of a process that was killed while it wrote
         for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
@@ -93,9 +122,13 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> None:
         if held is not None and held != wanted:
             (folder / SWEEP_FILE).unlink(missing_ok=True)
     except OSError as error:
-        raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
+        raise _unwritable(folder, error) from None
     with replacing(folder / LIST_FILE) as path:
         path.write_text(json.dumps({"format": FORMAT, "points": sorted(wanted)}, indent=1) + "\n", encoding="utf-8")
+
+
+def _unwritable(folder: Path, error: OSError) -> ResultError:
+    return ResultError(f"folder {folder} cannot be written: {error.strerror or error}")
 
 
 def drop_systems(folder: Path, keys: Collection[str]) -> None:

@@ -44,17 +44,25 @@ def sweep(
     one ended, however it did. An interruption carries a note that says how far it came. Points that are refused or do
     not converge say so in the result.
     Raises CaseError, before anything is computed, for a study or a case with problems, or if no point is a case;
-    ResultError if `out` cannot be written, or holds anything but this sweep and overwrite is false.
+    ResultError if `out` cannot be written, if another process writes a sweep there, or if it holds anything but this
+    sweep and overwrite is false.
     """
     check_installed()
     study = checked(SweepTable, file)
     points = _points(file, study, registry)
     systems = {system_key(*body) for point in points if point.case is not None for body in bodies_of(point.case)}
-    open_folder(out, {point.key for point in points}, overwrite)
-    drop_systems(out, systems)
+    with open_folder(out, {point.key for point in points}, overwrite):
+        drop_systems(out, systems)
+        return _swept(file, out, study, points, pool or InProcess(), progress)
+
+
+def _swept(
+    file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
+) -> SweepResult:
+    """As sweep, in a folder that is open."""
     gathered: dict[str, Gathered] = {}
     try:
-        for key, outcome in solve_points(points, pool or InProcess(), out / SYSTEMS, out / POINTS, progress):
+        for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
             gathered[key] = Gathered.of(outcome, study.fields)
     except KeyboardInterrupt as error:
         error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command goes on")

@@ -321,6 +321,24 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+def test_one_at_a_time_writes_a_folder(study, tmp_path):
+    out, file = tmp_path / "out", study(LINE, pause=0.3)
+    with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
+        wait_for(lambda: files(out), process)
+        for options in ((), ("--overwrite",)):
+            status, _, complained = sweep(file, out, *options)
+            assert status == 2
+            assert f"error: folder {out} is in use: another process writes a sweep there" in " ".join(
+                complained.split()
+            )
+        workers = process.children(recursive=True)
+        process.kill()
+        process.wait()
+    assert_done(sweep(file, out))  # at once: neither the dead nor what is left of its workers keeps others out
+    psutil.wait_procs(workers, timeout=60)
+    assert_as_uninterrupted(file, out, tmp_path)
+
+
 def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log):
     out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
     place = tmp_path / "scheduler.json"
@@ -358,4 +376,17 @@ def test_workers_or_a_scheduler(study, tmp_path, options, text):
     status, _, complained = sweep(study(LINE), tmp_path / "out", *options)
     assert status == 2
     assert text in complained
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("missing", "workers"), [("xarray", 1), ("h5netcdf", 1), ("distributed", 2)])
+def test_without_the_extra(study, tmp_path, monkeypatch, missing, workers):
+    file = study(LINE)
+    monkeypatch.setitem(sys.modules, missing, None)
+    monkeypatch.delitem(sys.modules, "meeframe.study.sweep_dask", raising=False)
+    result = CliRunner().invoke(app, command(file, tmp_path / "out", "--workers", workers))
+    assert result.exit_code == 2
+    told = " ".join(result.stderr.split())
+    assert missing in told
+    assert "install the extra: pip install 'meeframe[sweep]'" in told
     assert not (tmp_path / "out").exists()
