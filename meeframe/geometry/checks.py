@@ -3,15 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
 from meeframe.geometry.measures import gauss_rule, normal_vectors, volume_shares
+from meeframe.geometry.nearby import close_pairs
 from meeframe.geometry.topology import Edges, corner_count, find_edges, reflection
 
 Flags = NDArray[np.bool_]
@@ -69,7 +70,7 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
         raise MeshError(f"merge_tolerance = {tolerance!r}: must be a length of at least zero")
     _check_numbers(mesh)
     _check_finite(mesh)
-    pairs = cKDTree(mesh.points).query_pairs(tolerance, output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(mesh.points).query_pairs(tolerance, output_type="ndarray")
     n = len(mesh.points)
     _, label = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
     first = np.unique(label, return_index=True)[1]
@@ -148,7 +149,7 @@ def _check_points(mesh: SurfaceMesh) -> None:
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     extent = np.ptp(mesh.points, axis=0).max()
     shortest = lengths[lengths > 1e-12 * extent].min(initial=extent)
-    pairs = cKDTree(mesh.points).query_pairs(COINCIDENT * shortest, output_type="ndarray")
+    pairs = close_pairs(mesh.points, COINCIDENT * shortest)
     if len(pairs):
         places = mesh.points[np.sort(pairs.max(axis=1))]
         _refuse("the surface has points that coincide with others (merge_tolerance merges them)", places, "pair")

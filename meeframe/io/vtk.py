@@ -10,6 +10,7 @@ from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Result, StepResult, Zone, corners
+from meeframe.geometry.nearby import close_pairs
 from meeframe.io.output import FIELDS_FILE, replacing
 
 _VTK_CELLS: Final = ("triangle", "triangle6", "quad", "quad8", "quad9")
@@ -64,10 +65,11 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
 
     By elements: at the edge of the zone a point that is repeated there may belong to the surface outside.
     """
-    from scipy.spatial import KDTree
-
-    distance, nearest = KDTree(zone.points).query(boundary.points)
-    nearest[distance > _SAME_PLACE * np.ptp(zone.points, axis=0).max()] = -1
+    n = len(zone.points)
+    pairs = close_pairs(np.concatenate([zone.points, boundary.points]), _SAME_PLACE * np.ptp(zone.points, axis=0).max())
+    pairs = pairs[(pairs[:, 0] < n) & (pairs[:, 1] >= n)]
+    nearest = np.full(len(boundary.points), -1)
+    nearest[pairs[:, 1] - n] = pairs[:, 0]
     own = {frozenset(cell.tolist()) for _, cells in zone.cells for cell in cells}
     points = [cell for _, cells in boundary.cells for cell in cells if frozenset(nearest[cell].tolist()) in own]
     inside = np.unique(np.concatenate(points)) if points else np.empty(0, np.int64)

@@ -12,7 +12,7 @@ HEAVY = (
 )  # fmt: skip
 LATER = (
     "matplotlib", "meshio", "pandas", "xarray", "distributed", "pint", "dask", "skfem", "scipy.optimize",
-    "scipy.interpolate", "scipy.ndimage",
+    "scipy.interpolate", "scipy.ndimage", "scipy.spatial", "scipy.special", "scipy.fft",
 )  # fmt: skip
 LISTING = """
 import sys

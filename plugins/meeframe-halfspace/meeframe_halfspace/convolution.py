@@ -6,12 +6,12 @@ from typing import Any, Final, final
 
 import numba
 import numpy as np
-import scipy.fft
+import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe_halfspace.cells import share_out
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, add_imaginary, add_real
+from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, add_imaginary, add_real, scale_real
 from meeframe_halfspace.response import STRICT, UPPER
 
 Symbol = Callable[[int], Array | None]
@@ -62,6 +62,7 @@ class Convolution:
         workers = numba.get_num_threads()
         terms = [[term for other in load for term in self._terms(place, other, precision)] for place in fields]
         answering = [place for place, own in enumerate(terms) if own]
+        alone = len(fields) == 1 and list(load) == list(fields)
         spectra = {one: scipy.fft.rfft(part, px, axis=0, workers=workers) for one, part in load.items()}
         half = px // 2 + 1
         complex_ = np.result_type(precision, np.complex64)
@@ -73,13 +74,20 @@ class Convolution:
                 rows = slice(begin, min(begin + height, last))
                 waves = {one: scipy.fft.fft(part[rows], py, axis=1) for one, part in spectra.items()}
                 for answer, place in zip(answers, answering, strict=True):
-                    product = np.zeros((rows.stop - begin, py), complex_)
-                    for one, entry, factor, imaginary in terms[place]:
-                        (add_imaginary if imaginary else add_real)(entry[rows], factor, waves[one], product)
+                    if alone:
+                        ((one, entry, factor, _),) = terms[place]
+                        product = waves[one]
+                        scale_real(entry[rows], factor, product)
+                    else:
+                        product = np.zeros((rows.stop - begin, py), complex_)
+                        for one, entry, factor, imaginary in terms[place]:
+                            (add_imaginary if imaginary else add_real)(entry[rows], factor, waves[one], product)
                     answer[rows] = scipy.fft.ifft(product, axis=1, overwrite_x=True)[:, :ny]
 
         if answering:
             share_out(multiply, half)
+        if alone:
+            return scipy.fft.irfft(answers[0], px, axis=0, overwrite_x=True, workers=workers)[None, :nx]
         response = np.zeros((len(fields), nx, ny), precision)
         for answer, place in zip(answers, answering, strict=True):
             response[place] = scipy.fft.irfft(answer, px, axis=0, overwrite_x=True, workers=workers)[:nx]

@@ -7,7 +7,7 @@ from typing import Final, Literal, final
 
 import numba
 import numpy as np
-import scipy.fft
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_table, near_size, share_out

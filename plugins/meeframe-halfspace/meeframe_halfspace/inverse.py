@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.fft
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final, final
 
 import numpy as np
-from scipy.special import wofz
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
 from meeframe.materials.half_space import surface_compliance
@@ -41,6 +41,6 @@ class GaussianLoad(ExactField):
         m = np.column_stack([np.cos(alpha), np.sin(alpha), np.zeros_like(alpha)])
         answers = surface_compliance(self.stiffness, (0.0, 0.0, 1.0), m) @ self.amplitude
         along = (points[:, :2] - self.centre) @ m[:, :2].T
-        waves = wofz(along / (np.sqrt(2.0) * self.width)) * (self.width * np.sqrt(np.pi / 2.0))
+        waves = scipy.special.wofz(along / (np.sqrt(2.0) * self.width)) * (self.width * np.sqrt(np.pi / 2.0))
         values: Array = (waves @ answers).real / _ANGLES
         return values

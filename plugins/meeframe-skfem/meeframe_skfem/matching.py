@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # its parts load where they are used
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.element import shape_functions
@@ -113,8 +113,8 @@ def _carried(body: Body, surface: SurfaceMesh, reach: float) -> tuple[BoundaryCo
 
 def _zone_points(zone: ContactZone, surface: SurfaceMesh, group: str) -> Indices:
     """Points of the surface that are those of the zone, in the zone's order."""
-    spacing = float(cKDTree(zone.points).query(zone.points, k=2)[0][:, 1].min())
-    distance, found = cKDTree(surface.points).query(zone.points)
+    spacing = float(scipy.spatial.cKDTree(zone.points).query(zone.points, k=2)[0][:, 1].min())
+    distance, found = scipy.spatial.cKDTree(surface.points).query(zone.points)
     block = surface.blocks[0]
     own = np.sort(block.connectivity[block.groups == surface.group(group)], axis=1)
     wanted = [np.sort(found[cells], axis=1) for _, cells in zone.cells]

@@ -1,0 +1,29 @@
+"""Pairs of points that lie close together, against a tree."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from meeframe.geometry.nearby import close_pairs
+
+
+def lattice(n):
+    return np.stack(np.meshgrid(*[np.arange(n) * 0.1] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("distance", [1e-9, 1e-3, 0.02])
+def test_as_a_tree_finds_them(distance):
+    rng = np.random.default_rng(1)
+    points = lattice(9)
+    again = points[rng.integers(len(points), size=200)]  # some of them several times
+    points = np.concatenate([points, again + rng.uniform(-1.0, 1.0, again.shape) * distance])
+    found = close_pairs(points, distance)
+    expected = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    assert 100 < len(found) == len(expected)
+    assert {*map(tuple, found)} == {*map(tuple, expected)}
+
+
+def test_equal_points_and_points_apart():
+    assert close_pairs(lattice(5), 0.09).size == 0
+    assert close_pairs(np.ones((3, 3)), 0.0).tolist() == [[0, 1], [1, 2], [0, 2]]
+    assert close_pairs(np.ones((1, 3)), 1.0).shape == (0, 2)
