@@ -21,12 +21,13 @@ def run(
     Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
-        from meeframe.case.load import load_case
-        from meeframe.case.run import run as run_case
-        from meeframe.core.result import RunStatus
-        from meeframe.report.summary import summary_table
+        with console.loading():
+            from meeframe.case.load import load_case
+            from meeframe.case.run import run as run_case
+            from meeframe.core.result import RunStatus
+            from meeframe.report.summary import summary_table
 
-        registry = console.registry(plugin)
+            registry = console.registry(plugin)
         with console.progress() as progress:
             result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
         console.stdout().print(summary_table(result))
@@ -37,9 +38,10 @@ def run(
 def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Validate a case without running it."""
     with console.exit_status():
-        from meeframe.case.load import load_case
+        with console.loading():
+            from meeframe.case.load import load_case
 
-        checked = load_case(case, console.registry(plugin))
+            checked = load_case(case, console.registry(plugin))
         steps = len(checked.steps)
         print(
             f"{case}: ok: material {checked.material.name}, {checked.mesh.n_elements} elements, "
