@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
@@ -48,13 +49,23 @@ class Freedom:
             raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, 5)")
         if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
             raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
-        if self.mode[:, MECHANICAL].any() == self.electromagnetic:
+        if len({k >= ELECTRIC for k in self.moved}) != 1:
             raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
 
     @property
     def electromagnetic(self) -> bool:
         """Whether it is a potential and not a motion."""
-        return bool(self.mode[:, ELECTRIC:].any())
+        return max(self.moved) >= ELECTRIC
+
+    @cached_property
+    def moved(self) -> tuple[int, ...]:
+        """Fields of the mode, ..."""
+        return tuple(k for k in range(N_FIELDS) if self.mode[:, k].any())
+
+    @cached_property
+    def measured(self) -> tuple[int, ...]:
+        """... and of the measure."""
+        return tuple(k for k in range(N_FIELDS) if self.measure[:, k].any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +186,11 @@ def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array
 
     Its difference to the body's displacement is the contact gap and the drop of the potentials.
     """
-    position = np.concatenate([problem.translation, problem.gap[:, None], -problem.potentials], axis=1)
+    position = np.empty((N_FIELDS, len(problem.gap))).T  # one field after another
+    position[:, :2], position[:, 2], position[:, 3:] = problem.translation, problem.gap, -problem.potentials
     for freedom, amount in zip(problem.freedoms, motion, strict=True):
-        position += amount * freedom.mode
+        for k in freedom.moved:
+            position[:, k] += amount * freedom.mode[:, k]
     return position
 
 
@@ -192,7 +205,7 @@ def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT
 
 def unbalance(problem: ContactProblem, load: Array) -> Array:
     """Resultants of a load (n, 5) less the prescribed ones, (m,), for the problem's freedoms."""
-    return np.array([(freedom.measure * load).sum() - freedom.total for freedom in problem.freedoms])
+    return np.array([sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.freedoms])
 
 
 def resultant(system: ReducedSystem, load: Array) -> tuple[Array, float, float]:

@@ -46,10 +46,10 @@ class _Memory:
     """What the iteration remembers.
 
     response, modes: see there; inverse: of the normal compliance, roughly, (n,) from (n,), if there is one; weight:
-    (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; direction, residual: (n,)
-    of the last step, product: of its preconditioned residual with the residual; free: (f,) nodes that it moved;
-    touching: (t,) nodes with pressure or overlap, which move next; guides: see there; start: violation when gap and
-    conduction were last found anew; age: steps since.
+    (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; here: modes on the nodes
+    with pressure or overlap, which move next; free: (f,) nodes that the last step moved; direction, residual: (f,) of
+    that step, product: of its preconditioned residual with the residual; guides: see there; start: violation when gap
+    and conduction were last found anew; age: steps since.
     """
 
     response: NormalResponse
@@ -58,11 +58,11 @@ class _Memory:
     weight: Array
     pressure: Array
     effect: Effect
+    here: NormalModes
+    free: Indices
     direction: Array
     residual: Array
     product: float
-    free: Indices
-    touching: Indices
     guides: _Guides | None
     start: float
     age: int = 0
@@ -105,7 +105,7 @@ class ProjectedCG(Solver):
         n = len(problem.gap)
         load, motion = start_load(start, n), start_motion(problem, start)
         response = normal_response(problem, scales, start, load, motion)
-        pressure, flux = -load[:, NORMAL], load[:, NORMAL + 1 :]
+        pressure, flux = np.maximum(-load[:, NORMAL], 0.0), load[:, NORMAL + 1 :]
         if modes.numbers.size:
             # pressures that bear the resultants: from here on every direction keeps them
             free = np.flatnonzero(pressure > 0.0)
@@ -116,27 +116,24 @@ class ProjectedCG(Solver):
             pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
-        still, nodes = np.zeros(n), np.zeros(0, np.int64)
         mechanics = (response, modes, _normal_inverse(problem), weight)
         effect = response.at(pressure, flux, motion)
-        memory = _Memory(*mechanics, pressure, effect, still, still, 0.0, nodes, nodes, None, np.inf)
+        still, nodes = np.zeros(0), np.zeros(0, np.int64)
+        memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, None, np.inf)
         memory = _placed(memory, pressure, effect)
         return _iterate(memory if isinstance(response, Conducting) else replace(memory, start=_violation(memory)))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
-        memory = _memory(iterate)
-        free = memory.touching
-        modes = memory.modes.on(free)
-        memory = _conjugate(memory, modes, free)
-        direction = memory.direction[free]
-        effect = memory.response.change(memory.direction)
+        memory = _conjugate(_memory(iterate))
+        free, modes, direction = memory.free, memory.here, memory.direction
+        effect = memory.response.change(_spread(direction.astype(np.float32), free, len(memory.pressure)))
         # the indenter follows, so that only what it cannot follow resists
         weighted = memory.weight[free] * direction
-        curvature = float(weighted @ modes.without(effect.gap[free]))
+        curvature = float(weighted @ modes.without(effect.gap[free].astype(float)))
         if curvature <= 0.0:
             return _iterate(_refreshed(memory))
-        length = float(weighted @ memory.residual[free]) / curvature
+        length = float(weighted @ memory.residual) / curvature
         moved = memory.pressure[free] - length * direction
         memory = replace(memory, age=memory.age + 1)
         if (moved >= 0.0).all():
@@ -152,13 +149,21 @@ class ProjectedCG(Solver):
         return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
-        """By steps until the solver thinks that it is near enough."""
+        """By steps until the solver thinks that it is near enough; where the contact is open with a tension like the
+        gap, so that between nodes the sum of both tells where it ends."""
         iterate = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
             if iterate.estimate is not None and iterate.estimate <= COARSE:
                 break
             iterate = self.step(problem, iterate)
-        return iterate
+        gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
+        unit = np.zeros((len(gap), 1))
+        unit[firm] = 1.0
+        own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
+        open_ = (iterate.load[:, NORMAL] == 0.0) & (gap > 0.0) & np.isfinite(gap)
+        load = iterate.load.copy()
+        load[open_, NORMAL] = gap[open_] / own
+        return replace(iterate, load=load)
 
 
 def _normal_inverse(problem: ContactProblem) -> Inverse | None:
@@ -167,12 +172,16 @@ def _normal_inverse(problem: ContactProblem) -> Inverse | None:
     return None if inverse is None else lambda opening: inverse(opening[:, None])[:, 0]
 
 
-def _conjugate(memory: _Memory, modes: NormalModes, free: Indices) -> _Memory:
-    """Memory with the next direction on the free nodes (f,): that of Polak and Ribiere, or steepest descent.
+def _conjugate(memory: _Memory) -> _Memory:
+    """Memory with the next direction on the nodes that touch: that of Polak and Ribiere, or steepest descent.
 
-    modes: on these nodes. Without a preconditioner nodes that come in restart the conjugation.
+    Without a preconditioner nodes that come in restart the conjugation.
     """
+    n, modes, free = len(memory.pressure), memory.here, memory.here.nodes
     residual, weight = memory.effect.gap[free], memory.weight[free]
+    before, direction = memory.residual, memory.direction
+    if free is not memory.free:
+        before, direction = (_spread(values, memory.free, n)[free] for values in (before, direction))
     guides = memory.guides
     if memory.inverse is None:
         steepest = modes.without(residual)
@@ -181,22 +190,15 @@ def _conjugate(memory: _Memory, modes: NormalModes, free: Indices) -> _Memory:
         fresh = False
         if modes.numbers.size and (guides is None or not guides.fit(free)):
             guides = _guides(memory, memory.inverse, free)
-        preconditioned = memory.inverse(_spread(residual.astype(np.float32), free, len(memory.pressure)))[free]
+        preconditioned = memory.inverse(_spread(residual.astype(np.float32), free, n))[free].astype(float)
         steepest = modes.without(preconditioned, None if guides is None else guides.along[:, free])
-    change = residual - memory.residual[free]
+    change = residual - before
     share = 0.0 if fresh or memory.product <= 0.0 else max(float((weight * steepest) @ change) / memory.product, 0.0)
-    direction = modes.without(steepest + share * memory.direction[free])
+    direction = modes.without(steepest + share * direction)
     if float((weight * direction) @ residual) <= 0.0:
         direction = modes.without(residual)
-    n = len(memory.pressure)
-    return replace(
-        memory,
-        direction=_spread(direction, free, n),
-        residual=_spread(residual, free, n),
-        product=float((weight * steepest) @ residual),
-        free=free,
-        guides=guides,
-    )
+    product = float((weight * steepest) @ residual)
+    return replace(memory, free=free, direction=direction, residual=residual, product=product, guides=guides)
 
 
 def _guides(memory: _Memory, inverse: Inverse, free: Indices) -> _Guides:
@@ -219,8 +221,19 @@ def _refreshed(memory: _Memory) -> _Memory:
     )
     memory = _renewed(replace(memory, response=response, age=0), pressure)
     if not kept:
-        memory = replace(memory, residual=np.zeros(n), direction=np.zeros(n), product=0.0)
+        still = np.zeros(len(memory.free))
+        memory = replace(memory, residual=still, direction=still, product=0.0)
     return replace(memory, start=_violation(memory))
+
+
+def takes(problem: ContactProblem) -> bool:
+    """Whether ProjectedCG takes a problem."""
+    try:
+        NormalModes.of(problem)
+        _check(problem.contact_law, problem_scales(problem).pressure)
+    except CaseError:
+        return False
+    return True
 
 
 def _check(law: ContactLaw, pressure: float) -> None:
@@ -246,7 +259,7 @@ def _memory(iterate: Iterate) -> _Memory:
 def _iterate(memory: _Memory) -> Iterate:
     """The iterate, with the violation of the contact law on the nodes where there is any."""
     scales, effect = memory.response.scales, memory.effect
-    free = memory.touching
+    free = memory.here.nodes
     wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
     estimate = float(wrong.max(initial=0.0)) / scales.pressure
     closed = memory.response.closed(memory.pressure)
@@ -267,11 +280,11 @@ def _renewed(memory: _Memory, pressure: Array) -> _Memory:
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
     """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
-    gap, motion, touching = memory.modes.rested(pressure, effect.gap, effect.motion, memory.touching)
-    return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), touching=touching)
+    gap, motion, here = memory.modes.rested(pressure, effect.gap, effect.motion, memory.here)
+    return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), here=here)
 
 
 def _violation(memory: _Memory) -> float:
     """Norm of the gap where there is pressure or overlap [m]."""
-    free = memory.touching
+    free = memory.here.nodes
     return float(np.sqrt(memory.weight[free] @ memory.effect.gap[free] ** 2))

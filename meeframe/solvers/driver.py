@@ -145,12 +145,14 @@ def solve(
             iteration += 1
             iterate = solver.step(problem, iterate)
             due = not by_residual or iteration >= limits.max_iterations or _due(solver, iterate, iteration, limits)
-            if due or iterate.estimate is None:
+            if iterate.estimate is None:
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
             if not due and not orbit.repeated:
                 continue
             previous = state
             state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
+            if iterate.estimate is not None and value > limits.tolerance:
+                orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
             looks.append((iteration, value if by_residual else _paper_change(previous, state)))
             trend = trend.next(looks[-1]) if trend else _Trend(looks[-1], looks[-1], looks[-1])
             progress("contact", trend.fraction(limits.tolerance))

@@ -11,6 +11,7 @@ Potentials of the indenter that follow from prescribed totals are unknowns besid
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, final
 
 import numpy as np
@@ -25,6 +26,8 @@ from meeframe.solvers.floating import POTENTIALS, Floating
 from meeframe.solvers.krylov import Linear, gmres
 
 KRYLOV_TOLERANCE: Final = 1e-13
+ROUGH: Final = 1e-3
+"""Of a response, in which single precision has no part."""
 HARDLY: Final = 1e6
 """A resistance so many times a node's own response."""
 
@@ -232,24 +235,27 @@ class KrylovElimination(Elimination):
         return Conductors(resistance, flux, moved, potential, floating, solve)
 
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
-        """See Elimination."""
+        """See Elimination. In single precision where fluxes are asked for roughly, and from nothing."""
         conducts = np.isfinite(conductors.resistance)
-        moved = self._response(traction, self.mechanical + self.conducting)
+        rough = rest >= ROUGH and not guess.any()
+        moved = self._response(traction, self.mechanical + self.conducting, rough)
         alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts], rest)
         balanced, potential = conductors.floating.balance(alone, 0.0)
         flux = _filled(conducts, balanced)
-        moved += self._response(flux, self.mechanical)
+        moved += self._response(flux, self.mechanical, rough)
         return Response(flux, moved[:, MECHANICAL], potential)
 
-    def _response(self, load: Array, fields: list[int]) -> Array:
+    def _response(self, load: Array, fields: list[int], rough: bool = False) -> Array:
         """Displacement (n, 5) in the given fields, zero in the others, of tractions (n, 3) or fluxes (n, 2) alone.
 
-        Fields are stored one after another, which systems may like better.
+        Fields are stored one after another, which systems may like better; rough: single precision will do.
         """
-        moved, loaded = np.zeros((2, N_FIELDS, len(load))).transpose(0, 2, 1)
-        if load.any():
-            loaded[:, POTENTIALS if load.shape[1] == 2 else MECHANICAL] = load
-            moved[:, fields] = self.problem.system.response(loaded, fields)
+        moved = np.zeros((N_FIELDS, len(load))).T
+        first, loaded = (POTENTIALS.start, self.conducting) if load.shape[1] == 2 else (0, self.mechanical)
+        block = np.empty((len(loaded), len(load)), np.float32 if rough else float).T
+        block[...] = load[:, [field - first for field in loaded]]
+        if block.any():
+            moved[:, fields] = self.problem.system.block_response(block, loaded, fields)
         return moved
 
     def _solve(
@@ -260,16 +266,18 @@ class KrylovElimination(Elimination):
             return np.zeros(0)
         scale = (own + resistance) ** -0.5
 
-        def equations(scaled: Array) -> Array:
+        def equations(scaled: Array, rough: bool = False) -> Array:
             trial = scale * scaled
-            raised = self._response(_filled(conducts, trial), self.conducting)[:, POTENTIALS]
+            raised = self._response(_filled(conducts, trial), self.conducting, rough)[:, POTENTIALS]
             left: Array = scale * (raised[conducts] + resistance * trial)
             return left
 
         # a pair that hardly conducts has hardly any flux, whatever it had before
         start = np.where(resistance < HARDLY * own, guess / scale, 0.0)
         precondition = self._preconditioner(own > resistance, scale, conducts)
-        solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start, rest)
+        # what a guess leaves is looked at precisely, and then found to three digits at most
+        roughly = partial(equations, rough=True) if rest >= ROUGH else None
+        solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start, rest, roughly=roughly)
         return np.asarray(scale * solved)
 
     def _preconditioner(self, well: Mask, scale: Array, conducts: Mask) -> Linear:

@@ -24,10 +24,11 @@ def gmres(
     start: Array | None = None,
     rest: float = 0.0,
     most: int = 400,
+    roughly: Linear | None = None,
 ) -> Array:
     """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come.
 
-    start: (k,), of whose residual the part `rest` may be left too.
+    start: (k,), of whose residual the part `rest` may be left too; roughly: multiply, as precise as `rest` asks for.
 
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
     preconditioner need not be linear to the last digit, so that it may be of single precision.
@@ -38,7 +39,7 @@ def gmres(
     size = float(np.linalg.norm(residual))
     goal = max(tolerance * float(np.linalg.norm(right)), rest * size)
     while size > goal:
-        change, left, products = _cycle(multiply, precondition, residual, goal, min(RESTART, most))
+        change, left, products = _cycle(roughly or multiply, precondition, residual, goal, min(RESTART, most))
         solution = solution + change
         most -= products + 1
         if most <= 0 or not goal < left < LEAST_FALL * size:

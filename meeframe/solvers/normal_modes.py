@@ -67,7 +67,8 @@ class NormalModes:
 
     def on(self, free: Indices) -> "NormalModes":
         """On the free nodes (f,) alone, numbers among the present ones."""
-        return NormalModes(self.problem, self.numbers, self.mode[:, free], self.measure[:, free], self.nodes[free])
+        mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
+        return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
 
     def amounts(self, values: Array, along: Array | None = None) -> Array:
         """Amounts (k,) with which values (f,) + amounts @ along have no resultants.
@@ -95,28 +96,28 @@ class NormalModes:
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
     def rested(
-        self, pressure: Array, gap: Array, motion: Array, touching: Indices | None = None
-    ) -> tuple[Array, Array, Indices]:
-        """Gap (n,), motion (m,) and nodes (t,) with pressure or overlap, the indenter at rest under a pressure (n,).
+        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes | None" = None
+    ) -> tuple[Array, Array, "NormalModes"]:
+        """Gap (n,), motion (m,), and these modes on the nodes with pressure or overlap, the indenter at rest.
 
-        gap: (n,) at a motion (m,); touching: (t,) nodes that may be those found, by which the search begins.
+        pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins.
         """
         pressed = np.flatnonzero(pressure)
         if self.numbers.size == 0:
-            return gap, motion, _touching(pressed, gap)
-        nodes = pressed if touching is None or not touching.size else touching
-        if not nodes.size:
-            nodes = np.flatnonzero(gap < 0.0)
+            return gap, motion, self.on(_touching(pressed, gap))
+        here = near if near is not None and near.nodes.size else self.on(pressed)
+        if not here.nodes.size:
+            here = self.on(np.flatnonzero(gap < 0.0))
         for _ in range(ROUNDS):
-            amounts = self.on(nodes).amounts(gap[nodes])
+            amounts = here.amounts(gap[here.nodes])
             moved = gap + amounts @ self.mode
             following = _touching(pressed, moved)
-            if np.array_equal(following, nodes):
+            if np.array_equal(following, here.nodes):
                 break
-            nodes = following
+            here = self.on(following)
         motion = motion.copy()
         motion[self.numbers] += amounts
-        return moved, motion, following
+        return moved, motion, here
 
     def balanced(self, pressure: Array) -> Array:
         """The nearest compression (f,) with the prescribed resultants to pressures (f,)."""

@@ -105,7 +105,9 @@ class Insulated(NormalResponse):
 
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse: one normal response, in single precision."""
-        return Effect(self._opened(pressure.astype(np.float32)), NO_FLUX, np.zeros(len(self.problem.freedoms)))
+        return Effect(
+            self._opened(pressure.astype(np.float32, copy=False)), NO_FLUX, np.zeros(len(self.problem.freedoms))
+        )
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """See NormalResponse: that of the change."""

@@ -25,8 +25,8 @@ REAL[UPPER] = REAL[UPPER[::-1]] = np.arange(N_SYMMETRIC)
 IMAGINARY[STRICT] = IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
 SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
 """... and the sign with which that is so."""
-BLOCK: Final = 2**20
-"""Bytes of a spectrum that are worked on at once, so that they stay near the processor."""
+BLOCK: Final = 2**19
+"""Bytes of spectra that are worked on at once, so that they stay near the processor."""
 
 
 @final
@@ -58,16 +58,18 @@ class Convolution:
         In single precision if all of the load is.
         """
         (nx, ny), (px, py) = self.size, self.padded
+        if not load:
+            return np.zeros((len(fields), nx, ny))
         precision = np.result_type(np.float32, *load.values())
         workers = numba.get_num_threads()
         terms = [[term for other in load for term in self._terms(place, other, precision)] for place in fields]
         answering = [place for place, own in enumerate(terms) if own]
-        alone = len(fields) == 1 and list(load) == list(fields)
+        alone = bool(answering) and list(load) == list(fields) == [fields[0]]
         spectra = {one: scipy.fft.rfft(part, px, axis=0, workers=workers) for one, part in load.items()}
         half = px // 2 + 1
         complex_ = np.result_type(precision, np.complex64)
         answers = np.empty((len(answering), half, ny), complex_)
-        height = max(1, BLOCK // (py * complex_.itemsize))
+        height = max(8, BLOCK // (py * complex_.itemsize * len(load)))
 
         def multiply(first: int, last: int) -> None:
             for begin in range(first, last, height):

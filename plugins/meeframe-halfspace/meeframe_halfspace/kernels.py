@@ -209,11 +209,21 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
 
 
 @njit(cache=True, nogil=True)
+def scale_real(real, factor, spectrum):
+    """spectrum *= factor real, entry by entry."""
+    for row in range(len(spectrum)):
+        for column in range(spectrum.shape[1]):
+            k, wave = factor * real[row, column], spectrum[row, column]
+            spectrum[row, column] = complex(k * wave.real, k * wave.imag)
+
+
+@njit(cache=True, nogil=True)
 def add_real(real, factor, spectrum, product):
     """product += factor real spectrum, entry by entry."""
     for row in range(len(product)):
         for column in range(product.shape[1]):
-            product[row, column] += (factor * real[row, column]) * spectrum[row, column]
+            k, wave = factor * real[row, column], spectrum[row, column]
+            product[row, column] += complex(k * wave.real, k * wave.imag)
 
 
 @njit(cache=True, nogil=True)
