@@ -2,7 +2,7 @@
 
 Every mesh point is a site. It carries its unknown values, the unknown fluxes of its patches, the loads of the contact
 zone there, and the equations of the same numbers. The contact zone is split off first, as the last child of the root,
-so that elimination ends with it; below, clusters are halved at the median along their longest side.
+so that elimination ends with it; below, clusters are halved along their longest side, into leaves of equal size.
 """
 
 from collections.abc import Callable, Iterator
@@ -82,7 +82,10 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
     """Tree with at most leaf_size sites in a leaf. The contact zone is some of the mesh, not all."""
     in_zone = np.zeros(len(mesh.points), bool)
     in_zone[layout.zone] = True
-    halves = [_bisect(mesh.points, np.flatnonzero(part), leaf_size) for part in (~in_zone, in_zone)]
+    halves = [
+        _bisect(mesh.points, np.flatnonzero(part), -(-int(part.sum()) // leaf_size))
+        for part in (~in_zone, in_zone)
+    ]
     points = np.concatenate([leaf for half in halves for leaf in _flat(half)])
     rank = inverse(points)
     unknown_point, load_point = _points_of(layout)
@@ -114,14 +117,16 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
 _Halves = Indices | tuple["_Halves", "_Halves"]
 
 
-def _bisect(points: Array, members: Indices, leaf_size: int) -> _Halves:
-    if len(members) <= leaf_size:
+def _bisect(points: Array, members: Indices, n_leaves: int) -> _Halves:
+    """Halves, and halves of these, that end in so many leaves of the same size."""
+    if n_leaves <= 1:
         return members
     own = points[members]
     order = np.argsort(own[:, np.ptp(own, axis=0).argmax()], kind="stable")
-    middle = len(members) // 2
+    first = n_leaves // 2
+    middle = len(members) * first // n_leaves
     low, high = members[order[:middle]], members[order[middle:]]
-    return _bisect(points, low, leaf_size), _bisect(points, high, leaf_size)
+    return _bisect(points, low, first), _bisect(points, high, n_leaves - first)
 
 
 def _flat(half: _Halves) -> Iterator[Indices]:

@@ -1,14 +1,14 @@
 """Blocks of clusters that are far from each other, by cross approximation: from few of their equations."""
 
 import numpy as np
-from scipy.linalg import lstsq, qr
+from scipy.linalg import lstsq
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.layout import NONE
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals
-from meeframe_hmatrix.kernels import Rows, spread_out
+from meeframe_hmatrix.kernels import Rows, skeleton_rows, spread_out
 from meeframe_hmatrix.rows import add, column_window, orders_from, output, placed
 
 FIRST_SAMPLES = 24
@@ -86,25 +86,11 @@ def _skeleton(
 def _interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
     """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix.
 
-    All rows of a source (m,) are taken together, because they cost as much as one; the next source is the one that is
-    worst off (block Gram-Schmidt with pivoting).
+    source: (m,) of each row; of some sources all rows are taken.
     """
-    rest, bases = sampled.copy(), list[Array]()
-    chosen: list[int] = []
-    limit = tolerance / 4.0 * np.linalg.norm(sampled)
-    while True:
-        squares = (rest**2).sum(axis=1)
-        if squares.sum() <= limit**2 or len(chosen) == source[-1] + 1:
-            break
-        chosen.append(int(np.bincount(source, squares).argmax()))
-        rows = rest[source == chosen[-1]]
-        basis = qr(rows.T, mode="economic", check_finite=False)[0]
-        rest -= (rest @ basis) @ basis.T
-        rest[source == chosen[-1]] = 0.0
-        bases.append(basis)
-    places = np.flatnonzero(np.isin(source, chosen or [0]))
-    basis = np.concatenate(bases, axis=1) if bases else np.zeros((sampled.shape[1], 0))
-    parts = sampled @ basis
+    chosen, basis = skeleton_rows(sampled.copy(), source, tolerance / 4.0 * np.linalg.norm(sampled))
+    places = np.flatnonzero(np.isin(source, chosen if len(chosen) else [0]))
+    parts = sampled @ basis.T
     # pivoted QR: singular values would cost most of the block
     solved = lstsq(parts[places].T, parts.T, cond=tolerance / 100.0, check_finite=False, lapack_driver="gelsy")
     left: Array = solved[0].T

@@ -27,7 +27,7 @@ from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal_of, factorise, frames_to_units
 
-LEAF_SIZE = 24
+LEAF_SIZE = 36
 """Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
 
 BLOCK_SHARE = 0.1

@@ -156,6 +156,56 @@ def spread_out(places, low, high, count):
     return chosen
 
 
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def skeleton_rows(rest, source, limit):
+    """Sources whose rows of a matrix (m, n) span all of it, and an orthonormal basis (r, n) of these; overwrites it.
+
+    source: (m,) of each row, rising. All rows of a source are taken together, because they cost as much as one; the
+    next source is the one whose rows are farthest from what is spanned, until the Frobenius norm of all that is left
+    is at most limit (block Gram-Schmidt with pivoting).
+    """
+    m, n = rest.shape
+    n_sources = source[-1] + 1
+    basis, left = np.empty((min(m, n), n)), np.zeros(n_sources)
+    taken = np.zeros(n_sources, np.bool_)
+    dots = np.empty(len(basis))
+    for i in range(m):
+        left[source[i]] += (rest[i] ** 2).sum()
+    rank = 0
+    while left.sum() > limit * limit and not taken.all():
+        worst = left.argmax()
+        taken[worst] = True
+        first = rank
+        for i in range(np.searchsorted(source, worst), np.searchsorted(source, worst, side="right")):
+            norm = sqrt((rest[i] ** 2).sum())
+            for _ in range(2):  # twice is enough
+                for b in range(first, rank):
+                    rest[i] -= (rest[i] * basis[b]).sum() * basis[b]
+            remains = sqrt((rest[i] ** 2).sum())
+            if rank < len(basis) and remains > 1e-13 * norm:
+                basis[rank] = rest[i] / remains
+                rank += 1
+            rest[i] = 0.0
+        left[:] = 0.0
+        for i in range(m):
+            if taken[source[i]]:
+                continue
+            for b in range(first, rank):
+                dot = 0.0
+                for q in range(n):
+                    dot += rest[i, q] * basis[b, q]
+                dots[b] = dot
+            for b in range(first, rank):
+                dot = dots[b]
+                for q in range(n):
+                    rest[i, q] -= dot * basis[b, q]
+            square = 0.0
+            for q in range(n):
+                square += rest[i, q] ** 2
+            left[source[i]] += square
+    return np.flatnonzero(taken), basis[:rank]
+
+
 @njit(cache=True, nogil=True)
 def sums_by_element(u, t, flux_weights, value_weights, starts, sum_u, sum_t):
     """Sums (m, k, 25) of weights (c, k) times u and t (c, 25) at the points from starts[e] to starts[e + 1]."""
