@@ -1,10 +1,14 @@
 """What a command loads before it needs it, and that kernels are compiled once for all processes."""
 
+import gc
+import importlib
 import os
 import subprocess
 import sys
 
 import pytest
+
+from meeframe.cli import console
 
 HEAVY = (
     "numpy", "scipy", "numba", "matplotlib", "h5py", "pydantic", "pint", "meshio", "pluggy", "pandas", "xarray", "dask",
@@ -57,6 +61,16 @@ def test_a_check_loads_nothing_that_only_results_or_other_cases_need(case_file):
 def test_a_run_without_figures_does_not_load_what_draws(case_file, tmp_path):
     case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\nvtu = false\n")
     assert loaded("run", case_file, "--out", tmp_path / "out").isdisjoint(LATER)
+
+
+def test_garbage_is_looked_for_again_once_all_is_loaded():
+    with console.loading():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    with pytest.raises(ImportError), console.loading():
+        importlib.import_module("meeframe.no_such_module")
+    assert gc.isenabled()
+    gc.unfreeze()
 
 
 def test_the_second_process_compiles_nothing(case_file, tmp_path):
