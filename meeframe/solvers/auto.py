@@ -1,4 +1,4 @@
-"""The solver that needs no choice: Newton first, gradient iterations where that does not get on."""
+"""The solver that needs no choice: the fastest that takes the problem first, others where that does not get on."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
+from meeframe.solvers.conjugate_gradients import ProjectedCG, takes
 from meeframe.solvers.newton import SemismoothNewton
 from meeframe.solvers.residual import evaluate, law_residual
 from meeframe.solvers.scales import Scales, problem_scales
@@ -26,6 +27,8 @@ class _Stage:
     patience: float
 
 
+FRICTIONLESS: Final = _Stage(ProjectedCG(), 5, 25)
+"""Before the others where it takes the problem and there is no matrix to factorise."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
     _Stage(Nesterov(), 25, 60),
@@ -36,10 +39,10 @@ STAGES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """stage: number of the stage; inner: iterate of its solver; best, state: smallest residual so far and its state;
-    idle: steps since; scales: of the problem."""
+    """stages: in force and to come; inner: iterate of the solver in force; best, state: smallest residual so far and
+    its state; idle: steps since; scales: of the problem."""
 
-    stage: int
+    stages: tuple[_Stage, ...]
     inner: Iterate
     best: float
     state: ContactState
@@ -51,28 +54,31 @@ class _Memory:
 @dataclass(frozen=True)
 class Auto(Solver):
     """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
-    hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's.
+    hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
+    matrix, projected conjugate gradients come before them.
 
-    Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method or 25 of a
-    gradient iteration.
+    Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method, 5 of
+    conjugate gradients or 25 of a gradient iteration.
     """
 
     patience: ClassVar[int] = 240
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
-        inner = STAGES[0].solver.init(problem, start)
+        first: tuple[_Stage, ...] = (FRICTIONLESS,) if problem.system.dense() is None and takes(problem) else ()
+        stages = (*first, *STAGES)
+        inner = stages[0].solver.init(problem, start)
         scales = problem_scales(problem)
         state = evaluate(problem, inner)
-        memory = _Memory(0, inner, law_residual(problem, state, scales), state, scales)
-        return Iterate(inner.load, inner.closed, memory, inner.motion)
+        memory = _Memory(stages, inner, law_residual(problem, state, scales), state, scales)
+        return replace(inner, memory=memory)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
         memory = iterate.memory
         if not isinstance(memory, _Memory):
             raise TypeError("the iterate was not made by Auto.init")
-        stage = STAGES[memory.stage]
+        stage = memory.stages[0]
         inner = memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
@@ -83,6 +89,7 @@ class Auto(Solver):
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
         if memory.idle > stage.patience:
-            inner = STAGES[memory.stage + 1].solver.init(problem, memory.state)
-            memory = replace(memory, stage=memory.stage + 1, inner=inner, idle=0)
-        return Iterate(inner.load, inner.closed, memory, inner.motion)
+            stages = memory.stages[1:]
+            inner = stages[0].solver.init(problem, memory.state)
+            memory = replace(memory, stages=stages, inner=inner, idle=0)
+        return replace(inner, memory=memory)

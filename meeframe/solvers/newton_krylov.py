@@ -8,17 +8,18 @@ Free motions are unknowns beside the loads; that a motion is resisted by the con
 Components come before nodes in what follows: numpy is much faster along the longer axis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear, gmres
 from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
+NORMAL: Final = 2
 UNRESISTED: Final = 1e-12
 """Stiffness against a motion, as a fraction of the largest one, that is none."""
 SINGULAR: Final = 1e12
@@ -148,43 +149,79 @@ class _Border:
 
 
 def _preconditioner(rows: Rows) -> Linear:
-    """Roughly the inverse of the coupled rows, (k,) of (k,): first of those that ask for displacements, then of the
+    """Roughly the inverse of the coupled rows, (k,) of (k,).
+
+    At nodes between open and closed no pressure and no gap are asked for. There the gap goes with the pressure, as
+    everywhere in contact, and that there is none with the closed fraction, which alone can see to it. Fluxes there
+    count as fully conducted: they act on the nodes around whatever part of them is.
+    """
+    between = np.flatnonzero(rows.coupled[CLOSED])
+    a, b, coupled = _exchanged(rows.a, between), _exchanged(rows.b, between), rows.coupled.copy()
+    coupled[CLOSED] = False
+    for field in (ELECTRIC, MAGNETIC):
+        conducting = between[coupled[field, between]]
+        a[field, field, conducting], b[field, field, conducting] = 0.0, 1.0 / rows.equation.scales.displacement[field]
+    solve = _solution_of_loads(replace(rows, a=a, b=b, coupled=coupled))
+    fading = a[CLOSED][:, between] * np.append(rows.equation.scales.load, 1.0)[:, None]
+    responses = np.zeros((len(between), *coupled.shape))
+    for response, node in zip(responses, between, strict=True):
+        jump = np.zeros(coupled.shape)
+        jump[:, node] = -a[:, CLOSED, node]
+        response[:] = solve(jump)
+    pressures = np.einsum("jc,kjc->ck", fading, responses[:, :, between])
+    inverse = np.linalg.pinv(pressures)
+
+    def precondition(values: Array) -> Array:
+        rest = np.zeros(coupled.shape)
+        rest[rows.coupled] = values
+        rest = _exchanged(rest, between)
+        found = solve(rest)
+        closed = inverse @ (rest[CLOSED, between] - (fading * found[:, between]).sum(axis=0))
+        found += np.tensordot(closed, responses, axes=1)
+        found[CLOSED, between] = closed
+        return np.asarray(found[rows.coupled])
+
+    return precondition
+
+
+def _exchanged(part: Array, nodes: Indices) -> Array:
+    """Rows (6, ..., c) with those of the pressure and the closed fraction exchanged at nodes (g,)."""
+    exchanged = part.copy()
+    for one, other in ((NORMAL, CLOSED), (CLOSED, NORMAL)):
+        exchanged[one][..., nodes] = part[other][..., nodes]
+    return exchanged
+
+
+def _solution_of_loads(rows: Rows) -> Linear:
+    """Roughly the unknowns (6, c) of right-hand sides (6, c): first of the rows that ask for displacements, then of the
     others, node by node."""
     inverse, fields, n = rows.equation.inverse, rows.equation.loaded, len(rows.equation.blocks)
     asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[:N_FIELDS])
     others = rows.coupled.copy()
     others[:N_FIELDS] &= ~asking
     own = _inverse_of_own(rows, others)
-    units = np.append(rows.equation.scales.load, 1.0)[:, None]
+    units: Array = np.append(rows.equation.scales.load, 1.0)[:, None]
     ask = _restricted_inverse(rows.b[:N_FIELDS] * rows.equation.scales.displacement[:, None], asking)
     ask *= rows.equation.scales.displacement[:, None, None]
 
-    def precondition(values: Array) -> Array:
-        rest = np.zeros(rows.coupled.shape)
-        rest[rows.coupled] = values
-        found = np.zeros_like(rest)
-        if inverse is not None and asking.any():
-            asked = np.zeros((len(fields), n))
-            asked[:, rows.nodes] = multiplied(ask[fields], rest[:N_FIELDS])
-            found[fields] = np.where(asking[fields], inverse(asked.T)[rows.nodes].T, 0.0)
-            rest -= multiplied(rows.a, found)
-            found /= units
-        found += multiplied(own, rest)
-        return np.asarray(found[rows.coupled])
+    def solve(right: Array) -> Array:
+        if inverse is None or not asking.any():
+            return multiplied(own, right)
+        asked = np.zeros((len(fields), n))
+        asked[:, rows.nodes] = multiplied(ask[fields], right[:N_FIELDS])
+        found = np.zeros_like(right)
+        found[fields] = np.where(asking[fields], inverse(asked.T)[rows.nodes].T, 0.0)
+        return found / units + multiplied(own, right - multiplied(rows.a, found))
 
-    return precondition
+    return solve
 
 
 def _asking(rows: Rows) -> Mask:
-    """Rows (5, c) that ask for displacements: those in which a node's own response outweighs its own load.
-
-    Not those of nodes that graze, between open and closed: there the row of the closed fraction asks.
-    """
+    """Rows (5, c) that ask for displacements: those in which a node's own response outweighs its own load."""
     own = _diagonal(rows.equation.blocks[rows.nodes].transpose(1, 2, 0))
     load, moved = (np.abs(_diagonal(part[:N_FIELDS, :N_FIELDS])) for part in (rows.a, rows.b))
     asking: Mask = rows.coupled[:N_FIELDS] & (moved * np.abs(own) > load)
     asking[np.setdiff1d(np.arange(N_FIELDS), rows.equation.loaded)] = False
-    asking[:, rows.coupled[CLOSED] & (rows.a[CLOSED, CLOSED] == 0.0)] = False
     return asking
 
 
@@ -197,8 +234,6 @@ def _inverse_of_own(rows: Rows, which: Mask) -> Array:
     own = rows.a.copy()
     own[:, :N_FIELDS] += np.einsum("ijc,cjk->ikc", rows.b, rows.equation.blocks[rows.nodes])
     own *= np.append(rows.equation.scales.load, 1.0)[:, None]
-    # the own block of a grazing node may say nothing on its closed fraction
-    own[range(CLOSED + 1), range(CLOSED + 1)] += _diagonal(own) == 0.0
     return _restricted_inverse(own, which)
 
 
@@ -221,9 +256,9 @@ def _restricted_inverse(blocks: Array, which: Mask) -> Array:
 def _inverse(blocks: Array) -> Array:
     """Inverses of blocks (c, s, s), pseudo-inverses of those that are singular."""
     try:
-        found = np.linalg.inv(blocks)
+        found: Array = np.asarray(np.linalg.inv(blocks), float)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(blocks)
+        return np.asarray(np.linalg.pinv(blocks))
     size, bound = (np.abs(part).max(axis=(1, 2)) for part in (blocks, found))
     singular = ~(size * bound < SINGULAR)
     found[singular] = np.linalg.pinv(blocks[singular])

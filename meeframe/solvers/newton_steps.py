@@ -81,10 +81,13 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
 
 
 def _coupled(blocks: Blocks) -> Mask:
-    """Rows (n, 6) that are more than a statement on their own unknown."""
+    """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
+    fraction's: one goes with the other."""
     others = blocks.a.copy()
     others[:, np.arange(6), np.arange(6)] = 0.0
-    return np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
+    coupled: Mask = np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
+    coupled[:, 2] |= coupled[:, CLOSED]
+    return coupled
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:

@@ -1,0 +1,81 @@
+"""Newton's method and `auto` where the compliance is not held as a matrix: what they cost, and which solver begins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+import meeframe.solvers.auto as auto_module
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, Status
+from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.testing.counted import Counted
+from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+
+WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
+
+
+def dragged(n: int, law: ContactLaw, flux: ConductivityLaw) -> ContactProblem:
+    """A sphere on the orthotropic medium, pressed by a force and dragged by half of what friction bears."""
+    mesh = half_space_mesh(10.0 * WIDTH, WIDTH * (n - 1) / n, n - 1, 1, Quad4())
+    system = HalfSpace(matrix_up_to=0).reduce(Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact"))
+    x, y, _ = system.points.T
+    freedoms = [freedom(system, PRESS, FORCE)]
+    if law.tangential_scaling().any():
+        freedoms += [freedom(system, SLIDE, 0.5 * MU * FORCE), freedom(system, ASIDE, 0.0)]
+    none = np.zeros((len(x), 2))
+    gap = (x**2 + y**2) / (2.0 * RADIUS)
+    return ContactProblem(Counted.of(system), law, flux, flux, gap, none, none, tuple(freedoms))
+
+
+def products(problem: ContactProblem) -> int:
+    system = problem.system
+    assert isinstance(system, Counted)
+    return len(system.products)
+
+
+def test_nodes_that_graze_cost_newton_little() -> None:
+    """Perfect conductors whose edge nodes are neither open nor closed; insulated ones have none and cost no less."""
+    conducting, insulated = (
+        dragged(64, IsotropicCoulomb(MU), flux) for flux in (StepConductivity(np.inf), Insulating())
+    )
+    solution = solve(conducting, SemismoothNewton())
+    assert solution.status is Status.CONVERGED, solution.message
+    closed = solution.state.closed
+    assert ((closed > 0.0) & (closed < 1.0)).any()
+    spent = products(conducting)
+    assert residual(conducting, solution.state) <= 1e-10
+    assert solve(insulated, SemismoothNewton()).status is Status.CONVERGED
+    assert spent <= 2 * products(insulated)
+
+
+def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() -> None:
+    pressed = dragged(32, Signorini(), Insulating())
+    expected = solve(pressed, ProjectedCG(), Limits(1e-12)).state.load
+    spent = {}
+    for solver in (ProjectedCG(), Auto(), SemismoothNewton()):
+        counting = replace(pressed, system=Counted.of(pressed.system))
+        solution = solve(counting, solver)
+        assert solution.status is Status.CONVERGED, solution.message
+        spent[type(solver)] = products(counting)
+        np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+    assert spent[Auto] < spent[SemismoothNewton]
+    rubbed = dragged(32, IsotropicCoulomb(MU), Insulating())
+    by_newton, by_auto = (solve(rubbed, solver) for solver in (SemismoothNewton(), Auto()))
+    np.testing.assert_array_equal(by_auto.state.load, by_newton.state.load)
+
+
+def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    pressed = dragged(32, Signorini(), Insulating())
+    expected = solve(pressed, SemismoothNewton()).state.load
+    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, steps=0, patience=2))
+    solution = solve(pressed, Auto())
+    assert solution.status is Status.CONVERGED
+    assert solution.iterations > 3
+    np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
