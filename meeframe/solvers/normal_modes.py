@@ -102,7 +102,7 @@ class NormalModes:
 
         pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins.
         """
-        pressed = np.flatnonzero(pressure)
+        pressed = np.flatnonzero(pressure > 0.0)
         if self.numbers.size == 0:
             return gap, motion, self.on(_touching(pressed, gap))
         here = near if near is not None and near.nodes.size else self.on(pressed)

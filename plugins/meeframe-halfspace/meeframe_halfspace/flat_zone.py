@@ -11,7 +11,7 @@ from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.geometry import frames_of
 
 FLAT: Final = 1e-6
-"""By so much may normals differ, and nodes be off the plane as a part of the zone."""
+"""By so much, as a part of the zone, may nodes be off the plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +39,21 @@ def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
         used[connectivity] = True
     places = np.cumsum(used) - 1
     points = mesh.points[used]
-    normals = np.concatenate([_normals(mesh.points, connectivity[:, :3]) for _, connectivity in chosen])
-    frame = frames_of(normals[:1])[0]
-    turn, depth = float(np.abs(normals - frame[2]).max()), float(np.ptp(points @ frame[2]))
-    if not turn <= FLAT or depth > FLAT * float(np.ptp(points, axis=0).max()):
+    cells = tuple((element.meshio_type, places[nodes]) for element, nodes in chosen)
+    first, second, third = points[cells[0][1][0, :3]]
+    normal = np.cross(second - first, third - first)
+    frame = frames_of(normal[None] / np.linalg.norm(normal))[0]
+    along, across, level = frame @ points.T
+    depth = float(np.ptp(level))
+    if depth > FLAT * max(float(np.ptp(along)), float(np.ptp(across))):
         raise MeshError(f"contact zone {group!r}: a half space has a flat one; this is {depth:.3g} m deep")
-    return FlatZone(points, frame, tuple((element.meshio_type, places[nodes]) for element, nodes in chosen))
+    if not all((_turns(along, across, nodes) > 0.0).all() for _, nodes in cells):
+        raise MeshError(f"contact zone {group!r}: a half space has one side, of which elements show the other or none")
+    return FlatZone(points, frame, cells)
 
 
-def _normals(points: Array, corners: Indices) -> Array:
-    """Unit normals (e, 3) of elements whose first three corners (e, 3) are given."""
-    first, second, third = (points[corners[:, k]] for k in range(3))
-    normals = np.cross(second - first, third - first)
-    unit: Array = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return unit
+def _turns(along: Array, across: Array, nodes: Indices) -> Array:
+    """Twice the areas (e,) of the triangles of the first three corners of elements (e, k), seen from outside."""
+    x, y = ([coordinate[nodes[:, k]] for k in range(3)] for coordinate in (along, across))
+    turns: Array = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+    return turns

@@ -179,6 +179,19 @@ def test_uneven_spacing_is_refused():
         HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
 
 
+def test_zones_that_are_bent_or_turned_over_in_places_are_refused():
+    given = body((4, 4))
+    points = given.mesh.points.copy()
+    points[np.isclose(points[:, 0], 0.25), 2] += 1e-4
+    with pytest.raises(MeshError, match=r"0\.0001 m deep"):
+        HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
+    (block,) = given.mesh.blocks
+    connectivity = block.connectivity.copy()
+    connectivity[3] = connectivity[3, ::-1]
+    with pytest.raises(MeshError, match="other or none"):
+        HalfSpace().check(replace(given, mesh=replace(given.mesh, blocks=(replace(block, connectivity=connectivity),))))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
