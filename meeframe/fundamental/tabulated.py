@@ -15,7 +15,8 @@ from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.fundamental.line_integral import LineIntegral, line_modulation
 from meeframe.fundamental.modulated import checked_stiffness
 from meeframe.kernels.modulation import triads
-from meeframe.kernels.tabulated import DEGREE, WIDTH, evaluate, gradient, integrate
+from meeframe.kernels.tabulated import DEGREE, WIDTH, evaluate, gradient
+from meeframe.kernels.tabulated_sums import integrate
 
 MOST_CELLS = 64
 LINE_POINTS = 16
@@ -48,7 +49,7 @@ class TabulatedKernel(Kernel):
         """Weighted sums of U and T over the points of plane pieces; see Kernel."""
         offset, weights, normals = (np.ascontiguousarray(part, dtype=float) for part in (offset, weights, normals))
         u, t = np.empty((2, len(normals), weights.shape[1], 25))
-        integrate(self.table, self.cells, self.coefficients[0], offset, weights, starts, normals, u, t)
+        integrate(self.table, self.cells, self.coefficients, offset, weights, starts, normals, u, t)
         return u, t
 
     def gradient(self, offset: Array) -> Array:

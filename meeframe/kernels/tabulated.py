@@ -61,29 +61,40 @@ def _sort_by_cell(offset, cells):
     return order, bounds
 
 
+@njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
+def horner(table, cell, column, s, t):
+    """G, G_s, G_t of one column at local coordinates s, t of one cell of the table, by Horner's rule in both.
+
+    The bounds of the inner loop are constants: in a loop over the columns the compiler unrolls it and makes vectors of
+    them. Zeros with which the rule would begin are left out.
+    """
+    g_s = table[cell, column]
+    g_t = table[cell, column + WIDTH]
+    g = g_s * s + (g_t * t + table[cell, column + 2 * WIDTH])
+    entry = column + 3 * WIDTH
+    for degree in range(2, DEGREE + 1):
+        row_t = table[cell, entry]
+        row = row_t * t + table[cell, entry + WIDTH]
+        entry += 2 * WIDTH
+        for _ in range(degree - 1):
+            row_t = row_t * t + row
+            row = row * t + table[cell, entry]
+            entry += WIDTH
+        g_s = g_s * s + g
+        g = g * s + row
+        g_t = g_t * s + row_t
+    return g, g_s, g_t
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _interpolate(table, cell, s, t, value):
-    """G, G_s, G_t into value (48,) at local coordinates s, t of one cell of the table, by Horner's rule in both.
-
-    The bounds of the inner loops are constants, so that the compiler unrolls them and makes vectors of the columns.
-    """
+    """G, G_s, G_t into value (48,)."""
     for column in range(WIDTH):
-        g, g_s, g_t = 0.0, 0.0, 0.0
-        entry = column
-        for degree in range(DEGREE + 1):
-            row, row_t = 0.0, 0.0
-            for _ in range(degree + 1):
-                row_t = row_t * t + row
-                row = row * t + table[cell, entry]
-                entry += WIDTH
-            g_s = g_s * s + g
-            g = g * s + row
-            g_t = g_t * s + row_t
-        value[column], value[WIDTH + column], value[2 * WIDTH + column] = g, g_s, g_t
+        value[column], value[WIDTH + column], value[2 * WIDTH + column] = horner(table, cell, column, s, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _locate(x, y, z, cells):
+def locate(x, y, z, cells):
     """Face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
     face, xa, u, v = _face(x, y, z)
     i, j = _cell(u, cells), _cell(v, cells)
@@ -128,7 +139,7 @@ def _tractions(coefficients, place, sources, rows, traction):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gather(table, cells, offset, normal, point, p, value, place, sources, u_out):
     """Evaluate G at one point; fill column p of place and sources (see _tractions), and U."""
-    _, xa, u, v, cell, s, t = _locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
+    _, xa, u, v, cell, s, t = locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
     _interpolate(table, cell, s, t, value)
     for axis in range(3):
         place[BLOCK * axis + p] = normal[point, axis]
@@ -180,77 +191,6 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
         _evaluate_chunk(table, cells, coefficients, offset[part], normal[part], work, u_out[part], t_out[part])
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
-def _at_point(table, cells, offset, value, field):
-    """U, U,x U,y and U,z at one point into field (64,), packed, 16 columns each; value (48,) is scratch."""
-    face, xa, u, v, cell, s, t = _locate(offset[0], offset[1], offset[2], cells)
-    _interpolate(table, cell, s, t, value)
-    scale = 0.25 / (math.pi * abs(xa))
-    steep = scale / xa
-    a, b, c = WIDTH * (1 + face), WIDTH * (1 + (face + 1) % 3), WIDTH * (1 + (face + 2) % 3)
-    for column in range(WIDTH):
-        g = value[column]
-        g_u = steep * cells * value[WIDTH + column]
-        g_v = steep * cells * value[2 * WIDTH + column]
-        field[column] = scale * g
-        field[a + column] = -(steep * g + u * g_u + v * g_v)
-        field[b + column] = g_u
-        field[c + column] = g_v
-
-
-@njit(cache=True, nogil=True, fastmath={"contract"})
-def _flat_tractions(coefficients, normal, sums, spread, row, t_out):
-    """Tractions (k, 25) of summed derivatives sums (k, 64) on a plane with one normal.
-
-    coefficients (225,): C_iJMl as [J, M, l, i]; spread (3, 5, 8 k) and row (8 k,) are scratch, five of eight in use.
-    """
-    n_nodes = len(sums)
-    for node in range(n_nodes):
-        for part in range(3):
-            for q in range(25):
-                spread[part, q // 5, 8 * node + q % 5] = sums[node, WIDTH * (1 + part) + FLAT[q]]
-    x, y, z = normal
-    for j in range(5):
-        row[:] = 0.0
-        for part in range(3):
-            o = 45 * j + 3 * part
-            c0 = coefficients[o] * x + coefficients[o + 1] * y + coefficients[o + 2] * z
-            c1 = coefficients[o + 9] * x + coefficients[o + 10] * y + coefficients[o + 11] * z
-            c2 = coefficients[o + 18] * x + coefficients[o + 19] * y + coefficients[o + 20] * z
-            c3 = coefficients[o + 27] * x + coefficients[o + 28] * y + coefficients[o + 29] * z
-            c4 = coefficients[o + 36] * x + coefficients[o + 37] * y + coefficients[o + 38] * z
-            r = spread[part]
-            for i in range(len(row)):
-                row[i] += c0 * r[0, i] + c1 * r[1, i] + c2 * r[2, i] + c3 * r[3, i] + c4 * r[4, i]
-        for node in range(n_nodes):
-            for k in range(5):
-                t_out[node, 5 * j + k] = row[8 * node + k]
-
-
-@njit(cache=True, nogil=True, fastmath={"contract"})
-def integrate(table, cells, coefficients, offset, weights, starts, normals, u_out, t_out):
-    """Write sums of weights (n, k) times U and T at points starts[e]..starts[e + 1] of plane pieces e, (m, k, 25).
-
-    offset (n, 3), starts (m + 1,), normals (m, 3); coefficients as in _flat_tractions. A derivative is summed before
-    it is contracted with stiffness and normal: a piece costs that once and not at every point.
-    """
-    n_nodes = weights.shape[1]
-    value, field = np.empty(3 * WIDTH), np.empty(4 * WIDTH)
-    sums, spread, row = np.empty((n_nodes, 4 * WIDTH)), np.zeros((3, 5, 8 * n_nodes)), np.empty(8 * n_nodes)
-    for piece in range(len(normals)):
-        sums[:] = 0.0
-        for point in range(starts[piece], starts[piece + 1]):
-            _at_point(table, cells, offset[point], value, field)
-            for node in range(n_nodes):
-                weight = weights[point, node]
-                for i in range(4 * WIDTH):
-                    sums[node, i] += weight * field[i]
-        for node in range(n_nodes):
-            for q in range(25):
-                u_out[piece, node, q] = sums[node, FLAT[q]]
-        _flat_tractions(coefficients, normals[piece], sums, spread, row, t_out[piece])
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradient(table, cells, offset):
     """U,q (n, 5, 5, 3) for offset (n, 3)."""
@@ -258,7 +198,7 @@ def gradient(table, cells, offset):
     out = np.empty((n, 5, 5, 3))
     value = np.empty(3 * WIDTH)
     for point in range(n):
-        face, xa, u, v, cell, s, t = _locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
+        face, xa, u, v, cell, s, t = locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
         _interpolate(table, cell, s, t, value)
         scale = 0.25 / (math.pi * abs(xa) * xa)
         for j in range(5):

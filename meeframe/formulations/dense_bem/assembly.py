@@ -53,13 +53,15 @@ class System:
 class Problem:
     """What every task reads.
 
-    mesh: in units of the system; accuracy, rules: how its elements are integrated; exterior: (s, 25) terms of the plane
-    outside the mesh of a semi-infinite body; planes: for each block whose elements are all plane, their normals (e, 3).
+    mesh: in units of the system; own_shape: (o, k) shape functions at Sources.own_xi, zero-padded; accuracy, rules: how
+    the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body; planes:
+    for each block whose elements are all plane, their normals (e, 3).
     """
 
     mesh: SurfaceMesh
     layout: Layout
     sources: Sources
+    own_shape: Array
     kernel: Kernel
     accuracy: kernels.Accuracy
     exterior: Array | None
@@ -79,7 +81,8 @@ def assemble(
     rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(_planes(rule) for rule in rules)
-    problem = Problem(mesh, layout, sources, kernel, accuracy, exterior, rules, planes)
+    own_shape = _own_shapes(mesh, sources)
+    problem = Problem(mesh, layout, sources, own_shape, kernel, accuracy, exterior, rules, planes)
     n = layout.n_unknowns
     # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of both matrices.
     system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
@@ -235,7 +238,7 @@ def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, 
         t.reshape(-1, 25),
         buffers.shape_weights[:count],
         buffers.weights[:count],
-        shape_functions(block.element, xi[None])[0],
+        problem.own_shape[own],
         block.connectivity[element],
         problem.layout.patches.connectivity[number][element],
         panels.value,
@@ -288,6 +291,15 @@ def _tabulate(block: ElementBlock, points: Array, tolerance: float) -> kernels.R
     extents = element_extents(block.element, nodes, tolerance)
     degree = shape_degree(shape_table(block.element))
     return kernels.RuleTable(extents.centres, extents.sizes, extents.least_orders, degree, triangle, starts, *parts)
+
+
+def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
+    """Shape functions at the sources on the elements that hold them, (o, k)."""
+    shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
+    for number, block in enumerate(mesh.blocks):
+        rows = sources.own_block == number
+        shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.own_xi[rows])
+    return shapes
 
 
 def _planes(rules: kernels.RuleTable) -> Array | None:
