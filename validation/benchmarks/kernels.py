@@ -281,8 +281,8 @@ def _roofline(record: Record) -> list[str]:
         prose(
             f"What keeps it from the peak: the interpolation alone, {interpolations()} operations, takes"
             f" {alone['one']:.3f} µs at points of one cell, {100 * share:.0f} % of the peak, and {alone['others']:.3f}"
-            " µs where each point lies in another cell than the last and its coefficients come from the third level. The"
-            " rest of a pair moves numbers: packed entries into full matrices, and 400 bytes of results."
+            " µs where each point lies in another cell than the last and its coefficients come from the third level."
+            " The rest of a pair moves numbers: packed entries into full matrices, and 400 bytes of results."
         ),
     ]
 
