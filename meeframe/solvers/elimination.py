@@ -237,7 +237,7 @@ class KrylovElimination(Elimination):
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
         """See Elimination. In single precision where fluxes are asked for roughly, and from nothing."""
         conducts = np.isfinite(conductors.resistance)
-        rough = rest >= ROUGH and not guess.any()
+        rough = rest >= ROUGH and conducts.any() and not guess.any()
         moved = self._response(traction, self.mechanical + self.conducting, rough)
         alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts], rest)
         balanced, potential = conductors.floating.balance(alone, 0.0)
