@@ -149,13 +149,18 @@ class ProjectedCG(Solver):
         return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
-        """By steps until the solver thinks that it is near enough; where the contact is open with a tension like the
-        gap, so that between nodes the sum of both tells where it ends."""
+        """By steps until the solver thinks that it is near enough.
+
+        If nothing conducts, there is a tension like the gap where the contact is open: between nodes the sum of both
+        tells where it ends.
+        """
         iterate = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
             if iterate.estimate is not None and iterate.estimate <= COARSE:
                 break
             iterate = self.step(problem, iterate)
+        if isinstance(_memory(iterate).response, Conducting):
+            return iterate
         gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
         unit = np.zeros((len(gap), 1))
         unit[firm] = 1.0
