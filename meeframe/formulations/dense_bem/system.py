@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg.lapack import dgecon, dgetrf, dlange, dtrtrs
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dgecon, dgetrf, dlange, dlaswp, dtrtrs
 
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError
@@ -18,6 +19,10 @@ SINGULAR: Final = 1e-11
 """Reciprocal condition number below which the system counts as singular.
 
 A free part leaves 1e-13, the round-off of its constant fields; a block a thousand times larger than its zone 1e-7."""
+AT_ONCE: Final = 12_000
+"""Unknowns up to which LAPACK eliminates in one call: that of OpenBLAS, in threads, ends the process with 22,450."""
+PANEL: Final = 2048
+"""Columns that it eliminates in one call beyond that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +62,7 @@ def factorise(system: System) -> Array:
     working precision.
     """
     norm = dlange("I", system.matrix)
-    factors: Array
-    factors, _, _ = dgetrf(system.columns, overwrite_a=True)
+    factors = _eliminated(system.columns)
     reciprocal, _ = dgecon(factors[:, : len(factors)], norm, norm="I")
     if not reciprocal > SINGULAR:
         raise CaseError(
@@ -66,6 +70,28 @@ def factorise(system: System) -> Array:
             "the body needs supports and a prescribed value of each potential"
         )
     return factors
+
+
+def _eliminated(columns: Array) -> Array:
+    """LU factors of the first u of columns (u, w) in Fortran order, in their place, the others taken along."""
+    n, width = columns.shape
+    if n <= AT_ONCE:
+        factors: Array = dgetrf(columns, overwrite_a=True)[0]
+        return factors
+    swaps = np.arange(n)
+    for first in range(0, n, PANEL):
+        last = min(first + PANEL, n)
+        panel, rows, _ = dgetrf(columns[first:, first:last])
+        swaps[first:last] = first + rows
+        dlaswp(columns, swaps, k1=first, k2=last - 1, overwrite_a=True)
+        columns[first:, first:last] = panel
+        corner, below = panel[: last - first], panel[last - first :]
+        for start in range(last, width, PANEL):
+            part = slice(start, start + PANEL)
+            beside = dtrsm(1.0, corner, columns[first:last, part], lower=True, diag=True)
+            columns[first:last, part] = beside
+            columns.T[part, last:] -= beside.T @ below.T
+    return columns
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
