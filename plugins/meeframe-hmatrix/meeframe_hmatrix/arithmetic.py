@@ -11,10 +11,8 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import lu_factor, solve_triangular
 
 from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
 from meeframe_hmatrix.blocks import (
     Block,
     Dense,
@@ -24,6 +22,7 @@ from meeframe_hmatrix.blocks import (
     multiply,
     multiply_transposed,
     shape,
+    to_dense,
     transposed,
     within,
 )
@@ -34,12 +33,14 @@ MOST_TERMS = 3
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """LU factors of an undivided diagonal block, array[order] = lower @ upper, in one array (n, n)."""
+    """Factors of an undivided diagonal block: the lower one is unity, the upper one the block itself.
+
+    inverse: of the block, (n, n), so that solutions are products.
+    """
 
     rows: slice
     columns: slice
-    factors: Array
-    order: Indices
+    inverse: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +151,10 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
         return block
     if isinstance(block, Dense):
         array = block.array.copy()
-        for left, right in pending.terms:
-            array -= left @ right
+        if pending.terms:
+            array -= np.hstack([left for left, _ in pending.terms]) @ np.vstack([right for _, right in pending.terms])
         for first, second in pending.products:
-            array -= _dense_product(first, second, array.shape[1])
+            array -= _dense_product(first, second)
         return Dense(block.rows, block.columns, array)
     left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
     right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
@@ -170,16 +171,16 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
             y -= multiply_transposed(second, multiply_transposed(first, x))
         return y
 
-    rank = max(block.left.shape[1], *(part.shape[1] for part, _ in pending.terms), 0)
+    rank = block.left.shape[1]  # elimination hardly changes it
     return LowRank(block.rows, block.columns, *compress(product, transposed, shape(block), rank, tolerance))
 
 
-def _dense_product(first: Block, second: Block, width: int) -> Array:
+def _dense_product(first: Block, second: Block) -> Array:
     if isinstance(second, Dense):
         return multiply(first, second.array)
     if isinstance(first, Dense):
         return multiply_transposed(second, first.array.T).T
-    return multiply(first, multiply(second, np.eye(width)))
+    return multiply(first, to_dense(second))
 
 
 def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending = NOTHING) -> Factors:
@@ -187,8 +188,7 @@ def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending =
     if isinstance(block, Dense):
         rest = _subtracted(block, pending, tolerance)
         assert isinstance(rest, Dense)
-        factors, swaps = lu_factor(rest.array, check_finite=False)
-        return Eliminated(block.rows, block.columns, factors, _permutation(swaps))
+        return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
     pending = _condensed(pending, tolerance)
     first = eliminate(block.parts[0][0], tolerance, pool, _handed_down(pending, block, 0, 0))
@@ -199,13 +199,6 @@ def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending =
     remaining = _with_product(_handed_down(pending, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], tolerance, pool, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
-
-
-def _permutation(swaps: Indices) -> Indices:
-    order = np.arange(len(swaps), dtype=np.int64)
-    for row, other in enumerate(swaps):
-        order[[row, other]] = order[[other, row]]
-    return order
 
 
 def solve(factors: Factors, form: Form, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
@@ -244,15 +237,10 @@ def solve_from_right(factors: Factors, block: Block, tolerance: float, pending: 
 def solution(factors: Factors, form: Form, x: Array) -> Array:
     """triangle^-1 @ x for x (n, k), for one of the triangles of factors."""
     if isinstance(factors, Eliminated):
-        rhs = x[factors.order] if form is Form.LOWER else x
-        solved: Array = solve_triangular(
-            factors.factors,
-            rhs,
-            trans=int(form is Form.UPPER_TRANSPOSED),
-            lower=form is Form.LOWER,
-            unit_diagonal=form is Form.LOWER,
-            check_finite=False,
-        )
+        if form is Form.LOWER:
+            return x
+        inverse = factors.inverse if form is Form.UPPER else factors.inverse.T
+        solved: Array = inverse @ x
         return solved
     middle = factors.first.rows.stop - factors.rows.start
     parts = [x[:middle], x[middle:]]

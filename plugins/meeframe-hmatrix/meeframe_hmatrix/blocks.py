@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, svd
 
 from meeframe.core.fields import Array
 
@@ -130,18 +129,18 @@ def recompress(left: Array, right: Array, tolerance: float) -> tuple[Array, Arra
     """The best factors of left (m, k) @ right (k, n) for a relative tolerance in the Frobenius norm (QR and SVD)."""
     if min(*left.shape, right.shape[1]) == 0:
         return left[:, :0], right[:0]
-    q, r = qr(left, mode="economic", check_finite=False)
+    q, r = np.linalg.qr(left)
     return _rotated(q, r @ right, tolerance)
 
 
 def _rotated(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
     """Factors of q @ rows for orthonormal q (m, k), rows (k, n)."""
     if rows.shape[1] > rows.shape[0]:
-        basis, triangle = qr(rows.T, mode="economic", check_finite=False)
-        u, values, v = svd(triangle.T, full_matrices=False, check_finite=False)
+        basis, triangle = np.linalg.qr(rows.T)
+        u, values, v = np.linalg.svd(triangle.T, full_matrices=False)
         v = v @ basis.T
     else:
-        u, values, v = svd(rows, full_matrices=False, check_finite=False)
+        u, values, v = np.linalg.svd(rows, full_matrices=False)
     rank = kept_rank(values, tolerance)
     return q @ (u[:, :rank] * values[:rank]), v[:rank]
 
@@ -166,7 +165,7 @@ def compress(
             if size[1] <= size[0]:
                 return recompress(product(np.eye(size[1])), np.eye(size[1]), tolerance)
             return recompress(np.eye(size[0]), transposed(np.eye(size[0])).T, tolerance)
-        q, _ = qr(product(random.normal(size=(size[1], width))), mode="economic", check_finite=False)
+        q, _ = np.linalg.qr(product(random.normal(size=(size[1], width))))
         left, right = _rotated(q, transposed(q).T, tolerance)
         if right.shape[0] <= width - FIRST_GUESS // 2:
             return left, right

@@ -83,8 +83,7 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
     in_zone = np.zeros(len(mesh.points), bool)
     in_zone[layout.zone] = True
     halves = [
-        _bisect(mesh.points, np.flatnonzero(part), -(-int(part.sum()) // leaf_size))
-        for part in (~in_zone, in_zone)
+        _bisect(mesh.points, np.flatnonzero(part), -(-int(part.sum()) // leaf_size)) for part in (~in_zone, in_zone)
     ]
     points = np.concatenate([leaf for half in halves for leaf in _flat(half)])
     rank = inverse(points)
