@@ -27,7 +27,7 @@ from meeframe.solvers.krylov import Linear, gmres
 
 KRYLOV_TOLERANCE: Final = 1e-13
 ROUGH: Final = 1e-3
-"""Of a response, in which single precision has no part."""
+"""Part of a guess's error that single precision can do without."""
 HARDLY: Final = 1e6
 """A resistance so many times a node's own response."""
 
@@ -79,7 +79,8 @@ class Elimination(ABC):
         """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, as of Conductors.fixed.
 
         rest: part of the guess's error that may be left: iterations whose guesses get better need no more.
-        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above.
+        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. Of
+        those in single precision the response need be no more precise.
         Displacements that no contact condition asks for may be left zero.
         """
 
@@ -235,24 +236,23 @@ class KrylovElimination(Elimination):
         return Conductors(resistance, flux, moved, potential, floating, solve)
 
     def respond(self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0) -> Response:
-        """See Elimination. In single precision where fluxes are asked for roughly, and from nothing."""
+        """See Elimination. In the precision of the tractions."""
         conducts = np.isfinite(conductors.resistance)
-        rough = rest >= ROUGH and conducts.any() and not guess.any()
-        moved = self._response(traction, self.mechanical + self.conducting, rough)
+        moved = self._response(traction, self.mechanical + self.conducting)
         alone = conductors.parts(-moved[:, POTENTIALS][conducts], guess[conducts], rest)
         balanced, potential = conductors.floating.balance(alone, 0.0)
         flux = _filled(conducts, balanced)
-        moved += self._response(flux, self.mechanical, rough)
+        moved += self._response(flux.astype(traction.dtype, copy=False), self.mechanical)
         return Response(flux, moved[:, MECHANICAL], potential)
 
-    def _response(self, load: Array, fields: list[int], rough: bool = False) -> Array:
+    def _response(self, load: Array, fields: list[int]) -> Array:
         """Displacement (n, 5) in the given fields, zero in the others, of tractions (n, 3) or fluxes (n, 2) alone.
 
-        Fields are stored one after another, which systems may like better; rough: single precision will do.
+        Fields are stored one after another, which systems may like better.
         """
         moved = np.zeros((N_FIELDS, len(load))).T
         first, loaded = (POTENTIALS.start, self.conducting) if load.shape[1] == 2 else (0, self.mechanical)
-        block = np.empty((len(loaded), len(load)), np.float32 if rough else float).T
+        block = np.empty((len(loaded), len(load)), load.dtype).T
         block[...] = load[:, [field - first for field in loaded]]
         if block.any():
             moved[:, fields] = self.problem.system.block_response(block, loaded, fields)
@@ -266,9 +266,10 @@ class KrylovElimination(Elimination):
             return np.zeros(0)
         scale = (own + resistance) ** -0.5
 
-        def equations(scaled: Array, rough: bool = False) -> Array:
+        def equations(scaled: Array, precision: type[np.floating] = np.float64) -> Array:
             trial = scale * scaled
-            raised = self._response(_filled(conducts, trial), self.conducting, rough)[:, POTENTIALS]
+            flux = _filled(conducts, trial).astype(precision, copy=False)
+            raised = self._response(flux, self.conducting)[:, POTENTIALS]
             left: Array = scale * (raised[conducts] + resistance * trial)
             return left
 
@@ -276,7 +277,7 @@ class KrylovElimination(Elimination):
         start = np.where(resistance < HARDLY * own, guess / scale, 0.0)
         precondition = self._preconditioner(own > resistance, scale, conducts)
         # what a guess leaves is looked at precisely, and then found to three digits at most
-        roughly = partial(equations, rough=True) if rest >= ROUGH else None
+        roughly = partial(equations, precision=np.float32) if rest >= ROUGH else None
         solved = gmres(equations, precondition, scale * difference, KRYLOV_TOLERANCE, start, rest, roughly=roughly)
         return np.asarray(scale * solved)
 

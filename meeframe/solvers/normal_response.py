@@ -145,9 +145,9 @@ class Conducting(NormalResponse):
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
     def change(self, pressure: Array) -> Effect:
-        """See NormalResponse."""
-        nothing = np.zeros((len(pressure), 2))
-        response = self.ground.elimination.respond(_traction(pressure), self.conductors, nothing, CHANGED)
+        """See NormalResponse: in single precision."""
+        nothing, traction = np.zeros((len(pressure), 2)), _traction(pressure.astype(np.float32, copy=False))
+        response = self.ground.elimination.respond(traction, self.conductors, nothing, CHANGED)
         motion = np.zeros(len(self.problem.freedoms))
         motion[self.conductors.floating.numbers] = response.potential
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
@@ -180,7 +180,7 @@ class Conducting(NormalResponse):
 
 
 def _traction(pressure: Array) -> Array:
-    """Tractions (n, 3) of a pressure (n,)."""
-    traction = np.zeros((len(pressure), 3))
+    """Tractions (n, 3) of a pressure (n,), in its precision."""
+    traction = np.zeros((len(pressure), 3), pressure.dtype)
     traction[:, NORMAL] = -pressure
     return traction

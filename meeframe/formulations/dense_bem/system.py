@@ -21,8 +21,8 @@ SINGULAR: Final = 1e-11
 A free part leaves 1e-13, the round-off of its constant fields; a block a thousand times larger than its zone 1e-7."""
 AT_ONCE: Final = 12_000
 """Unknowns up to which LAPACK eliminates in one call: that of OpenBLAS, in threads, ends the process with 22,450."""
-PANEL: Final = 2048
-"""Columns that it eliminates in one call beyond that."""
+PANEL, STRIP = 8192, 2048
+"""Columns that it eliminates in one call beyond that, and that are taken along at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,8 @@ def _eliminated(columns: Array) -> Array:
         dlaswp(columns, swaps, k1=first, k2=last - 1, overwrite_a=True)
         columns[first:, first:last] = panel
         corner, below = panel[: last - first], panel[last - first :]
-        for start in range(last, width, PANEL):
-            part = slice(start, start + PANEL)
+        for start in range(last, width, STRIP):
+            part = slice(start, start + STRIP)
             beside = dtrsm(1.0, corner, columns[first:last, part], lower=True, diag=True)
             columns[first:last, part] = beside
             columns.T[part, last:] -= beside.T @ below.T

@@ -12,6 +12,7 @@ from meeframe.formulations.dense_bem.assembly import System
 def _small_panels(monkeypatch):
     monkeypatch.setattr(system, "AT_ONCE", 10)
     monkeypatch.setattr(system, "PANEL", 7)
+    monkeypatch.setattr(system, "STRIP", 4)
 
 
 @pytest.mark.parametrize(("unknowns", "others"), [(53, 12), (49, 1), (11, 30)])
