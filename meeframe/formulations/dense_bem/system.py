@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
+from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dgecon, dgetrf, dlange, dlaswp, dtrtrs
 
 from meeframe.core.body import Body
@@ -21,7 +21,7 @@ SINGULAR: Final = 1e-11
 A free part leaves 1e-13, the round-off of its constant fields; a block a thousand times larger than its zone 1e-7."""
 AT_ONCE: Final = 12_000
 """Unknowns up to which LAPACK eliminates in one call: that of OpenBLAS, in threads, ends the process with 22,450."""
-PANEL, STRIP = 8192, 2048
+PANEL, STRIP = 4096, 2048
 """Columns that it eliminates in one call beyond that, and that are taken along at a time."""
 
 
@@ -85,12 +85,13 @@ def _eliminated(columns: Array) -> Array:
         swaps[first:last] = first + rows
         dlaswp(columns, swaps, k1=first, k2=last - 1, overwrite_a=True)
         columns[first:, first:last] = panel
-        corner, below = panel[: last - first], panel[last - first :]
+        corner, below = (np.asfortranarray(part) for part in np.split(panel, [last - first]))
         for start in range(last, width, STRIP):
             part = slice(start, start + STRIP)
             beside = dtrsm(1.0, corner, columns[first:last, part], lower=True, diag=True)
             columns[first:last, part] = beside
-            columns.T[part, last:] -= beside.T @ below.T
+            if last < n:  # by SciPy, whose threads NumPy's would disturb
+                columns[last:, part] -= dgemm(1.0, below, beside)
     return columns
 
 
