@@ -47,36 +47,6 @@ def _form(stiffness, a, b, pairs, form):
                 )
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
-def _inverse(g00, g01, g02, g03, g04, g11, g12, g13, g14, g22, g23, g24, g33, g34, g44):
-    """Inverse of a symmetric 5x5 matrix with definite mechanical and electromagnetic blocks of opposite sign.
-
-    Of [[A, B], [B^T, D]] it is [[A^-1 + X Y^T, -Y], [-Y^T, S^-1]], X = A^-1 B, S = D - B^T X, Y = X S^-1: A and S are
-    definite. Other matrices may give what is not finite.
-    """
-    a00, a01, a02 = g11 * g22 - g12 * g12, g02 * g12 - g01 * g22, g01 * g12 - g02 * g11
-    scale = 1.0 / (g00 * a00 + g01 * a01 + g02 * a02)
-    a00, a01, a02 = scale * a00, scale * a01, scale * a02
-    a11, a12, a22 = scale * (g00 * g22 - g02 * g02), scale * (g01 * g02 - g00 * g12), scale * (g00 * g11 - g01 * g01)
-    x03, x04 = a00 * g03 + a01 * g13 + a02 * g23, a00 * g04 + a01 * g14 + a02 * g24
-    x13, x14 = a01 * g03 + a11 * g13 + a12 * g23, a01 * g04 + a11 * g14 + a12 * g24
-    x23, x24 = a02 * g03 + a12 * g13 + a22 * g23, a02 * g04 + a12 * g14 + a22 * g24
-    s33 = g33 - (g03 * x03 + g13 * x13 + g23 * x23)
-    s34 = g34 - (g03 * x04 + g13 * x14 + g23 * x24)
-    s44 = g44 - (g04 * x04 + g14 * x14 + g24 * x24)
-    scale = 1.0 / (s33 * s44 - s34 * s34)
-    s33, s34, s44 = scale * s44, -scale * s34, scale * s33
-    y03, y04 = x03 * s33 + x04 * s34, x03 * s34 + x04 * s44
-    y13, y14 = x13 * s33 + x14 * s34, x13 * s34 + x14 * s44
-    y23, y24 = x23 * s33 + x24 * s34, x23 * s34 + x24 * s44
-    return (
-        (a00 + x03 * y03 + x04 * y04, a01 + x03 * y13 + x04 * y14, a02 + x03 * y23 + x04 * y24, -y03, -y04),
-        (a11 + x13 * y13 + x14 * y14, a12 + x13 * y23 + x14 * y24, -y13, -y14),
-        (a22 + x23 * y23 + x24 * y24, -y23, -y24),
-        (s33, s34, s44),
-    )
-
-
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _inverse(g00, g01, g02, g03, g04, g11, g12, g13, g14, g22, g23, g24, g33, g34, g44):
     """Inverse of a symmetric 5x5 matrix with definite mechanical and electromagnetic blocks of opposite sign.
