@@ -74,7 +74,7 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterato
     are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there; and
     unless overwrite is true if it holds anything else, or another sweep.
     """
-    check_output(folder, overwrite or _held(folder) is not None)
+    check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
     with _locked(folder):
         _make_ready(folder, set(keys), overwrite)
         yield
@@ -137,6 +137,19 @@ def drop_systems(folder: Path, keys: Collection[str]) -> None:
         if path.stem not in keys:
             with suppress(OSError):
                 path.unlink()
+
+
+def _begun(folder: Path) -> bool:
+    """Whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
+    try:
+        return all(
+            path.name == LOCK_FILE
+            or path.match(f".{Path(LIST_FILE).stem}.*")
+            or (path.name in (SYSTEMS, POINTS) and not any(path.iterdir()))
+            for path in folder.iterdir()
+        )
+    except OSError:  # there is none, or it cannot be read
+        return False
 
 
 def _held(folder: Path) -> set[str] | None:
