@@ -30,6 +30,11 @@ class EdgedSystem(ReducedSystem):
         chosen = list(fields)
         return self.original.response(load, chosen) + _each(self.own[:, chosen], load)
 
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """compliance in k fields alone, (n, k), of loads (n, l) in l fields alone."""
+        own = self.own[:, list(fields)][:, :, list(loaded)]
+        return self.original.block_response(load, loaded, fields) + _each(own, load)
+
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
         blocks: Array = self.original.diagonal_blocks() + self.own
@@ -59,7 +64,7 @@ class EdgedSystem(ReducedSystem):
 
 
 def _each(blocks: Array, load: Array) -> Array:
-    """Blocks (n, k, 5) times the load (n, 5) of their nodes, (n, k)."""
+    """Blocks (n, k, l) times the load (n, l) of their nodes, (n, k)."""
     products: Array = np.einsum("nij,nj->ni", blocks, load)
     return products
 

@@ -80,6 +80,16 @@ class PairSystem(ReducedSystem):
         theirs = self.counter.response(self.counter_load(load), chosen)[self.partners]
         return self.first.response(load, chosen) - self.rotation[:, chosen, chosen] * theirs
 
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Relative displacement in k fields alone, (n, k), of loads (n, l) in l fields alone."""
+        if self.matrix is not None or not self._aligned:
+            return super().block_response(load, loaded, fields)
+        borne, chosen = list(loaded), list(fields)
+        reaction = np.empty_like(load)
+        reaction[self.partners] = -self.rotation[:, borne, borne] * load
+        theirs = self.counter.block_response(reaction, borne, chosen)[self.partners]
+        return self.first.block_response(load, borne, chosen) - self.rotation[:, chosen, chosen] * theirs
+
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """That of the first body, with the compliance that the other adds to each field at a node."""
         inverse = self.first.approximate_inverse(fields)

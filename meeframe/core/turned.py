@@ -69,8 +69,21 @@ class TurnedSystem(ReducedSystem):
 
     def response(self, load: Array, fields: Sequence[int]) -> Array:
         """compliance(load) in k fields alone, (n, k) for load (n, 5)."""
-        asked = sorted(TANGENTIAL.union(fields)) if TANGENTIAL.intersection(fields) else list(fields)
+        asked = _with_both_tangential(fields)
         found = self.original.response(_rotated(load, _inverse(self.cosine_sine)), asked)
+        return self._chosen(found, asked, fields)
+
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """compliance in k fields alone, (n, k), of loads (n, l) in l fields alone."""
+        borne, asked = _with_both_tangential(loaded), _with_both_tangential(fields)
+        whole = np.zeros((len(borne), len(load)), load.dtype).T
+        whole[:, [borne.index(field) for field in loaded]] = load
+        if TANGENTIAL.intersection(loaded):
+            whole = _rotated(whole, _inverse(self.cosine_sine))
+        return self._chosen(self.original.block_response(whole, borne, asked), asked, fields)
+
+    def _chosen(self, found: Array, asked: list[int], fields: Sequence[int]) -> Array:
+        """Of the original's displacement in the fields asked for, (n, k) in these ones, turned."""
         if TANGENTIAL.intersection(fields):
             found = _rotated(found, self.cosine_sine)
         return found[:, [asked.index(field) for field in fields]]
@@ -127,6 +140,11 @@ def _turn(frames: Array, directions: Array) -> Array:
     length = np.linalg.norm(along, axis=1, keepdims=True)
     lies = length > NORMAL_TO_SURFACE
     return np.where(lies, along / np.where(lies, length, 1.0), [1.0, 0.0])
+
+
+def _with_both_tangential(fields: Sequence[int]) -> list[int]:
+    """Fields with both tangential ones, first, if one of them is among them."""
+    return sorted(TANGENTIAL.union(fields)) if TANGENTIAL.intersection(fields) else list(fields)
 
 
 def _inverse(cosine_sine: Array) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import final
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
 
 
 @final
@@ -35,6 +35,11 @@ class Counted(ReducedSystem):
         self.products.append(None)
         return self.inner.response(load, fields)
 
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """See ReducedSystem."""
+        self.products.append(None)
+        return self.inner.block_response(load, loaded, fields)
+
     def diagonal_blocks(self) -> Array:
         """See ReducedSystem."""
         return self.inner.diagonal_blocks()
@@ -54,3 +59,7 @@ class Counted(ReducedSystem):
     def coarser(self) -> Coarsening | None:
         """See ReducedSystem."""
         return self.inner.coarser() if self.helped else None
+
+    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+        """See ReducedSystem."""
+        return self.inner.edges(pressure, rim)

@@ -1,5 +1,6 @@
 """Conformance of the optional methods of a reduced system, by which solvers are faster; see check_formulation."""
 
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -11,19 +12,24 @@ from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, w
 
 CHOICES: Final = ((2,), (0, 1), (4, 1), (3, 4), (0, 1, 2), (0, 1, 2, 3, 4))
 """Fields that solvers may ask for, in any order."""
+LOADED: Final = ((2,), (0, 1, 2), (4, 3), (2, 0), (4,))
+"""Fields that may be loaded alone, in any order."""
 ROUGHLY: Final = 0.5
 """Least cosine between a load inside the zone and the one that an approximate inverse finds of its displacement."""
 INSIDE: Final = 0.4
 """Of the zone's half widths: further out approximate inverses may be bad."""
 SINGLE: Final = 1e-4
 """Of a load: an approximate inverse may work in single precision."""
+BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
+"""Of a displacement: that of a load in single precision may be found in single precision."""
 COARSELY: Final = 0.2
 """By how much a coarser division may respond otherwise to a smooth load, relative to the largest displacement."""
 
 
 def check_shortcuts(system: ReducedSystem) -> None:
-    """`response`, `approximate_inverse` and `coarser` belong to `apply`. Raises AssertionError."""
+    """`response`, `block_response`, `approximate_inverse` and `coarser` belong to `apply`. Raises AssertionError."""
     check_response(system)
+    check_block_response(system)
     check_inverse(system)
     coarse = system.coarser()
     if coarse is not None:
@@ -40,6 +46,19 @@ def check_response(system: ReducedSystem) -> None:
         error = worst(found, expected[:, list(fields)])
         require(error < ROUND_OFF, f"response in fields {fields} is not apply: another problem would be solved", error)
     require(np.array_equal(load, kept), "response changes its argument, so that solvers lose their state", len(load))
+
+
+def check_block_response(system: ReducedSystem) -> None:
+    """`block_response` is `apply` of a load in some fields alone, of one in single precision to about six digits."""
+    load = np.random.default_rng(3).normal(size=system.offset.shape) * typical_load(system)
+    for loaded, fields in product(LOADED, CHOICES):
+        alone, block = np.zeros_like(load), load[:, list(loaded)]
+        alone[:, list(loaded)] = block
+        expected = system.apply(alone)[:, list(fields)]
+        for precision, bound in BOUNDS.items():
+            error = worst(system.block_response(block.astype(precision), loaded, fields), expected)
+            what = f"block_response to loads {precision} in fields {loaded} is not apply in fields {fields}"
+            require(error < bound, f"{what}: solvers would go astray", error)
 
 
 def check_inverse(system: ReducedSystem) -> None:

@@ -23,6 +23,7 @@ from meeframe.materials import Material, library_material, rotation_about
 from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.solvers.nested import coarse_problem
 from meeframe.solvers.scales import problem_scales
+from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.matrix_free import MatrixFree
 from meeframe.testing.shortcuts import check_shortcuts
@@ -155,6 +156,7 @@ def test_shortcuts_of_systems_made_of_others() -> None:
         pair(system, system),
         turned(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
         edged(system, edge * system.diagonal_blocks()),
+        Counted.of(system),
     ):
         check_shortcuts(whole)
 
@@ -186,6 +188,10 @@ class Wrong(ReducedSystem):
     def response(self, load: Array, fields: Sequence[int]) -> Array:
         return self.inner.response(load, sorted(fields) if self.wrong == "response" else fields)
 
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        found = self.inner.block_response(load, sorted(loaded) if self.wrong == "block_response" else loaded, fields)
+        return 1.0001 * found if self.wrong == "single precision" and load.dtype == np.float32 else found
+
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         inverse = self.inner.approximate_inverse(fields)
         assert inverse is not None
@@ -201,9 +207,13 @@ class Wrong(ReducedSystem):
         return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
 
 
-@pytest.mark.parametrize("wrong", ["response", "approximate_inverse", "prolong", "weights", "points"])
-def test_wrong_shortcuts_are_caught(wrong: str) -> None:
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
+    + [("single precision", "block_response to loads float32")],
+)
+def test_wrong_shortcuts_are_caught(wrong: str, said: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
-    with pytest.raises(AssertionError, match=wrong):
+    with pytest.raises(AssertionError, match=said):
         check_shortcuts(Wrong.of(system, wrong))
     check_shortcuts(Wrong.of(system, "nothing"))
