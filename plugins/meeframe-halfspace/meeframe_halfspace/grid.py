@@ -76,12 +76,15 @@ def find_grid(zone: FlatZone, name: str) -> Grid:
     nodes = np.full((i.max() + 1, j.max() + 1), -1)
     nodes[i, j] = np.arange(len(i))
     if nodes.size != len(i) or nodes.min() < 0:
-        raise MeshError(
-            f"contact zone {name!r}: its {len(i)} nodes are no full grid, which would have {nodes.shape[0]} x "
-            f"{nodes.shape[1]}; allowed: a rectangle of equal elements with edges along its axes e1 and e2, without "
-            "nodes on edges alone (quad4, quad9, tri3, but not quad8)"
-        )
+        raise _no_grid(name, len(i), f", which would have {nodes.shape[0]} x {nodes.shape[1]}")
     return Grid(nodes, (hx, hy), zone.frame)
+
+
+def _no_grid(name: str, count: int, reason: str) -> MeshError:
+    return MeshError(
+        f"contact zone {name!r}: its {count} nodes are no full grid{reason}; allowed: a rectangle of equal elements "
+        "with edges along its axes e1 and e2, without nodes on edges alone (quad4, quad9, tri3, but not quad8)"
+    )
 
 
 def _places(coordinates: Array, others: Array, name: str) -> tuple[Indices, float]:
@@ -90,7 +93,7 @@ def _places(coordinates: Array, others: Array, name: str) -> tuple[Indices, floa
     row = np.sort(coordinates[others <= first + SAME * np.ptp(others)])
     count = 1 + int((np.diff(row) > SAME * extent).sum())
     if count < 2:
-        raise MeshError(f"contact zone {name!r}: one row of nodes is no grid")
+        raise _no_grid(name, len(coordinates), ": only one is on the edge along an axis")
     spacing = float(row[-1] - row[0]) / (count - 1)
     places = (coordinates - row[0]) / spacing
     nearest = np.rint(places).astype(np.int64)

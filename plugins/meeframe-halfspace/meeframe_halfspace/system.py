@@ -67,14 +67,23 @@ class HalfSpaceSystem(ReducedSystem):
 
     def _response(self, load: dict[int, Array], fields: Sequence[int]) -> Array:
         if not self.convolution.periodic:
-            load = {field: np.multiply(part, self.shares, dtype=part.dtype) for field, part in load.items()}
+            load = {
+                field: np.multiply(part, self.shares, dtype=np.result_type(part, np.float32))
+                for field, part in load.items()
+            }
         placed = {field: self.grid.place(part) for field, part in load.items()}
         return self.grid.scatter(self.convolution.response(placed, fields))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
-        blocks: Array = self.shares[:, None, None] * (entries_to_matrix(self.grid_response.own) * self.scale)
+        blocks: Array = self.shares[:, None, None] * self._own
         return blocks
+
+    @cached_property
+    def _own(self) -> Array:
+        """Response (5, 5) of a node to the density around it."""
+        own: Array = entries_to_matrix(self.grid_response.own) * self.scale
+        return own
 
     def dense(self) -> Array | None:
         """None: see dense_matrix."""

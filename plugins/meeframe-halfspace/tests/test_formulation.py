@@ -86,6 +86,13 @@ def test_blocks_in_double_and_in_single_precision(formulation):
     assert 1e-9 < (np.abs(single - expected) / size).max() < 1e-5
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_loads_of_whole_numbers(periodic):
+    system = HalfSpace(periodic=periodic, matrix_up_to=0).reduce(body((9, 6)))
+    load = np.random.default_rng(7).integers(-5, 6, system.offset.shape)
+    np.testing.assert_array_equal(system.apply(load), system.apply(load.astype(float)))
+
+
 def test_weights_and_nodes_are_those_of_four_node_elements():
     """So that the half space can be compared, exchanged and paired with elements node by node."""
     given = body((9, 6))
@@ -176,6 +183,14 @@ def test_uneven_spacing_is_refused():
     points = given.mesh.points.copy()
     points[np.isclose(points[:, 0], 0.25), 0] += 0.01
     with pytest.raises(MeshError, match="equally spaced"):
+        HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
+
+
+def test_zones_askew_to_their_axes_are_refused():
+    """With one node alone on each edge along an axis."""
+    given = body((4, 4))
+    points = given.mesh.points @ rotation_about((0.0, 0.0, 1.0), 0.5).T
+    with pytest.raises(MeshError, match=r"its 25 nodes are no full grid: .* allowed: .* edges along its axes"):
         HalfSpace().check(replace(given, mesh=replace(given.mesh, points=points)))
 
 
