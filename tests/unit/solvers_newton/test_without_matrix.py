@@ -8,15 +8,16 @@ from meeframe_halfspace import HalfSpace
 
 import meeframe.solvers.auto as auto_module
 from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Status
+from meeframe.core.contact import ContactProblem, Solver, Status
 from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.materials import Material, library_material
+from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+from meeframe.testing.half_space import indentation_problem
 
 WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
 
@@ -53,6 +54,19 @@ def test_nodes_that_graze_cost_newton_little() -> None:
     assert residual(conducting, solution.state) <= 1e-10
     assert solve(insulated, SemismoothNewton()).status is Status.CONVERGED
     assert spent <= 2 * products(insulated)
+
+
+@pytest.mark.parametrize("solver", [BarzilaiBorwein(), ProjectedCG(), Auto()])
+def test_contacts_that_conduct_close_in_without_coupling(solver: Solver) -> None:
+    """Whole tractions in single precision, as their changes may be, leave a residual of 1e-7."""
+    mesh = half_space_mesh(10.0 * WIDTH, WIDTH, 23, 1, Quad4())
+    system = HalfSpace(matrix_up_to=0).reduce(Body(Material.isotropic(2e11, 0.3).stiffness, mesh, (), "contact"))
+    height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
+    approach = (0.3 * WIDTH) ** 2 / RADIUS
+    problem = indentation_problem(system, height, approach, conductivity=(np.inf, 0.0), potentials=(1.0, 0.0))
+    solution = solve(problem, solver, Limits(1e-10))
+    assert solution.status is Status.CONVERGED, solution.message
+    assert residual(problem, solution.state) <= 1e-10
 
 
 def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() -> None:
