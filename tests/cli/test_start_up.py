@@ -70,7 +70,14 @@ def test_garbage_is_looked_for_again_once_all_is_loaded():
     with pytest.raises(ImportError), console.loading():
         importlib.import_module("meeframe.no_such_module")
     assert gc.isenabled()
-    gc.unfreeze()
+    gc.disable()
+    try:
+        with console.loading():
+            pass
+        assert not gc.isenabled(), "as the caller had it"
+    finally:
+        gc.enable()
+        gc.unfreeze()
 
 
 def test_the_second_process_compiles_nothing(case_file, tmp_path):
