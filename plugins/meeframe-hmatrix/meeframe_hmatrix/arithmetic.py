@@ -141,7 +141,9 @@ def _condensed(pending: Pending, tolerance: float) -> Pending:
     left = np.concatenate([left for left, _ in pending.terms], axis=1)
     right = np.concatenate([right for _, right in pending.terms], axis=0)
     size, rank = (len(left), right.shape[1]), max(ranks)
-    factors = compress(lambda x: left @ (right @ x), lambda x: right.T @ (left.T @ x), size, rank, tolerance)
+    factors = compress(
+        lambda x: left @ (right @ x), lambda x: right.T @ (left.T @ x), size, rank, tolerance, left.dtype
+    )
     return Pending((factors,), pending.products)
 
 
@@ -172,7 +174,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
         return y
 
     rank = block.left.shape[1]  # elimination hardly changes it
-    return LowRank(block.rows, block.columns, *compress(product, transposed, shape(block), rank, tolerance))
+    return LowRank(block.rows, block.columns, *compress(product, transposed, shape(block), rank, tolerance, left.dtype))
 
 
 def _dense_product(first: Block, second: Block) -> Array:

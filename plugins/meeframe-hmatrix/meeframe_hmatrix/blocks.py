@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from meeframe.core.fields import Array
 
@@ -79,7 +80,7 @@ def multiply(block: Block, x: Array) -> Array:
         return product
     if isinstance(block, LowRank):
         return block.left @ (block.right @ x)
-    result = np.zeros((shape(block)[0], x.shape[1]))
+    result = np.zeros((shape(block)[0], x.shape[1]), x.dtype)
     for line in block.parts:
         for part in line:
             result[within(part.rows, block.rows)] += multiply(part, x[within(part.columns, block.columns)])
@@ -93,7 +94,7 @@ def multiply_transposed(block: Block, x: Array) -> Array:
         return product
     if isinstance(block, LowRank):
         return block.right.T @ (block.left.T @ x)
-    result = np.zeros((shape(block)[1], x.shape[1]))
+    result = np.zeros((shape(block)[1], x.shape[1]), x.dtype)
     for line in block.parts:
         for part in line:
             result[within(part.columns, block.columns)] += multiply_transposed(part, x[within(part.rows, block.rows)])
@@ -110,18 +111,31 @@ def transposed(block: Block) -> Block:
     return Split(block.columns, block.rows, parts)
 
 
+def converted(block: Block, dtype: DTypeLike) -> Block:
+    """The same in another precision; numbers that have it already are shared."""
+    if isinstance(block, Dense):
+        return Dense(block.rows, block.columns, block.array.astype(dtype, copy=False))
+    if isinstance(block, LowRank):
+        left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
+        return LowRank(block.rows, block.columns, left, right)
+    return Split(
+        block.rows, block.columns, tuple(tuple(converted(part, dtype) for part in line) for line in block.parts)
+    )
+
+
 def to_dense(block: Block) -> Array:
     """All entries, (m, n)."""
-    result = np.empty(shape(block))
-    for leaf in leaves(block):
-        entries = leaf.array if isinstance(leaf, Dense) else leaf.left @ leaf.right
-        result[within(leaf.rows, block.rows), within(leaf.columns, block.columns)] = entries
-    return result
+    if isinstance(block, Dense):
+        return block.array
+    if isinstance(block, LowRank):
+        product: Array = block.left @ block.right
+        return product
+    return np.block([[to_dense(part) for part in line] for line in block.parts])
 
 
 def kept_rank(values: Array, tolerance: float) -> int:
     """How many of falling singular values keep the Frobenius norm of the rest below tolerance times that of all."""
-    tails = np.sqrt(np.cumsum((values**2)[::-1]))[::-1]
+    tails = np.sqrt(np.cumsum(np.square(values[::-1], dtype=float)))[::-1]
     return int(np.count_nonzero(tails > tolerance * tails[0])) if len(values) and tails[0] > 0.0 else 0
 
 
@@ -151,10 +165,12 @@ def compress(
     size: tuple[int, int],
     rank: int,
     tolerance: float,
+    dtype: DTypeLike = float,
 ) -> tuple[Array, Array]:
     """Factors of a matrix known by its products, for a relative tolerance in the Frobenius norm.
 
-    product: X @ (n, k); transposed: X.T @ (m, k); size: (m, n) of X; rank: what is expected.
+    product: X @ (n, k); transposed: X.T @ (m, k); size: (m, n) of X; rank: what is expected;
+    dtype: the precision of the products.
     Random range finder: Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217-288, algorithm 4.1; the number of random
     vectors is doubled until some of them are not needed.
     """
@@ -163,9 +179,11 @@ def compress(
     while True:
         if 2 * width >= min(size):
             if size[1] <= size[0]:
-                return recompress(product(np.eye(size[1])), np.eye(size[1]), tolerance)
-            return recompress(np.eye(size[0]), transposed(np.eye(size[0])).T, tolerance)
-        q, _ = np.linalg.qr(product(random.normal(size=(size[1], width))))
+                unity = np.eye(size[1], dtype=dtype)
+                return recompress(product(unity), unity, tolerance)
+            unity = np.eye(size[0], dtype=dtype)
+            return recompress(unity, transposed(unity).T, tolerance)
+        q, _ = np.linalg.qr(product(random.standard_normal((size[1], width), dtype)))
         left, right = _rotated(q, transposed(q).T, tolerance)
         if right.shape[0] <= width - FIRST_GUESS // 2:
             return left, right

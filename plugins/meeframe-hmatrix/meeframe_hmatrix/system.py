@@ -15,12 +15,14 @@ from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solution, solve
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Dense, Split, leaves, multiply
+from meeframe_hmatrix.blocks import Block, Dense, Split, converted, leaves, multiply
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.product import Product
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
+SINGLE: Final = 1e-5
+"""Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 MOST_ITERATIONS: Final = 200
 
@@ -98,7 +100,8 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
     """Truncated factors, and the compliance of the contact zone as in BoundarySystem."""
     with ThreadPoolExecutor(get_num_threads()) as pool:
         progress("elimination", 0.0)
-        factors = eliminate(system.matrix, tolerance, pool)
+        dtype = np.float32 if tolerance >= SINGLE else np.float64
+        factors = eliminate(converted(system.matrix, dtype), tolerance, pool)
         assert isinstance(factors, EliminatedSplit)
         zone = factors.second
 
@@ -108,9 +111,9 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
             return solve(zone, Form.UPPER, reduced.parts[1][0], tolerance)
 
         progress("compliance", 0.0)
-        halves = list(pool.map(compliance, _column_halves(system.load_matrix)))
+        halves = list(pool.map(compliance, _column_halves(converted(system.load_matrix, dtype))))
         progress("compliance", 1.0)
-    return factors, _side_by_side(halves)
+    return factors, converted(_side_by_side(halves), np.float64)
 
 
 def _column_halves(loads: Split) -> list[Split]:

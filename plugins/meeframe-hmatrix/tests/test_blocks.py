@@ -10,6 +10,7 @@ from meeframe_hmatrix.blocks import (
     LowRank,
     Split,
     compress,
+    converted,
     leaves,
     multiply,
     multiply_transposed,
@@ -19,6 +20,7 @@ from meeframe_hmatrix.blocks import (
 )
 from meeframe_hmatrix.kernels import spread_out
 from meeframe_hmatrix.product import stacked
+from meeframe_hmatrix.system import SINGLE
 
 LEAF = 12
 
@@ -126,3 +128,16 @@ def test_points_are_spread_out_and_dense_where_the_box_is_close():
     near = (places[chosen, 0] < 3).mean()
     assert near > 0.5 > (places[:, 0] < 3).mean()
     assert spread_out(places[:5], np.zeros(3), np.ones(3) / 2, 60).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
+    square, _, block, _ = matrices
+    single = converted(block, np.float32)
+    assert {to_dense(leaf).dtype for leaf in leaves(single)} == {np.dtype(np.float32)}
+    assert 0.0 < error(to_dense(single), square) < 1e-6
+    x = np.random.default_rng(5).normal(size=(len(square), 2))
+    with ThreadPoolExecutor(2) as pool:
+        factors = eliminate(single, SINGLE, pool)
+    found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
+    assert found.dtype == np.float64
+    assert error(found, np.linalg.solve(square, x)) < SINGLE
