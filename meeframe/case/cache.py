@@ -5,7 +5,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Iterator, Mapping
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,7 @@ import numpy as np
 
 import meeframe
 from meeframe.case.case import Case
-from meeframe.case.solve import joined, reduce_body
+from meeframe.case.solve import bodies_of, joined, recovery_of, reduce_for_contact
 from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
@@ -32,10 +32,10 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
     """The reduced system of a case, from files in `folder` if it was computed before, else computed and kept there.
 
     There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
-    bit for bit, except that `recover` reduces the body again when it is first called. Systems without a matrix are
-    computed each time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
+    bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix are computed each
+    time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
     """
-    return joined(case, partial(cached_body, folder=folder, progress=progress))
+    return joined(case, (cached_body(*body, folder, progress) for body in bodies_of(case)))
 
 
 def cached_body(
@@ -44,15 +44,10 @@ def cached_body(
     """The reduced system of one body, as cached_reduce; key: its system_key, if that is known already."""
     key = key or system_key(formulation, body)
     path = folder / f"{key}.h5"
-
-    @lru_cache(maxsize=1)
-    def again() -> ReducedSystem:
-        return reduce_body(formulation, body, progress)
-
-    found = read_system(path, key, lambda load: again().recover(load))
+    found = read_system(path, key, recovery_of(formulation, body, progress))
     if found is not None:
         return found
-    system = reduce_body(formulation, body, progress)
+    system = reduce_for_contact(formulation, body, progress)
     matrix = system.dense()
     if matrix is not None:
         try:
@@ -98,12 +93,6 @@ def _classes(value: Any) -> Iterator[type]:
         value = list(value.values())
     for item in value if isinstance(value, list | tuple) else ():
         yield from _classes(item)
-
-
-def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
-    """The body of a case, and its counter body if it has one, each with its formulation: in the order of `joined`."""
-    own = (case.formulation, case.body)
-    return (own,) if case.counter is None else (own, (case.counter.formulation, case.counter.body))
 
 
 def _digest(sources: bytes, value: Any) -> str:

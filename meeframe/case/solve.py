@@ -1,9 +1,9 @@
 """From a case to its result in memory: one reduced system, then one contact problem for each increment of a load."""
 
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from importlib import metadata
 
 import numba
@@ -17,9 +17,10 @@ from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
+from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import TooLargeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
 from meeframe.core.mesh import Indices
 from meeframe.core.pair import PairSystem, pair
 from meeframe.core.result import (
@@ -52,20 +53,28 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
     """The reduced system of a case: of its body, or of its two bodies in contact.
 
-    Raises MeshError, CaseError or MaterialError if a formulation does not take its body, TooLargeError if its
-    matrices do not fit into memory.
+    Of two, the counter body keeps its matrix alone, as reduce_for_contact. Raises MeshError, CaseError or MaterialError
+    if a formulation does not take its body, TooLargeError if its matrices do not fit into memory.
     """
-    return joined(case, partial(reduce_body, progress=progress))
+    *counter, own = bodies_of(case)
+    return joined(case, [*(reduce_for_contact(*body, progress) for body in counter), reduce_body(*own, progress)])
 
 
-def joined(case: Case, reducer: Callable[[Formulation, Body], ReducedSystem]) -> ReducedSystem:
-    """The reduced system of a case, in frames along its friction axes; the reducer makes that of each body."""
-    first = reducer(case.formulation, case.body)
+def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
+    """The reduced system of a case, in frames along its friction axes; systems: those of bodies_of, in this order."""
+    *counter, first = systems
     if case.axes is not None:
         first = turned(first, case.axes.directions(first.points))
-    if case.counter is None:
-        return first
-    return pair(first, reducer(case.counter.formulation, case.counter.body))
+    return pair(first, *counter) if counter else first
+
+
+def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
+    """The counter body of a case, if it has one, and its body, each with its formulation.
+
+    They are reduced in this order: the system of the body may keep large matrices, from which its fields are recovered.
+    """
+    own = (case.formulation, case.body)
+    return (own,) if case.counter is None else ((case.counter.formulation, case.counter.body), own)
 
 
 def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -77,6 +86,23 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
             f"({str(error) or 'none left'}); allowed: a coarser mesh"
         ) from None
+
+
+def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
+    """As reduce_body, for contact alone: a matrix of contact size goes without what its fields are recovered from.
+
+    `recover` reduces the body again when it is first called.
+    """
+    system = reduce_body(formulation, body, progress)
+    if not isinstance(system, DenseSystem):
+        return system
+    return replace(system, recovery=recovery_of(formulation, body, progress))
+
+
+def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
+    """The fields on the whole boundary for a load (n, 5), by a reduced system that is made with the first of them."""
+    system = lru_cache(maxsize=1)(partial(reduce_body, formulation, body, progress))
+    return lambda load: system().recover(load)
 
 
 def solve_steps(

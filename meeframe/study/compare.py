@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from meeframe.case.cache import bodies_of, system_key
+from meeframe.case.cache import system_key
 from meeframe.case.case import Case
-from meeframe.case.solve import joined, provenance, reduce_body, solve_steps, zone_of
+from meeframe.case.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps, zone_of
 from meeframe.core.body import Body
 from meeframe.core.errors import MeeframeError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
@@ -75,7 +75,7 @@ def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> I
         try:
             if case is not None:
                 shared = shared.next(case, progress)
-                system = joined(case, shared.of)
+                system = joined(case, map(shared.of, bodies_of(case)))
                 run = replace(run, zone=zone_of(system), system_seconds=shared.seconds)
                 progress("combinations", number / len(chosen))
                 for longer in _increments(run, case, system):
@@ -96,9 +96,9 @@ class _Shared:
     systems: Mapping[str, ReducedSystem]
     seconds: float = 0.0
 
-    def of(self, formulation: Formulation, body: Body) -> ReducedSystem:
-        """The system of a body."""
-        return self.systems[system_key(formulation, body)]
+    def of(self, body: tuple[Formulation, Body]) -> ReducedSystem:
+        """The system of a body with its formulation."""
+        return self.systems[system_key(*body)]
 
     def next(self, case: Case, progress: Progress) -> "_Shared":
         """Those of a case. Raises as meeframe.case.solve.reduce."""
@@ -107,7 +107,7 @@ class _Shared:
             return self
         begin = time.perf_counter()
         found = {key: system for key, system in self.systems.items() if key in keyed}
-        made = {key: reduce_body(*body, progress) for key, body in keyed.items() if key not in found}
+        made = {key: reduce_for_contact(*body, progress) for key, body in keyed.items() if key not in found}
         return _Shared(found | made, time.perf_counter() - begin)
 
 

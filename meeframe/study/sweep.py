@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.case.cache import bodies_of, system_key
+from meeframe.case.cache import system_key
+from meeframe.case.solve import bodies_of
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, silent

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
-from meeframe.case.cache import bodies_of, cached_body, system_key
+from meeframe.case.cache import cached_body, system_key
+from meeframe.case.solve import bodies_of
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.formulation import Formulation, Progress, silent

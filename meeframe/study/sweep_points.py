@@ -85,14 +85,13 @@ class Outcome:
 
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
-    """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.case.cache.bodies_of.
+    """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.case.solve.bodies_of.
 
     The fields on the whole boundary are not recovered. Raises ResultError if a system cannot be kept.
     """
     clock = Clock()
-    made = iter(systems)
     try:
-        system = joined(case, lambda *_: next(made))
+        system = joined(case, systems)
         steps = tuple(solve_steps(case, system, clock, boundary=False))
     except (MeeframeError, MemoryError) as error:
         return Outcome.without_result(error)

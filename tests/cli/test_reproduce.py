@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meeframe.case import cache
+from meeframe.case import solve
 from meeframe.cli import app
 
 STUDIES = Path(__file__).parents[2] / "validation"
@@ -55,7 +55,7 @@ def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeyp
     def refuse(*_, **__):
         raise AssertionError("this reduced system is in the cache")
 
-    monkeypatch.setattr(cache, "reduce_body", refuse)
+    monkeypatch.setattr(solve, "reduce_body", refuse)
     first = (out / "fig-07.json").read_bytes()
     assert reproduce("all", "--validation", studies, "--out", out)[0] == 0
     assert (out / "fig-07.json").read_bytes() == first

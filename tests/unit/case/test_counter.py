@@ -1,6 +1,7 @@
 """Case files of two deformable bodies, on beds of springs where contact has a closed form: springs in series."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from weakref import WeakSet
 
 import h5py
 import numpy as np
@@ -12,6 +13,7 @@ from meeframe.case.counter import CounterBody
 from meeframe.case.load import load_case
 from meeframe.case.solve import reduce
 from meeframe.core.errors import CaseError, MeshError
+from meeframe.core.formulation import Formulation, silent
 from meeframe.core.pair import PairSystem
 from meeframe.core.result import RunStatus
 from meeframe.elements import Quad4
@@ -129,6 +131,38 @@ def test_a_run_is_continued(write_case, registry, tmp_path, counter_body):
     alone = load_case(write_case(('"10 um"', '"20 um"'), more='\n[restart]\nfrom = "first"\n'), registry)
     with pytest.raises(CaseError, match="cause other displacements in this body"):
         meeframe.solve_case(alone)
+
+
+@dataclass(frozen=True)
+class Watched(Formulation):
+    """Notes at each reduction how many earlier systems still have what they came with for their fields."""
+
+    inner: Formulation
+    kept: list[WeakSet] = field(default_factory=lambda: [WeakSet()], compare=False)
+    counts: list[int] = field(default_factory=list, compare=False)
+
+    def check(self, body):
+        self.inner.check(body)
+
+    def reduce(self, body, progress=silent):
+        self.counts.append(len(self.kept[0]))
+        system = self.inner.reduce(body, progress)
+        self.kept[0].add(system.recovery)
+        return system
+
+
+def test_the_counter_body_comes_first_and_keeps_its_matrix_alone(case):
+    watched = Watched(case.formulation)
+    system = reduce(replace(case, formulation=watched, counter=replace(case.counter, formulation=watched)))
+    assert watched.counts == [0, 0]
+    assert len(watched.kept[0]) == 1, "of the body, whose fields are in the result"
+    load = np.random.default_rng(3).normal(size=system.offset.shape)
+    reaction = system.counter_load(load)
+    expected = watched.inner.reduce(case.counter.body).recover(reaction)
+    for _ in range(2):
+        np.testing.assert_array_equal(system.counter.recover(reaction).values, expected.values)
+    system.recover(load)
+    assert len(watched.counts) == 3, "reduced again once"
 
 
 def test_each_body_is_cached(case, tmp_path):

@@ -8,9 +8,9 @@ from weakref import WeakSet
 import numpy as np
 import pytest
 
-from meeframe.case.cache import bodies_of, case_key, code_key, system_key
+from meeframe.case.cache import case_key, code_key, system_key
 from meeframe.case.load import load_case
-from meeframe.case.solve import reduce, solve_case
+from meeframe.case.solve import bodies_of, reduce, solve_case
 from meeframe.core.errors import CaseError, MeshError, ResultError, TooLargeError
 from meeframe.core.formulation import Formulation, NodalFields, ReducedSystem
 from meeframe.core.result import resultants
