@@ -203,7 +203,8 @@ def _demands(runs: list[Record], slopes: dict[str, float]) -> str:
             continue
         met = verdict(last[name] <= LIMITS[name])
         words.append(f"at {last['unknowns']} unknowns {last[name]:.1f} {unit} of {LIMITS[name]:g} {unit}: {met}")
-    return prose("; ".join(words).capitalize() + ".")
+    text = "; ".join(words)
+    return prose(text[0].upper() + text[1:] + ".")
 
 
 def _accuracy(unknowns: int, found: dict[str, float]) -> str:
