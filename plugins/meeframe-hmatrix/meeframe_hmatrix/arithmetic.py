@@ -27,9 +27,6 @@ from meeframe_hmatrix.blocks import (
     within,
 )
 
-MOST_TERMS = 3
-"""Low-rank terms are summed up when their ranks exceed so many times the largest of them."""
-
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
@@ -133,20 +130,6 @@ def _handed_down(pending: Pending, block: Split, row: int, column: int) -> Pendi
     return share
 
 
-def _condensed(pending: Pending, tolerance: float) -> Pending:
-    """The same with the low-rank terms summed up, if they are many."""
-    ranks = [left.shape[1] for left, _ in pending.terms]
-    if sum(ranks) <= MOST_TERMS * max(ranks, default=0):
-        return pending
-    left = np.concatenate([left for left, _ in pending.terms], axis=1)
-    right = np.concatenate([right for _, right in pending.terms], axis=0)
-    size, rank = (len(left), right.shape[1]), max(ranks)
-    factors = compress(
-        lambda x: left @ (right @ x), lambda x: right.T @ (left.T @ x), size, rank, tolerance, left.dtype
-    )
-    return Pending((factors,), pending.products)
-
-
 def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> Dense | LowRank:
     """An undivided block less all that is pending."""
     if not pending.terms and not pending.products:
@@ -192,7 +175,6 @@ def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending =
         assert isinstance(rest, Dense)
         return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
-    pending = _condensed(pending, tolerance)
     first = eliminate(block.parts[0][0], tolerance, pool, _handed_down(pending, block, 0, 0))
     above = _handed_down(pending, block, 0, 1)
     later = pool.submit(solve, first, Form.LOWER, block.parts[0][1], tolerance, above)
@@ -210,7 +192,6 @@ def solve(factors: Factors, form: Form, block: Block, tolerance: float, pending:
         if isinstance(rest, Dense):
             return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
         return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
-    pending = _condensed(pending, tolerance)
     columns: list[list[Block]] = []
     for column in range(len(block.parts[0])):
         parts = [line[column] for line in block.parts]
