@@ -162,8 +162,9 @@ def enter_rows(
     load_matrix,
     rhs,
 ):
-    """Enter the panels of one source: matrix @ unknowns = rhs + load_matrix @ loads.
+    """Enter the panels of one source into its rows of matrix @ unknowns = rhs + load_matrix @ loads.
 
+    Those of matrix are set, of load_matrix and rhs added to: patches that meet in the contact zone share their load.
     rows: (5,), negative where a field is not collocated here; *_column, *_data: (nodes, 5).
     """
     for node in range(len(value_column)):
@@ -190,7 +191,7 @@ def enter_rows(
                 if column >= 0:
                     matrix[row, column] = -coefficient
                 elif load >= 0:
-                    load_matrix[row, load] = coefficient
+                    load_matrix[row, load] += coefficient
                 else:
                     rhs[row] += coefficient * flux_data[node, j]
 

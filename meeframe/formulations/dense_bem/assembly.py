@@ -84,9 +84,9 @@ def assemble(
     own_shape = _own_shapes(mesh, sources)
     problem = Problem(mesh, layout, sources, own_shape, kernel, accuracy, exterior, rules, planes)
     n = layout.n_unknowns
-    # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of both matrices.
+    # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of the matrix.
     system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
-    system.rhs[:] = 0.0
+    system.columns[:, n:] = 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
     with ThreadPoolExecutor(get_num_threads()) as pool:

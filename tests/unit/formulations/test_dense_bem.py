@@ -15,6 +15,7 @@ from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
 from meeframe.fundamental.tabulated import TabulatedKernel
 from meeframe.geometry import block_mesh, box_mesh
@@ -126,6 +127,20 @@ def test_recovered_fields_agree_with_the_compliance(reduced):
         same = np.flatnonzero(np.all(np.isclose(fields.points, point, atol=1e-12), axis=1))
         np.testing.assert_allclose(fields.values[same[0], :3], values[:3], rtol=1e-12, atol=1e-20)
         np.testing.assert_allclose(fields.values[same[0], 3:], -values[3:], rtol=1e-12)
+
+
+def test_patches_that_meet_in_the_zone_share_their_load():
+    """A bulge that turns by 0.05 from element to element, as one patch and as many."""
+    flat = small_block()
+    points = flat.mesh.points.copy()
+    top = points[:, 2] > points[:, 2].max() - 1e-9
+    points[top, 2] -= 20.0 * np.minimum((points[top, :2] ** 2).sum(axis=1), 5e-5)
+    body = replace(flat, mesh=replace(flat.mesh, points=points))
+    smooth, angular = DenseBEM(), DenseBEM(edge_angle=0.02)
+    assert len(find_patches(body.mesh, 0.02).point) > len(find_patches(body.mesh, smooth.edge_angle).point) + 30
+    whole, divided = smooth.reduce(body).dense(), angular.reduce(body).dense()
+    scale = np.abs(whole).max(axis=(0, 2))
+    assert (np.abs(divided - whole).max(axis=(0, 2)) < 1e-12 * scale).all()
 
 
 def imbalance(divisions: int, layers: int) -> float:
