@@ -9,9 +9,10 @@ Components come before nodes in what follows: numpy is much faster along the lon
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
 from meeframe.core.mesh import Indices
@@ -22,6 +23,8 @@ from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 NORMAL: Final = 2
 UNRESISTED: Final = 1e-12
 """Stiffness against a motion, as a fraction of the largest one, that is none."""
+NEARBY: Final = 6.0
+"""Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
 SINGULAR: Final = 1e12
 """Condition of a node's block from which on its pseudo-inverse is meant."""
 
@@ -152,8 +155,8 @@ def _preconditioner(rows: Rows) -> Linear:
     """Roughly the inverse of the coupled rows, (k,) of (k,).
 
     At nodes between open and closed no pressure and no gap are asked for. There the gap goes with the pressure, as
-    everywhere in contact, and that there is none with the closed fraction, which alone can see to it. Fluxes there
-    count as fully conducted: they act on the nodes around whatever part of them is.
+    everywhere in contact, and that there is none with the closed fraction, which alone can see to it: by what it causes
+    nearby. Fluxes there count as fully conducted: they act on the nodes around whatever part of them is.
     """
     between = np.flatnonzero(rows.coupled[CLOSED])
     a, b, coupled = _exchanged(rows.a, between), _exchanged(rows.b, between), rows.coupled.copy()
@@ -163,12 +166,12 @@ def _preconditioner(rows: Rows) -> Linear:
         a[field, field, conducting], b[field, field, conducting] = 0.0, 1.0 / rows.equation.scales.displacement[field]
     solve = _solution_of_loads(replace(rows, a=a, b=b, coupled=coupled))
     fading = a[CLOSED][:, between] * np.append(rows.equation.scales.load, 1.0)[:, None]
-    responses = np.zeros((len(between), *coupled.shape))
-    for response, node in zip(responses, between, strict=True):
-        jump = np.zeros(coupled.shape)
-        jump[:, node] = -a[:, CLOSED, node]
-        response[:] = solve(jump)
-    pressures = np.einsum("jc,kjc->ck", fading, responses[:, :, between])
+    jumps = np.zeros(coupled.shape)
+    jumps[:, between] = -a[:, CLOSED, between]
+    responses = _responses_nearby(solve, jumps, rows, between)
+    places = np.arange(jumps.size).reshape(jumps.shape)[:, between]
+    among = responses[places.ravel()].toarray().reshape(*places.shape, len(between))
+    pressures = np.einsum("jg,jgk->gk", fading, among)
     inverse = np.linalg.pinv(pressures)
 
     def precondition(values: Array) -> Array:
@@ -177,11 +180,36 @@ def _preconditioner(rows: Rows) -> Linear:
         rest = _exchanged(rest, between)
         found = solve(rest)
         closed = inverse @ (rest[CLOSED, between] - (fading * found[:, between]).sum(axis=0))
-        found += np.tensordot(closed, responses, axes=1)
+        found += (responses @ closed).reshape(found.shape)
         found[CLOSED, between] = closed
         return np.asarray(found[rows.coupled])
 
     return precondition
+
+
+def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> Any:
+    """Unknowns (6 c, g), sparse, that right-hand sides (6, c) of single nodes (g,) cause near these.
+
+    Nodes far from each other share a solution: however many there are, a few will do.
+    """
+    if not nodes.size:
+        return scipy.sparse.csr_array((jumps.size, 0))
+    system = rows.equation.problem.system
+    points, reach = system.points[rows.nodes], NEARBY * np.sqrt(system.weights.max())
+    group = np.full(len(nodes), -1)
+    for number, others in enumerate(scipy.spatial.cKDTree(points[nodes]).query_ball_point(points[nodes], 2.0 * reach)):
+        group[number] = np.setdiff1d(np.arange(len(others)), group[others])[0]
+    nearby = scipy.spatial.cKDTree(points).query_ball_point(points[nodes], reach)
+    own, cause = np.concatenate(nearby), np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in nearby])
+    values = np.zeros((len(jumps), len(own)))
+    for one in range(group.max() + 1):
+        alone = np.zeros_like(jumps)
+        alone[:, nodes[group == one]] = jumps[:, nodes[group == one]]
+        pairs = group[cause] == one
+        values[:, pairs] = solve(alone)[:, own[pairs]]
+    places = np.arange(len(jumps))[:, None] * len(points) + own
+    columns = np.broadcast_to(cause, places.shape)
+    return scipy.sparse.csr_array((values.ravel(), (places.ravel(), columns.ravel())), (jumps.size, len(nodes)))
 
 
 def _exchanged(part: Array, nodes: Indices) -> Array:
