@@ -168,7 +168,7 @@ def test_far_cells_from_the_response_at_nodes(shape):
 
 
 def test_entries_that_symmetry_forbids_are_zero():
-    """Isotropic: 12 of 25 are left to be made; orthotropic and turned: all."""
+    """Isotropic: 8 of 25 are left to be made; orthotropic and turned: all."""
     isotropic = PointResponse.of(Material.isotropic(YOUNG, POISSON).stiffness, np.eye(3))
     made = [entry for entry in range(25) if len(isotropic.entry(entry)[0])]
     assert made == [0, 1, 5, 9, 12, 14, 16, 19]
