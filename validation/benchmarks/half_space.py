@@ -297,7 +297,7 @@ def section(record: Record, pictures: Path) -> str:
     loglog(pictures / "half_space.png", "nodes along an edge", "seconds, sphere", curves)
     parts += [
         "![Seconds of the sphere](images/half_space.png)",
-        "### Five fields against one",
+        "### Five fields against one: conduction without friction, by conjugate gradients",
         *(_five(five) for five in record["five"].values()),
     ]
     return "\n\n".join(parts)
@@ -307,7 +307,7 @@ def _five(five: Record) -> str:
     products, whole = five["five products"] / five["one product"], five["five whole"] / five["one whole"]
     return prose(
         f"At {five['size']} x {five['size']} nodes a product in five fields takes {products:.1f} times one in the "
-        f"normal field, the contact with perfectly conducting indenter {whole:.1f} times the insulated one "
+        f"normal field, frictionless contact with a perfectly conducting indenter {whole:.1f} times the insulated one "
         f"({five['iterations'][1]} steps against {five['iterations'][0]}; medians of 3). At most "
         f"{TIMES_FIVE_FIELDS:g}: {verdict(max(products, whole) <= TIMES_FIVE_FIELDS)}."
     )
