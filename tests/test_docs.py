@@ -75,11 +75,20 @@ def test_modules_and_objects_that_are_named_exist(page):
 BENCHMARKS = ROOT / "validation" / "benchmarks"
 
 
-def page_of_records(folder, before="") -> subprocess.CompletedProcess[str]:
+def page_of_records(folder, before="pass") -> subprocess.CompletedProcess[str]:
     """docs/performance.md as the records make it, in a process of its own: the benchmarks are scripts side by side."""
     script = f"import sys, report; from pathlib import Path; folder = Path(sys.argv[1]); {before}"
     script += "; print(report.page(folder), end='')"
     return subprocess.run([sys.executable, "-c", script, folder], cwd=BENCHMARKS, capture_output=True, text=True)
+
+
+def test_performance_is_what_the_records_say(tmp_path):
+    done = page_of_records(tmp_path)
+    assert done.returncode == 0, done.stderr
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert page == done.stdout, "write it anew: python validation/benchmarks/report.py --page"
+    for picture in tmp_path.iterdir():
+        assert (ROOT / "docs" / "images" / picture.name).exists(), picture.name
 
 
 def test_a_part_with_an_old_record_says_so_on_the_page_of_the_others(tmp_path):

@@ -231,7 +231,8 @@ def section(record: Record, pictures: Path) -> str:
             "\n".join(
                 f"- {n} x {n}: a product of five fields costs {row['product_five'] / row['product_one']:.1f} times that"
                 f" of one; the whole problem {_ratio(row, 'one field: pressure'):.1f} times that of pressure alone, at"
-                f" most {TIMES_FIVE_FIELDS:g}: {verdict(_ratio(row, 'one field: pressure') <= TIMES_FIVE_FIELDS)}, and"
+                f" most {TIMES_FIVE_FIELDS:g}: {verdict(_ratio(row, 'one field: pressure') <= TIMES_FIVE_FIELDS)};"
+                f" {_ratio(row, 'pressure by Newton'):.1f} times pressure by the same method,"
                 f" {_ratio(row, 'three fields: friction'):.1f} times the insulated one with friction."
                 for n, row in five.items()
             ),
