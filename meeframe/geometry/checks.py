@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -70,7 +69,7 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
         raise MeshError(f"merge_tolerance = {tolerance!r}: must be a length of at least zero")
     _check_numbers(mesh)
     _check_finite(mesh)
-    pairs = scipy.spatial.cKDTree(mesh.points).query_pairs(tolerance, output_type="ndarray")
+    pairs = close_pairs(mesh.points, tolerance)
     n = len(mesh.points)
     _, label = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
     first = np.unique(label, return_index=True)[1]
