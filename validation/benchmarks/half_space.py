@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from time import perf_counter, process_time
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from common import Record, command_line, loglog, median_time, prose, table, threads, verdict
+from common import Record, command_line, loglog, prose, table, threads, verdict
 from isotropic import MODULUS, POISSON, STIFFNESS, YOUNG
 from meeframe_halfspace import HalfSpace, SelfAffine
 
@@ -22,12 +21,10 @@ from meeframe.core.formulation import ReducedSystem
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, Signorini
-from meeframe.materials import library_material
 from meeframe.solvers import Limits, ProjectedCG, solve
-from meeframe.testing.half_space import indentation_problem
 
 TITLE = "Half space by fast Fourier transforms, without friction"
-TIMES_FASTER, TIMES_FIVE_FIELDS = 6.0, 8.0
+TIMES_FASTER = 6.0
 WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
 """Of the zone, of the sphere and of its contact [m]."""
 SLOPE, SHARE = 0.1, 0.04
@@ -221,32 +218,8 @@ def _against_hertz(answer: Answer, approach: float) -> Record:
     return {"approach_error": abs(approach / (CONTACT**2 / RADIUS) - 1.0), "pressure_error": float(error)}
 
 
-def five_fields(n: int) -> Record:
-    """Products and whole solutions of five fields against one: the MEE material, conducting and insulated."""
-    system = reduced(n, library_material("batio3-cofe2o4").stiffness, False)
-    height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
-    load = np.random.default_rng(0).normal(size=system.offset.shape)
-    normal = np.where(np.arange(5) == 2, load, 0.0)
-    limits = Limits(tolerance=1e-8)
-
-    def whole(kappa: float) -> Any:
-        problem = indentation_problem(system, height, CONTACT**2 / RADIUS, Signorini(), (kappa, kappa), (0.0, 0.0))
-        return solve(problem, ProjectedCG(), limits)
-
-    found = {
-        "one product": lambda: system.response(normal, (2,)),
-        "five products": lambda: system.apply(load),
-        "one whole": lambda: whole(0.0),
-        "five whole": lambda: whole(np.inf),
-    }
-    with threads(1):
-        record: Record = {name: median_time(action, 3)["processor"] for name, action in found.items()}
-        ends = whole(0.0), whole(np.inf)
-    return record | {"size": n, "iterations": [end.iterations for end in ends], "residuals": [e.residual for e in ends]}
-
-
 def measure(quick: bool) -> Record:
-    """Every job at every size; five fields against one."""
+    """Every job at every size."""
     sizes = (64, 128) if quick else (128, 256, 512, 1024)
     for code in SOLVERS.values():
         code(sphere(32))  # compiled, loaded
@@ -255,11 +228,10 @@ def measure(quick: bool) -> Record:
         "rough, periodic": lambda n: rough(n, True),
         "rough, free": lambda n: rough(n, False),
     }
-    record: Record = {
+    return {
         name: {str(size): compared(job(size), OUR_TURNS if size <= 256 else 1, _codes(name, size)) for size in sizes}
         for name, job in jobs.items()
     }
-    return record | {"five": {str(n): five_fields(n) for n in ((64,) if quick else (64, 128, 256))}}
 
 
 def _codes(name: str, size: int) -> tuple[str, ...]:
@@ -295,22 +267,8 @@ def section(record: Record, pictures: Path) -> str:
         rows = record["sphere"]
         curves[code] = [int(size) for size in rows], [row[code]["solved"] for row in rows.values()]
     loglog(pictures / "half_space.png", "nodes along an edge", "seconds, sphere", curves)
-    parts += [
-        "![Seconds of the sphere](images/half_space.png)",
-        "### Five fields against one: conduction without friction, by conjugate gradients",
-        *(_five(five) for five in record["five"].values()),
-    ]
+    parts.append("![Seconds of the sphere](images/half_space.png)")
     return "\n\n".join(parts)
-
-
-def _five(five: Record) -> str:
-    products, whole = five["five products"] / five["one product"], five["five whole"] / five["one whole"]
-    return prose(
-        f"At {five['size']} x {five['size']} nodes a product in five fields takes {products:.1f} times one in the "
-        f"normal field, frictionless contact with a perfectly conducting indenter {whole:.1f} times the insulated one "
-        f"({five['iterations'][1]} steps against {five['iterations'][0]}; medians of 3). At most "
-        f"{TIMES_FIVE_FIELDS:g}: {verdict(max(products, whole) <= TIMES_FIVE_FIELDS)}."
-    )
 
 
 def _rows(rows: Record) -> str:

@@ -1,4 +1,4 @@
-"""Friction and five fields on grids of a half space, one thread, against Tamaas where that has a solver."""
+"""Friction on grids of a half space, one thread, against Tamaas where that has a solver."""
 
 import sys
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from common import Record, command_line, loglog, median_time, prose, slope, table, threads, verdict
+from common import Record, command_line, loglog, prose, slope, table, threads, verdict
 from meeframe_halfspace import HalfSpace
 
 from meeframe.core.body import Body
@@ -18,9 +18,9 @@ from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import ConductivityLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
-from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
+from meeframe.materials import Material
+from meeframe.solvers import Limits, SemismoothNewton, residual, solve
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
@@ -33,13 +33,9 @@ and tangential directions hardly know of each other and the closed form holds.""
 PERIOD = 4.0 * EXACT.hertz.contact_radius
 TOLERANCE = 1e-10
 SIZES, QUICK = (64, 128, 256, 512), (32, 64)
-FINEST_OF_FIVE = 256
-"""Grid of the problems in several fields: there are five of them, and products of five fields."""
 CAPS = {"Condat": (128, 3_000), "PolonskyKeerTan": (128, 3_000), "Kato": (64, 2_000)}
 """Largest grid and number of iterations of the other code's solvers: more would take minutes."""
-TIMES_FIVE_FIELDS, MOST_RESIDUAL, NEARLY_CONSTANT = 8.0, 1e-8, 1.5
-MEE_FORCE, MEE_WIDTH = 450.0, 7e-3
-"""Of the magneto-electro-elastic sphere of 0.1 m [N], [m]."""
+MOST_RESIDUAL, NEARLY_CONSTANT = 1e-8, 1.5
 
 
 def reduced(n: int, stiffness: Array, period: float, periodic: bool) -> ReducedSystem:
@@ -140,34 +136,14 @@ def fitted(problem: ContactProblem, load: Array) -> ContactState:
     return ContactState(load, displacement, pressed.astype(float), motion)
 
 
-def five_fields(n: int) -> Record:
-    """One field without friction, five with all couplings: products and whole solutions, processor seconds."""
-    system = reduced(n, library_material("orthotropic-mee").stiffness, MEE_WIDTH, False)
-    rubs, rests = IsotropicCoulomb(MU), Signorini()
-    jobs: dict[str, tuple[ContactProblem, Solver]] = {
-        "one field: pressure": (dragged(system, 0.1, MEE_FORCE, rests), ProjectedCG()),
-        "pressure by Newton": (dragged(system, 0.1, MEE_FORCE, rests), SemismoothNewton()),
-        "three fields: friction": (dragged(system, 0.1, MEE_FORCE, rubs), SemismoothNewton()),
-        "three fields: fluxes": (dragged(system, 0.1, MEE_FORCE, rests, True), SemismoothNewton()),
-        "five fields": (dragged(system, 0.1, MEE_FORCE, rubs, True), SemismoothNewton()),
-    }
-    runs = {name: timed(problem, solver)[1] for name, (problem, solver) in jobs.items()}
-    load = np.random.default_rng(1).normal(size=(n * n, 5))
-    normal = load * [0.0, 0.0, 1.0, 0.0, 0.0]
-    one = median_time(lambda: system.response(normal, [2]), 9)["processor"]
-    return {"runs": runs, "product_one": one, "product_five": median_time(lambda: system.apply(load), 9)["processor"]}
-
-
 def measure(quick: bool) -> Record:
     """Grids of 32 and 64 alone if `quick`."""
     sizes = QUICK if quick else SIZES
-    record: Record = {"free": {}, "periodic": {}, "five": {}}
+    record: Record = {"free": {}, "periodic": {}}
     with threads(1):
         ours(sizes[0], False)  # compiled, loaded
         for n in sizes:
             record["free"][str(n)] = ours(n, False)[0]
-            if n <= FINEST_OF_FIVE:
-                record["five"][str(n)] = five_fields(n)
             if n > max(largest for largest, _ in CAPS.values()):
                 continue
             one, problem, expected = ours(n, True)
@@ -180,7 +156,7 @@ def measure(quick: bool) -> Record:
 
 def section(record: Record, pictures: Path) -> str:
     """Tables, verdicts, a picture."""
-    free, five = record["free"], record["five"]
+    free = record["free"]
     sizes = [int(n) for n in free]
     seconds, products = ([row[name] for row in free.values()] for name in ("processor", "products"))
     curves = {"meeframe, free": (sizes, seconds)}
@@ -216,38 +192,8 @@ def section(record: Record, pictures: Path) -> str:
                 [_code_row(n, code, one) for n, row in record["periodic"].items() for code, one in row.items()],
             ),
             "![Time over size](images/half_space_friction.png)",
-            "### Five fields against one: friction and conduction, by Newton's method",
-            prose(
-                "The orthotropic magneto-electro-elastic medium, a sphere of 0.1 m pressed on"
-                f" with {MEE_FORCE:g} N and dragged with {SHARE * MU:g} of it, conducting perfectly; each solution"
-                " once, products medians of nine. One field is pressure without friction and conduction, by conjugate"
-                f" gradients.{_left_out(free, five)} Conduction without friction is measured with the other codes"
-                " without friction."
-            ),
-            table(
-                ["grid", "problem", "solution [s]", "steps", "products", "residual"],
-                [_field_row(n, name, one) for n, row in five.items() for name, one in row["runs"].items()],
-            ),
-            "\n".join(
-                f"- {n} x {n}: a product of five fields costs {row['product_five'] / row['product_one']:.1f} times that"
-                f" of one; the whole problem {_ratio(row, 'one field: pressure'):.1f} times that of pressure alone, at"
-                f" most {TIMES_FIVE_FIELDS:g}: {verdict(_ratio(row, 'one field: pressure') <= TIMES_FIVE_FIELDS)};"
-                f" {_ratio(row, 'pressure by Newton'):.1f} times pressure by the same method,"
-                f" {_ratio(row, 'three fields: friction'):.1f} times the insulated one with friction."
-                for n, row in five.items()
-            ),
         ]
     )
-
-
-def _left_out(free: Record, five: Record) -> str:
-    """Which grids the problems in several fields were not solved on, and why."""
-    left = [f"{n} x {n}" for n in free if n not in five]
-    return f" Not measured at {', '.join(left)}: the five problems would take minutes." if left else ""
-
-
-def _ratio(row: Record, other: str) -> float:
-    return float(row["runs"]["five fields"]["processor"] / row["runs"][other]["processor"])
 
 
 def _free_row(n: str, row: Record) -> list[str]:
@@ -267,11 +213,6 @@ def _code_row(n: str, code: str, one: Record) -> list[str]:
     capped = f"{one['processor']:.2f}" + (f" (at most {one['cap']} iterations)" if "cap" in one else "")
     errors = [f"{100 * one[name]:.2f} %" for name in ("traction", "difference")]
     return [f"{n} x {n}", code, capped, f"{one['residual']:.0e}", f"{one['force']:.0e}", *errors]
-
-
-def _field_row(n: str, name: str, one: Record) -> list[str]:
-    counts = [str(one["iterations"]), str(one["products"])]
-    return [f"{n} x {n}", name, f"{one['processor']:.2f}", *counts, f"{one['residual']:.0e}"]
 
 
 if __name__ == "__main__":

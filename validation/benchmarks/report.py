@@ -24,6 +24,7 @@ PARTS = (
     "dense",
     "half_space",
     "half_space_friction",
+    "five_fields",
     "hierarchical",
     "references",
     "solvers",

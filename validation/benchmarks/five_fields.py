@@ -1,0 +1,133 @@
+"""What magneto-electro-elastic coupling costs: contact on a half space with five fields against one, one thread."""
+
+from pathlib import Path
+from typing import Any
+
+import half_space
+import half_space_friction
+import numpy as np
+from common import Record, command_line, median_time, prose, table, threads, verdict
+from half_space_friction import MU, SHARE, dragged, timed
+
+from meeframe.core.contact import ContactProblem, Solver
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.materials import library_material
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, solve
+from meeframe.testing.half_space import indentation_problem
+
+TITLE = "Five fields against one"
+SIZES, QUICK = (64, 128, 256), (64,)
+TIMES_ONE_FIELD = 8.0
+MEE_FORCE, MEE_WIDTH = 450.0, 7e-3
+"""Of the magneto-electro-elastic sphere of 0.1 m [N], [m]."""
+
+
+def conjugate_gradients(n: int) -> Record:
+    """Products and whole solutions of five fields against one: the MEE material, conducting and insulated."""
+    radius, contact = half_space.RADIUS, half_space.CONTACT
+    system = half_space.reduced(n, library_material("batio3-cofe2o4").stiffness, False)
+    height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * radius)
+    load = np.random.default_rng(0).normal(size=system.offset.shape)
+    normal = np.where(np.arange(5) == 2, load, 0.0)
+    limits = Limits(tolerance=1e-8)
+
+    def whole(kappa: float) -> Any:
+        problem = indentation_problem(system, height, contact**2 / radius, Signorini(), (kappa, kappa), (0.0, 0.0))
+        return solve(problem, ProjectedCG(), limits)
+
+    found = {
+        "one product": lambda: system.response(normal, (2,)),
+        "five products": lambda: system.apply(load),
+        "one whole": lambda: whole(0.0),
+        "five whole": lambda: whole(np.inf),
+    }
+    record: Record = {name: median_time(action, 3)["processor"] for name, action in found.items()}
+    ends = whole(0.0), whole(np.inf)
+    return record | {"size": n, "iterations": [end.iterations for end in ends], "residuals": [e.residual for e in ends]}
+
+
+def newton(n: int) -> Record:
+    """One field without friction, five with all couplings: products and whole solutions, processor seconds."""
+    system = half_space_friction.reduced(n, library_material("orthotropic-mee").stiffness, MEE_WIDTH, False)
+    rubs, rests = IsotropicCoulomb(MU), Signorini()
+    jobs: dict[str, tuple[ContactProblem, Solver]] = {
+        "one field: pressure": (dragged(system, 0.1, MEE_FORCE, rests), ProjectedCG()),
+        "pressure by Newton": (dragged(system, 0.1, MEE_FORCE, rests), SemismoothNewton()),
+        "three fields: friction": (dragged(system, 0.1, MEE_FORCE, rubs), SemismoothNewton()),
+        "three fields: fluxes": (dragged(system, 0.1, MEE_FORCE, rests, True), SemismoothNewton()),
+        "five fields": (dragged(system, 0.1, MEE_FORCE, rubs, True), SemismoothNewton()),
+    }
+    runs = {name: timed(problem, solver)[1] for name, (problem, solver) in jobs.items()}
+    load = np.random.default_rng(1).normal(size=(n * n, 5))
+    normal = load * [0.0, 0.0, 1.0, 0.0, 0.0]
+    one = median_time(lambda: system.response(normal, [2]), 9)["processor"]
+    return {"runs": runs, "product_one": one, "product_five": median_time(lambda: system.apply(load), 9)["processor"]}
+
+
+def measure(quick: bool) -> Record:
+    """Both comparisons at every size, the coarsest alone if `quick`."""
+    sizes = QUICK if quick else SIZES
+    with threads(1):
+        half_space_friction.ours(32, False)  # compiled, loaded
+        return {
+            "conjugate gradients": {str(n): conjugate_gradients(n) for n in sizes},
+            "newton": {str(n): newton(n) for n in sizes},
+        }
+
+
+def section(record: Record, _pictures: Path) -> str:
+    """What both comparisons say."""
+    return "\n\n".join(
+        [
+            "### Conduction without friction, by conjugate gradients",
+            *(_conducting(row) for row in record["conjugate gradients"].values()),
+            "### Friction and conduction, by Newton's method",
+            *_by_newton(record["newton"]),
+        ]
+    )
+
+
+def _conducting(row: Record) -> str:
+    products, whole = row["five products"] / row["one product"], row["five whole"] / row["one whole"]
+    return prose(
+        f"At {row['size']} x {row['size']} nodes a product in five fields takes {products:.1f} times one in the "
+        f"normal field, frictionless contact with a perfectly conducting indenter {whole:.1f} times the insulated one "
+        f"({row['iterations'][1]} steps against {row['iterations'][0]}; medians of 3). At most "
+        f"{TIMES_ONE_FIELD:g}: {verdict(max(products, whole) <= TIMES_ONE_FIELD)}."
+    )
+
+
+def _by_newton(rows: Record) -> list[str]:
+    return [
+        prose(
+            "The orthotropic magneto-electro-elastic medium, a sphere of 0.1 m pressed on"
+            f" with {MEE_FORCE:g} N and dragged with {SHARE * MU:g} of it, conducting perfectly; each solution"
+            " once, products medians of nine. One field is pressure without friction and conduction, by conjugate"
+            " gradients. Not measured at 512 x 512: the five problems would take minutes."
+        ),
+        table(
+            ["grid", "problem", "solution [s]", "steps", "products", "residual"],
+            [_problem_row(n, name, one) for n, row in rows.items() for name, one in row["runs"].items()],
+        ),
+        "\n".join(
+            f"- {n} x {n}: a product of five fields costs {row['product_five'] / row['product_one']:.1f} times that"
+            f" of one; the whole problem {_ratio(row, 'one field: pressure'):.1f} times that of pressure alone, at"
+            f" most {TIMES_ONE_FIELD:g}: {verdict(_ratio(row, 'one field: pressure') <= TIMES_ONE_FIELD)};"
+            f" {_ratio(row, 'pressure by Newton'):.1f} times pressure by the same method,"
+            f" {_ratio(row, 'three fields: friction'):.1f} times the insulated one with friction."
+            for n, row in rows.items()
+        ),
+    ]
+
+
+def _ratio(row: Record, other: str) -> float:
+    return float(row["runs"]["five fields"]["processor"] / row["runs"][other]["processor"])
+
+
+def _problem_row(n: str, name: str, one: Record) -> list[str]:
+    counts = [str(one["iterations"]), str(one["products"])]
+    return [f"{n} x {n}", name, f"{one['processor']:.2f}", *counts, f"{one['residual']:.0e}"]
+
+
+if __name__ == "__main__":
+    command_line(__doc__, measure, section)
