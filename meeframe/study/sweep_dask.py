@@ -15,6 +15,9 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, final
 from uuid import uuid4
 
+import numba
+from threadpoolctl import threadpool_limits
+
 from meeframe.case.cache import cached_body, code_key
 from meeframe.case.solve import reduce_body
 from meeframe.core.dense_system import DenseSystem
@@ -37,7 +40,7 @@ AHEAD: Final = 2
 """Points handed out for each thread of the cluster."""
 _WAIT: Final = "10s"
 """For a scheduler to answer."""
-_THREADS: Final = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_BLAS_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -86,12 +89,24 @@ class Carried:
     instead: Outcome | None = field(default=None, compare=False)
 
 
-def reduced(key: str, bodies: Sealed, folder: str) -> Carried:
+@contextmanager
+def limited(threads: int | None) -> Iterator[None]:
+    """With so many threads of numba, of the libraries under numpy and scipy, and of meeframe's own; None: as it is."""
+    if threads is None:
+        yield
+        return
+    numba.set_num_threads(threads)  # for this thread alone, in which others follow that set it, too
+    with threadpool_limits(threads):
+        yield
+
+
+def reduced(key: str, bodies: Sealed, folder: str, threads: int | None) -> Carried:
     """The reduced system of a sealed formulation and body; from files in `folder` where that can be seen from here."""
     formulation, body = bodies.open()
     try:
-        seen = Path(folder).is_dir()
-        system = cached_body(formulation, body, Path(folder), key=key) if seen else reduce_body(formulation, body)
+        with limited(threads):
+            seen = Path(folder).is_dir()
+            system = cached_body(formulation, body, Path(folder), key=key) if seen else reduce_body(formulation, body)
         return _carried(key, system, bodies)
     except (MeeframeError, MemoryError) as error:
         return Carried(key, instead=Outcome.without_result(error))
@@ -122,21 +137,23 @@ def _opened(carried: Carried) -> ReducedSystem:
     return content if isinstance(content, ReducedSystem) else reduce_body(*content)
 
 
-def solved_there(case: Sealed, *systems: Carried) -> Outcome:
+def solved_there(case: Sealed, threads: int | None, *systems: Carried) -> Outcome:
     """The outcome of a sealed case on the systems of its bodies."""
     instead = next((carried.instead for carried in systems if carried.instead is not None), None)
-    return instead or solved(case.open(), map(_opened, systems))
+    with limited(threads):
+        return instead or solved(case.open(), map(_opened, systems))
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Cluster(Pool):
     """The workers of a Dask cluster. connect: gives a client, the same each time; address: of its scheduler; plugins:
-    as in Sealed."""
+    as in Sealed; processes: local ones that share the machine, None for workers that have theirs."""
 
     connect: Callable[[], Any]
     address: str
     plugins: tuple[tuple[str, bytes], ...]
+    processes: int | None
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
         """As Pool.solve. What a lost worker had not finished others begin again.
@@ -169,15 +186,21 @@ class Cluster(Pool):
         """Points handed out one after the other, group by group, each with its future."""
         run = uuid4().hex[:8]  # others on the same scheduler have keys of their own
         submit = partial(client.submit, pure=False)
-        for bodies, group in grouped(points):
+        groups = grouped(points)
+        together, alone = self._threads(len({key for bodies, _ in groups for key, _ in bodies}))
+        for bodies, group in groups:
             systems = {
-                key: submit(reduced, key, self._sealed(body), folder, key=f"reduced-{key[:16]}-{run}")
+                key: submit(reduced, key, self._sealed(body), folder, together, key=f"reduced-{key[:16]}-{run}")
                 for key, body in bodies
             }
             for point in group:
                 case = self._sealed(point.case)
                 shared = [systems[key] for key, _ in bodies]
-                yield submit(solved_there, case, *shared, key=f"solved-{point.key[:16]}-{run}"), point
+                yield submit(solved_there, case, alone, *shared, key=f"solved-{point.key[:16]}-{run}"), point
+
+    def _threads(self, systems: int) -> tuple[int | None, int | None]:
+        """Threads of a reduction and of a point: all wait for a system that they share, and leave it their threads."""
+        return (None, None) if self.processes is None else (max(self.processes // systems, 1), 1)
 
     def _sealed(self, content: object) -> Sealed:
         return Sealed.of(content, self.plugins, code_key(content))
@@ -201,13 +224,13 @@ class Cluster(Pool):
 
 @contextmanager
 def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Iterator[Cluster]:
-    """Local processes of one thread each, not before they are needed; or, at an address, the workers that are there.
+    """Local processes, as many threads in all, not before they are needed; or, at an address, the workers there.
 
     Raises CaseError if the scheduler does not answer.
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
     settings = {
-        "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREADS, "1"),
+        "distributed.nanny.pre-spawn-environ": {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(workers)},
         "distributed.worker.preload": [__name__],
         "distributed.comm.timeouts.connect": _WAIT,
         "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes
@@ -226,7 +249,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
 
         if scheduler is not None:
             connect()
-        yield Cluster(connect, scheduler or "of the local processes", sources)
+        yield Cluster(connect, scheduler or "of the local processes", sources, workers if scheduler is None else None)
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:

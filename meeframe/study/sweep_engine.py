@@ -66,8 +66,9 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 
 @contextmanager
 def pool_of(workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = ()) -> Iterator[Pool]:
-    """This process for one worker; else as many local processes of one thread each, or the workers of a Dask cluster.
+    """This process for one worker; else as many local processes, or the workers of a Dask cluster.
 
+    Local processes have one thread each; for a reduced system which all of them wait for, they leave it theirs.
     workers: None: one for each core; scheduler: address of the cluster's scheduler, in place of local processes;
     plugins: local files whose classes the cases may hold, which the workers get to know.
     Raises CaseError if both are given, for fewer than one worker, for a scheduler that does not answer, or without

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numba import get_num_threads
+from threadpoolctl import threadpool_info
 
 from meeframe.geometry import zone_frames
 from meeframe.plugin import DenseSystem, Formulation, NodalFields, Quantity, Record, Solver, hookimpl, silent
@@ -15,6 +17,11 @@ from meeframe.solvers import SemismoothNewton
 def note(log, text):
     with Path(log).open("a") as file:
         file.write(text + "\n")
+
+
+def note_threads(log, what):
+    libraries = max(library["num_threads"] for library in threadpool_info())
+    note(log, f"threads of {what}: {get_num_threads()}, of libraries: {libraries}")
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,7 @@ class Springs(Formulation):
 
     def reduce(self, body, progress=silent):
         note(self.log, f"reduced {self.stiffness!r}")
+        note_threads(self.log, "a reduction")
         zone = zone_frames(body.mesh, body.contact_group)
         n = len(zone.points)
         matrix = np.zeros((n, 5, n, 5))
@@ -47,6 +55,7 @@ class Slow(Solver):
     def init(self, problem, start):
         time.sleep(self.pause)
         note(self.log, f"solved {problem.gap.min():.6e} {problem.system.diagonal_blocks()[0, 0, 0]:.6e}")
+        note_threads(self.log, "a point")
         return SemismoothNewton().init(problem, start)
 
     def step(self, problem, iterate):

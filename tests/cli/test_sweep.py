@@ -321,6 +321,16 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.parametrize(("text", "reduction"), [(LINE, 2), (GRID, 1)])
+def test_a_reduction_all_wait_for_has_all_their_threads(study, tmp_path, log, text, reduction):
+    assert sweep(study(text), tmp_path / "out", "--workers", 2)[0] == 0
+    expected = {
+        f"threads of a reduction: {reduction}, of libraries: {reduction}",
+        "threads of a point: 1, of libraries: 1",
+    }
+    assert set(log("threads")) == expected
+
+
 def test_one_at_a_time_writes_a_folder(study, tmp_path):
     out, file = tmp_path / "out", study(LINE, pause=0.3)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
