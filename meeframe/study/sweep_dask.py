@@ -100,7 +100,7 @@ def limited(threads: int | None) -> Iterator[None]:
         yield
 
 
-def reduced(key: str, bodies: Sealed, folder: str, threads: int | None) -> Carried:
+def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:
     """The reduced system of a sealed formulation and body; from files in `folder` where that can be seen from here."""
     formulation, body = bodies.open()
     try:
@@ -137,7 +137,7 @@ def _opened(carried: Carried) -> ReducedSystem:
     return content if isinstance(content, ReducedSystem) else reduce_body(*content)
 
 
-def solved_there(case: Sealed, threads: int | None, *systems: Carried) -> Outcome:
+def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:
     """The outcome of a sealed case on the systems of its bodies."""
     instead = next((carried.instead for carried in systems if carried.instead is not None), None)
     with limited(threads):
@@ -153,7 +153,7 @@ class Cluster(Pool):
     connect: Callable[[], Any]
     address: str
     plugins: tuple[tuple[str, bytes], ...]
-    processes: int | None
+    processes: int | None = None
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
         """As Pool.solve. What a lost worker had not finished others begin again.
@@ -196,7 +196,7 @@ class Cluster(Pool):
             for point in group:
                 case = self._sealed(point.case)
                 shared = [systems[key] for key, _ in bodies]
-                yield submit(solved_there, case, alone, *shared, key=f"solved-{point.key[:16]}-{run}"), point
+                yield submit(solved_there, case, *shared, threads=alone, key=f"solved-{point.key[:16]}-{run}"), point
 
     def _threads(self, systems: int) -> tuple[int | None, int | None]:
         """Threads of a reduction and of a point: all wait for a system that they share, and leave it their threads."""
