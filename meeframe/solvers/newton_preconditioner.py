@@ -1,0 +1,179 @@
+"""Roughly the inverse of Newton's equations without a matrix, from an approximate inverse of the compliance.
+
+Coupled rows are of two kinds. Those of sticking and pressed nodes and of conductors ask for a displacement or a
+potential: to them the approximate inverse answers, restricted to where they are. Those of the others have mostly to do
+with loads of their own node, as friction has that follows the pressure: to them the inverse of the node's own block.
+"""
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+import scipy  # its parts load where they are used
+
+from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
+from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.krylov import Linear
+from meeframe.solvers.newton_rows import Rows, multiplied
+from meeframe.solvers.nonsmooth import CLOSED
+
+NORMAL: Final = 2
+NEARBY: Final = 6.0
+"""Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
+SINGULAR: Final = 1e12
+"""Condition of a node's block from which on its pseudo-inverse is meant."""
+
+
+def preconditioner(rows: Rows) -> Linear:
+    """Roughly the inverse of the coupled rows, (r c,) of (r c,).
+
+    At nodes between open and closed no pressure and no gap are asked for. There the gap goes with the pressure, as
+    everywhere in contact, and that there is none with the closed fraction, which alone can see to it: by what it causes
+    nearby. Fluxes there count as fully conducted: they act on the nodes around whatever part of them is.
+    """
+    if CLOSED not in rows.components:
+        solve = _solution_of_loads(rows)
+        return lambda values: solve(values.reshape(rows.coupled.shape)).ravel()
+    between = np.flatnonzero(rows.coupled[-1])
+    pressure = rows.components.index(NORMAL)
+    a, b, coupled = _exchanged(rows.a, pressure, between), _exchanged(rows.b, pressure, between), rows.coupled.copy()
+    coupled[-1] = False
+    for field in (ELECTRIC, MAGNETIC):
+        if field in rows.components:
+            row = rows.components.index(field)
+            conducting = between[coupled[row, between]]
+            a[row, row, conducting] = 0.0
+            b[row, rows.asked.index(field), conducting] = 1.0 / rows.equation.scales.displacement[field]
+    solve = _solution_of_loads(replace(rows, a=a, b=b, coupled=coupled))
+    fading = a[-1][:, between].astype(rows.precision)
+    jumps = np.zeros(coupled.shape, rows.precision)
+    jumps[:, between] = -a[:, -1, between]
+    responses = _responses_nearby(solve, jumps, rows, between)
+    places = np.arange(jumps.size).reshape(jumps.shape)[:, between]
+    among = responses[places.ravel()].toarray().reshape(*places.shape, len(between))
+    inverse = np.linalg.pinv(np.einsum("jg,jgk->gk", fading, among))
+
+    def precondition(values: Array) -> Array:
+        rest = _exchanged(values.reshape(rows.coupled.shape), pressure, between)
+        found = solve(rest)
+        closed = inverse @ (rest[-1, between] - (fading * found[:, between]).sum(axis=0))
+        found += (responses @ closed).reshape(found.shape)
+        found[-1, between] = closed
+        return found.ravel()
+
+    return precondition
+
+
+def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> Any:
+    """Unknowns (r c, g), sparse, that right-hand sides (r, c) of single nodes (g,) cause near these.
+
+    Nodes far from each other share a solution: however many there are, a few will do.
+    """
+    system = rows.equation.problem.system
+    points, reach = system.points[rows.nodes], NEARBY * np.sqrt(system.weights.max())
+    group = np.full(len(nodes), -1)
+    for number, others in enumerate(scipy.spatial.cKDTree(points[nodes]).query_ball_point(points[nodes], 2.0 * reach)):
+        group[number] = np.setdiff1d(np.arange(len(others)), group[others])[0]
+    nearby = scipy.spatial.cKDTree(points).query_ball_point(points[nodes], reach)
+    own, cause = np.concatenate(nearby), np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in nearby])
+    values = np.zeros((len(jumps), len(own)), jumps.dtype)
+    for one in range(group.max() + 1):
+        alone = np.zeros_like(jumps)
+        alone[:, nodes[group == one]] = jumps[:, nodes[group == one]]
+        pairs = group[cause] == one
+        values[:, pairs] = solve(alone)[:, own[pairs]]
+    places = np.arange(len(jumps))[:, None] * len(points) + own
+    columns = np.broadcast_to(cause, places.shape)
+    return scipy.sparse.csr_array((values.ravel(), (places.ravel(), columns.ravel())), (jumps.size, len(nodes)))
+
+
+def _exchanged(part: Array, pressure: int, nodes: Indices) -> Array:
+    """Rows (r, ..., c) with those of the pressure and the closed fraction exchanged at nodes (g,)."""
+    exchanged = part.copy()
+    for one, other in ((pressure, -1), (-1, pressure)):
+        exchanged[one][..., nodes] = part[other][..., nodes]
+    return exchanged
+
+
+def _solution_of_loads(rows: Rows) -> Linear:
+    """Roughly the unknowns (r, c) of right-hand sides (r, c): first of the rows that ask for displacements, then of the
+    others, node by node."""
+    inverse, n, fields = rows.equation.inverse, len(rows.equation.blocks), rows.fields
+    loads = slice(len(fields))
+    asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[loads])
+    others = rows.coupled[loads] & ~asking
+    apart, mixed = np.flatnonzero(others.any(axis=0)), np.flatnonzero(others.any(axis=1))
+    places = np.ix_(mixed, apart)
+    own = _inverse_of_own(rows, mixed, apart, others[places]).astype(rows.precision)
+    a = rows.a[mixed][:, :, apart].astype(rows.precision)
+    known = [rows.equation.loaded.index(field) for field in fields]
+    displacement = rows.equation.scales.displacement[fields]
+    ask = rows.b[loads][:, [rows.asked.index(field) for field in fields]] * displacement[:, None]
+    ask = (_restricted_inverse(ask, asking) * displacement[:, None, None]).astype(rows.precision)
+    units = rows.units[loads, None].astype(rows.precision)
+    answering = asking / units
+
+    def solve(right: Array) -> Array:
+        found = np.zeros_like(right)
+        if inverse is not None:
+            asked = np.zeros((len(rows.equation.loaded), n), rows.precision)
+            for place, displaced in zip(known, multiplied(ask, right[loads]), strict=True):
+                asked[place, rows.nodes] = displaced
+            load = inverse(asked.T).T
+            for place, part, answer in zip(known, found, answering, strict=False):
+                np.multiply(load[place].take(rows.nodes), answer, out=part)
+        rest = right[places] - multiplied(a, found.take(apart, axis=1))
+        found[places] += multiplied(own, rest)
+        return found
+
+    return solve
+
+
+def _asking(rows: Rows) -> Mask:
+    """Rows (l, c) that ask for displacements: those in which a node's own response outweighs its own load."""
+    fields = rows.fields
+    asking = np.zeros((len(fields), len(rows.nodes)), bool)
+    for place, field in enumerate(fields):
+        if field in rows.equation.loaded:
+            own = rows.equation.blocks[rows.nodes, field, field] * rows.units[place]
+            moved = np.abs(rows.b[place, rows.asked.index(field)] * own)
+            asking[place] = rows.coupled[place] & (moved > np.abs(rows.a[place, place]))
+    return asking
+
+
+def _inverse_of_own(rows: Rows, which: Indices, apart: Indices, restricted: Mask) -> Array:
+    """Inverses (s, s, k) of the blocks of s rows of k nodes with their own response on some of them (s, k), zero
+    elsewhere."""
+    fields = [rows.fields[place] for place in which]
+    blocks = rows.equation.blocks[rows.nodes[apart]][:, rows.asked][:, :, fields] * rows.units[which]
+    answer = np.einsum("ijc,jkc->ikc", rows.b[which][:, :, apart], np.ascontiguousarray(blocks.transpose(1, 2, 0)))
+    return _restricted_inverse(rows.a[np.ix_(which, which, apart)] + answer, restricted)
+
+
+def _restricted_inverse(blocks: Array, which: Mask) -> Array:
+    """Inverses (s, s, c) of blocks (s, s, c) on the rows and columns (s, c) which, zero elsewhere."""
+    size = range(len(blocks))
+    restricted = np.where(which[:, None] & which, blocks, 0.0)
+    diagonal = np.asarray(np.diagonal(restricted).T).copy()
+    inverses = np.zeros_like(blocks)
+    inverses[size, size] = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal != 0.0)
+    restricted[size, size] = 0.0
+    full = np.flatnonzero(restricted.any(axis=(0, 1)))
+    if full.size:
+        restricted[size, size] = np.where(which, diagonal, 1.0)
+        inverse = _inverse(restricted[:, :, full].transpose(2, 0, 1)).transpose(1, 2, 0)
+        inverses[:, :, full] = np.where(which[:, None, full] & which[:, full], inverse, 0.0)
+    return inverses
+
+
+def _inverse(blocks: Array) -> Array:
+    """Inverses of blocks (c, s, s), pseudo-inverses of those that are singular."""
+    try:
+        found: Array = np.asarray(np.linalg.inv(blocks), float)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(blocks))
+    size, bound = (np.abs(part).max(axis=(1, 2)) for part in (blocks, found))
+    singular = ~(size * bound < SINGULAR)
+    found[singular] = np.linalg.pinv(blocks[singular])
+    return found
