@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.linalg.blas import dgemm, dtrsm
-from scipy.linalg.lapack import dgecon, dgetrf, dlange, dlaswp, dtrtrs
+from scipy.linalg.lapack import dlange
 
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError
@@ -13,23 +12,21 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import NodalFields
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.assembly import System
+from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 
-SINGULAR: Final = 1e-11
-"""Reciprocal condition number below which the system counts as singular.
+SINGULAR: Final = 1e-9
+"""Reciprocal condition number, in Frobenius norms, below which the system counts as singular.
 
-A free part leaves 1e-13, the round-off of its constant fields; a block a thousand times larger than its zone 1e-7."""
-AT_ONCE: Final = 12_000
-"""Unknowns up to which LAPACK eliminates in one call: that of OpenBLAS, in threads, ends the process with 22,450."""
-PANEL, STRIP = 4096, 2048
-"""Columns that it eliminates in one call beyond that, and that are taken along at a time."""
+A part with a free field leaves 4e-10 at most, by round-off; a block 1000 times as large as its zone 2e-6."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoundarySolution:
-    """upper @ unknowns = loaded @ load + constant; load flattened (n * 5,), all in units of the system.
+    """Unknowns for any load on the contact zone, all in units of the system.
 
-    factors: (u, u + 5 n + 1), of which these are the upper triangle of the first u columns, the next 5 n and the last.
+    factors: (u, u + 5 n + 1), what the elimination left of the matrix, of the columns of unit loads on the n nodes of
+    the zone, whose values are the last unknowns, and of the prescribed data.
     """
 
     factors: Array
@@ -41,8 +38,8 @@ class BoundarySolution:
         """Fields on the boundary for a load (n, 5) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
-        n = layout.n_unknowns
-        unknowns, _ = dtrtrs(self.factors[:, :n], self.factors[:, n:-1] @ loads + self.factors[:, -1])
+        right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
+        unknowns = all_unknowns(self.factors, layout.n_unknowns - loads.size, right[:, None])[:, 0]
         values = _fill(layout.value_data, layout.value_column, unknowns)
         fluxes = _fill(layout.flux_data, layout.flux_column, unknowns)
         fluxes = _fill(fluxes, layout.load_column, loads)
@@ -57,51 +54,25 @@ class BoundarySolution:
 def factorise(system: System) -> Array:
     """The factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
 
-    The elimination of the matrix takes the other columns along: what is left of them is a back substitution, of which
-    the values of the zone, numbered last, need only the last rows. Raises CaseError if the matrix is singular to
-    working precision.
+    Raises CaseError if the matrix is singular to working precision.
     """
-    norm = dlange("I", system.matrix)
-    factors = _eliminated(system.columns)
-    reciprocal, _ = dgecon(factors[:, : len(factors)], norm, norm="I")
+    norm = dlange("F", system.matrix)
+    inner = len(system.columns) - system.load_matrix.shape[1]
+    eliminate(system.columns, inner)
+    reciprocal = 1.0 / (norm * inverse_norm(system.columns, inner))
     if not reciprocal > SINGULAR:
         raise CaseError(
             f"the boundary element system is singular (reciprocal condition {reciprocal:.1e}): every separate part of "
             "the body needs supports and a prescribed value of each potential"
         )
-    return factors
-
-
-def _eliminated(columns: Array) -> Array:
-    """LU factors of the first u of columns (u, w) in Fortran order, in their place, the others taken along."""
-    n, width = columns.shape
-    if n <= AT_ONCE:
-        factors: Array = dgetrf(columns, overwrite_a=True)[0]
-        return factors
-    swaps = np.arange(n)
-    for first in range(0, n, PANEL):
-        last = min(first + PANEL, n)
-        panel, rows, _ = dgetrf(columns[first:, first:last])
-        swaps[first:last] = first + rows
-        dlaswp(columns, swaps, k1=first, k2=last - 1, overwrite_a=True)
-        columns[first:, first:last] = panel
-        corner, below = (np.asfortranarray(part) for part in np.split(panel, [last - first]))
-        for start in range(last, width, STRIP):
-            part = slice(start, start + STRIP)
-            beside = dtrsm(1.0, corner, columns[first:last, part], lower=True, diag=True)
-            columns[first:last, part] = beside
-            if last < n:  # by SciPy, whose threads NumPy's would disturb
-                columns[last:, part] -= dgemm(1.0, below, beside)
-    return columns
+    return system.columns
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the contact zone, SI units, global axes."""
     layout, units = solution.layout, solution.units
     n = len(layout.zone)
-    end = layout.n_unknowns
-    last = solution.factors[end - N_FIELDS * n :]
-    values, _ = dtrtrs(last[:, end - N_FIELDS * n : end], last[:, end:])
+    values = last_unknowns(solution.factors, layout.n_unknowns - N_FIELDS * n, solution.factors[:, layout.n_unknowns :])
     offset = units.values_si(values[:, -1].reshape(n, N_FIELDS))
     to_values = units.values_si(np.ones(N_FIELDS))
     to_loads = units.fluxes(np.ones(N_FIELDS))

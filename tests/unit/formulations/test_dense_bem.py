@@ -163,7 +163,8 @@ def test_reaction_of_the_base_balances_the_load_as_the_mesh_is_refined():
     assert fine < 0.6 * coarse
 
 
-def test_a_part_without_supports_is_singular():
+@pytest.mark.parametrize("given", [[], [0, 1, 2, 3], [3, 4]], ids=["nothing", "no magnetic potential", "no supports"])
+def test_a_part_with_a_free_field_is_singular(given):
     box = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
     block = box.blocks[0]
     both = ElementBlock(
@@ -174,6 +175,7 @@ def test_a_part_without_supports_is_singular():
     names = (*box.group_names, *(f"other {name}" for name in box.group_names))
     mesh = SurfaceMesh(np.concatenate([box.points, box.points + np.array([5.0, 0.0, 0.0])]), (both,), names)
     clamps = tuple(BoundaryCondition("z-", field, "value") for field in range(5))
+    clamps += tuple(BoundaryCondition("other z-", field, "value") for field in given)
     with pytest.raises(CaseError, match="system is singular"):
         DenseBEM().boundary_fields(Body(TRICLINIC.stiffness, mesh, clamps, None))
 

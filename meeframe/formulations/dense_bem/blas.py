@@ -1,0 +1,67 @@
+"""Routines of BLAS and LAPACK in place, on parts of matrices in Fortran order, of which SciPy's wrappers make copies.
+
+All arrays are float64 and Fortran-ordered, or rectangular parts of such arrays; library and threads are SciPy's.
+"""
+
+from ctypes import CFUNCTYPE, byref, c_double, c_int, c_void_p
+from typing import Any
+
+import numpy as np
+from numba.extending import get_cython_function_address
+from numpy.typing import NDArray
+
+from meeframe.core.fields import Array
+
+Swaps = NDArray[np.int32]
+"""Row i was exchanged with row swaps[i], counted from 1, one after the other: LAPACK's pivots."""
+
+
+def factorise(matrix: Array, swaps: Swaps) -> None:
+    """LU factors of matrix (m, n), m >= n, in its place, by partial pivoting; swaps (n,) is filled."""
+    rows, columns = matrix.shape
+    _dgetrf(*_numbers(rows, columns), *_part(matrix), swaps.ctypes.data, *_numbers(0))
+
+
+def swap_rows(target: Array, swaps: Swaps) -> None:
+    """Exchange rows of target (m, n) as a factorisation did."""
+    _dlaswp(*_numbers(target.shape[1]), *_part(target), *_numbers(1, len(swaps)), swaps.ctypes.data, *_numbers(1))
+
+
+def subtract_product(target: Array, left: Array, right: Array) -> None:
+    """target (m, n) -= left (m, k) @ right (k, n)."""
+    sizes = _numbers(*target.shape, len(right))
+    _dgemm(b"N", b"N", *sizes, byref(c_double(-1.0)), *_part(left), *_part(right), byref(c_double(1.0)), *_part(target))
+
+
+def divide_by_lower(target: Array, factors: Array, *, from_right: bool = False) -> None:
+    """target = L^-1 target, or target L^-1; L the unit lower triangle of factors (k, k)."""
+    _divide(b"R" if from_right else b"L", b"L", b"U", target, factors)
+
+
+def divide_by_upper(target: Array, factors: Array) -> None:
+    """target = U^-1 target; U the upper triangle of factors (k, k)."""
+    _divide(b"L", b"U", b"N", target, factors)
+
+
+def _divide(side: bytes, triangle: bytes, diagonal: bytes, target: Array, factors: Array) -> None:
+    sizes = _numbers(*target.shape)
+    _dtrsm(side, triangle, b"N", diagonal, *sizes, byref(c_double(1.0)), *_part(factors), *_part(target))
+
+
+def _numbers(*values: int) -> tuple[Any, ...]:
+    return tuple(byref(c_int(value)) for value in values)
+
+
+def _part(matrix: Array) -> tuple[Any, Any]:
+    """First entry, and what lies between columns."""
+    return matrix.ctypes.data, *_numbers(max(1, matrix.strides[1] // matrix.itemsize))
+
+
+def _routine(library: str, name: str, n_arguments: int) -> Any:
+    return CFUNCTYPE(None, *[c_void_p] * n_arguments)(get_cython_function_address(f"scipy.linalg.{library}", name))
+
+
+_dgetrf = _routine("cython_lapack", "dgetrf", 6)
+_dlaswp = _routine("cython_lapack", "dlaswp", 7)
+_dgemm = _routine("cython_blas", "dgemm", 13)
+_dtrsm = _routine("cython_blas", "dtrsm", 11)

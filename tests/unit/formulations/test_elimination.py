@@ -1,0 +1,72 @@
+"""Elimination of a dense system: by blocks, in place, rows exchanged."""
+
+import numpy as np
+import pytest
+from scipy.linalg import lu
+
+from meeframe.core.errors import CaseError
+from meeframe.formulations.dense_bem.assembly import System
+from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
+from meeframe.formulations.dense_bem.system import factorise
+
+SIZES = [(1, 0, 1), (7, 7, 1), (53, 40, 14), (131, 0, 5), (327, 200, 128), (650, 391, 260)]
+"""Unknowns, those eliminated first, right-hand sides: less and more columns than are factorised at once, odd halves."""
+
+
+def _system(unknowns: int, others: int):
+    """A matrix whose rows have to be exchanged, and right-hand sides."""
+    rng = np.random.default_rng(unknowns)
+    matrix, right = rng.normal(size=(unknowns, unknowns)), rng.normal(size=(unknowns, others))
+    matrix[np.diag_indices(unknowns)] = 0.0 if unknowns > 1 else 2.0
+    return matrix, right, np.asfortranarray(np.hstack([matrix, right]))
+
+
+@pytest.mark.parametrize(("unknowns", "first", "others"), SIZES)
+def test_unknowns_solve_the_system(unknowns, first, others):
+    matrix, right, columns = _system(unknowns, others)
+    eliminate(columns, first)
+    expected = np.linalg.solve(matrix, right)
+    close = {"rtol": 1e-9, "atol": 1e-10 * np.abs(expected).max()}
+    np.testing.assert_allclose(all_unknowns(columns, first, columns[:, unknowns:]), expected, **close)
+    np.testing.assert_allclose(last_unknowns(columns, first, columns[:, unknowns:]), expected[first:], **close)
+
+
+@pytest.mark.parametrize("unknowns", [7, 65, 129, 650])
+def test_factors_are_those_of_partial_pivoting(unknowns):
+    """SciPy's factors and order of rows, so that multipliers are at most one and the factors grow no more."""
+    matrix, _, columns = _system(unknowns, 1)
+    eliminate(columns, unknowns)
+    rows, lower, upper = lu(matrix, p_indices=True)
+    found = np.tril(columns[:, :unknowns], -1) + np.eye(unknowns), np.triu(columns[:, :unknowns])
+    np.testing.assert_allclose(found[0], lower, atol=1e-10)
+    np.testing.assert_allclose(found[1], upper, atol=1e-10 * np.abs(upper).max())
+    residual = np.abs(matrix - (found[0] @ found[1])[rows]).max()
+    assert residual <= unknowns * np.finfo(float).eps * np.abs(upper).max()
+
+
+@pytest.mark.parametrize(("unknowns", "first"), [(327, 200), (60, 60), (60, 0)])
+def test_condition_is_that_of_the_whole_matrix(unknowns, first):
+    """Also where a single direction decides, within what eight random right-hand sides may miss."""
+    matrix, _, _ = _system(unknowns, 1)
+    left, values, right = np.linalg.svd(matrix)
+    values[-1] = 1e-6
+    matrix = (left * values) @ right
+    columns = np.asfortranarray(np.hstack([matrix, matrix[:, :1]]))
+    eliminate(columns, first)
+    expected = np.linalg.norm(np.linalg.inv(matrix))
+    assert expected / 3 < inverse_norm(columns, first) < 3 * expected
+
+
+@pytest.mark.parametrize("loads", [0, 12])
+def test_singular_systems_are_refused(loads):
+    matrix, right, _ = _system(30, loads + 1)
+    matrix[:, 20] = matrix[:, 3]
+    with pytest.raises(CaseError, match="singular"):
+        factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
+
+
+def test_a_pivot_of_zero_is_refused():
+    matrix, right, _ = _system(30, 1)
+    matrix[:, 20] = 0.0
+    with pytest.raises(CaseError, match="singular"):
+        factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
