@@ -18,10 +18,15 @@ from meeframe.kernels.modulation import PACKED
 
 DEGREE = 8
 WIDTH = 16
-# Points whose tractions are computed together, and points whose results stay in the second-level cache.
-BLOCK = 32
-CHUNK = 4096
+# Points of one cell that are interpolated together, and points whose tractions are computed together.
+LANES, BLOCK = 8, 32
+# From so many points of one cell on it pays to interpolate them together, though some lanes stay idle.
+FEW = 5
+WIDE = BLOCK + LANES
+# Points sorted together: enough for several in each cell, few enough for their results to stay in third-level cache.
+CHUNK = 20480
 FLAT = PACKED.ravel()
+N_PACKED = 15
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -42,23 +47,34 @@ def _cell(coordinate, cells):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sort_by_cell(offset, cells):
-    """Point numbers ordered by cell, (n,), and the bounds of the three faces in that order, (4,)."""
+def _sort_by_cell(offset, cells, place, key, order):
+    """Fill place (3, n): x_a, u, v; key (n,): cells of the table; order (n,): point numbers ordered by cell.
+
+    Returns the bounds of the three faces in that order, (4,). The choices of the first loop are written so that the
+    compiler makes vectors of them: branches would be guessed wrong at most points.
+    """
     n = offset.shape[0]
-    key = np.empty(n, np.int32)
     start = np.zeros(3 * cells * cells + 1, np.int64)
     for point in range(n):
-        face, _, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
+        x, y, z = offset[point, 0], offset[point, 1], offset[point, 2]
+        ax, ay, az = abs(x), abs(y), abs(z)
+        first, second = (ax >= ay) & (ax >= az), ay >= az
+        face = 0 if first else (1 if second else 2)
+        xa = x if first else (y if second else z)
+        xb = y if first else (z if second else x)
+        xc = z if first else (x if second else y)
+        u, v = xb / xa, xc / xa
+        place[0, point], place[1, point], place[2, point] = xa, u, v
         key[point] = (face * cells + _cell(u, cells)) * cells + _cell(v, cells)
+    for point in range(n):
         start[key[point] + 1] += 1
     for k in range(3 * cells * cells):
         start[k + 1] += start[k]
     bounds = start[:: cells * cells].copy()
-    order = np.empty(n, np.int64)
     for point in range(n):
         order[start[key[point]]] = point
         start[key[point]] += 1
-    return order, bounds
+    return bounds
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
@@ -110,85 +126,134 @@ def locate(x, y, z, cells):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _tractions(coefficients, place, sources, rows, traction):
-    """T (25 blocks,) of one block of points on one face; all arrays flat, the points of the block run fastest.
+def _interpolate_lanes(table, cell, s, t, first, values):
+    """As _interpolate, at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
+    for column in range(N_PACKED):
+        out = values[column, first:]
+        # A length that the compiler does not know: it would unroll a short loop and make no vectors.
+        for p in range(len(s)):
+            out[p], out[WIDE + p], out[2 * WIDE + p] = horner(table, cell, column, s[p], t[p])
 
-    coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; place (6 blocks,): normal, u, v and
-    1 / (4 pi s); sources (75 blocks,): G, G_u, G_v unpacked as [K, 5 k + M]; rows (15 blocks,) is scratch.
+
+@njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
+def _row(c, o, place):
+    """Factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see _tractions."""
+    x, y, z, u, v = place
+    along = c[o] * x + c[o + 1] * y + c[o + 2] * z
+    return (
+        -along,
+        c[o + 3] * x + c[o + 4] * y + c[o + 5] * z - u * along,
+        c[o + 6] * x + c[o + 7] * y + c[o + 8] * z - v * along,
+    )
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
+def _product(k, values, p, factors):
+    """Row k of a packed symmetric matrix, with its entries in column p of values, times factors."""
+    return (
+        factors[0] * values[PACKED[k, 0], p]
+        + factors[1] * values[PACKED[k, 1], p]
+        + factors[2] * values[PACKED[k, 2], p]
+        + factors[3] * values[PACKED[k, 3], p]
+        + factors[4] * values[PACKED[k, 4], p]
+    )
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
+def _entry(k, values, p, scale, slope, a, b, c):
+    """T_JK of one J at point p, from the factors of G, G_u, G_v."""
+    steep = _product(k, values, WIDE + p, b) + _product(k, values, 2 * WIDE + p, c)
+    return scale * _product(k, values, p, a) + slope * steep
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _tractions(coefficients, place, values, traction):
+    """T into traction (5, 5 blocks) of one block of points on one face; the points run fastest.
+
+    coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; place (7, BLOCK): normal, u, v,
+    1 / (4 pi s) and that times cells; values: see _block. No inner loop: with one the compiler makes no vectors.
     """
     for j in range(5):
-        for m in range(5):
-            o = 9 * (5 * j + m)
-            a0, a1, a2 = coefficients[o], coefficients[o + 1], coefficients[o + 2]
-            b0, b1, b2 = coefficients[o + 3], coefficients[o + 4], coefficients[o + 5]
-            c0, c1, c2 = coefficients[o + 6], coefficients[o + 7], coefficients[o + 8]
-            for p in range(BLOCK):
-                x, y, z = place[p], place[BLOCK + p], place[2 * BLOCK + p]
-                along = a0 * x + a1 * y + a2 * z
-                rows[BLOCK * m + p] = -along
-                rows[BLOCK * (m + 5) + p] = b0 * x + b1 * y + b2 * z - place[3 * BLOCK + p] * along
-                rows[BLOCK * (m + 10) + p] = c0 * x + c1 * y + c2 * z - place[4 * BLOCK + p] * along
-        for k in range(5):
-            for p in range(BLOCK):
-                total = 0.0
-                for q in range(15):
-                    total += rows[BLOCK * q + p] * sources[BLOCK * (15 * k + q) + p]
-                traction[BLOCK * (5 * j + k) + p] = total * place[5 * BLOCK + p]
+        o = 45 * j
+        out = traction[j]
+        for p in range(BLOCK):
+            here = place[0, p], place[1, p], place[2, p], place[3, p], place[4, p]
+            a0, b0, c0 = _row(coefficients, o, here)
+            a1, b1, c1 = _row(coefficients, o + 9, here)
+            a2, b2, c2 = _row(coefficients, o + 18, here)
+            a3, b3, c3 = _row(coefficients, o + 27, here)
+            a4, b4, c4 = _row(coefficients, o + 36, here)
+            a, b, c = (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4), (c0, c1, c2, c3, c4)
+            scale, slope = place[5, p], place[6, p]
+            out[p] = _entry(0, values, p, scale, slope, a, b, c)
+            out[BLOCK + p] = _entry(1, values, p, scale, slope, a, b, c)
+            out[2 * BLOCK + p] = _entry(2, values, p, scale, slope, a, b, c)
+            out[3 * BLOCK + p] = _entry(3, values, p, scale, slope, a, b, c)
+            out[4 * BLOCK + p] = _entry(4, values, p, scale, slope, a, b, c)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather(table, cells, offset, normal, point, p, value, place, sources, u_out):
-    """Evaluate G at one point; fill column p of place and sources (see _tractions), and U."""
-    _, xa, u, v, cell, s, t = locate(offset[point, 0], offset[point, 1], offset[point, 2], cells)
-    _interpolate(table, cell, s, t, value)
-    for axis in range(3):
-        place[BLOCK * axis + p] = normal[point, axis]
-    place[3 * BLOCK + p], place[4 * BLOCK + p] = u, v
-    place[5 * BLOCK + p] = 0.25 / (math.pi * xa * abs(xa))
-    scale = 0.25 / (math.pi * abs(xa))
-    for q in range(25):
-        u_out[point, q] = scale * value[FLAT[q]]
-    for k in range(5):
-        for m in range(5):
-            o = BLOCK * (15 * k + m) + p
-            entry = FLAT[5 * k + m]
-            sources[o] = value[entry]
-            sources[o + 5 * BLOCK] = cells * value[WIDTH + entry]
-            sources[o + 10 * BLOCK] = cells * value[2 * WIDTH + entry]
+def _block(table, cells, points, place, key, normal, work):
+    """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see _sort_by_cell) and normal.
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _evaluate_chunk(table, cells, coefficients, offset, normal, work, u_out, t_out):
-    """U and T (n, 25) of points few enough for their results to stay in cache; work: scratch arrays."""
-    value, place, rows, sources, traction = work
-    order, bounds = _sort_by_cell(offset, cells)
-    for face in range(3):
-        for first in range(bounds[face], bounds[face + 1], BLOCK):
-            used = min(BLOCK, bounds[face + 1] - first)
-            for p in range(used):
-                _gather(table, cells, offset, normal, order[first + p], p, value, place, sources, u_out)
-            # Columns beyond those used hold old points: finite, and not written out.
-            _tractions(coefficients[face], place, sources, rows, traction)
-            for p in range(used):
-                point = order[first + p]
-                for q in range(25):
-                    t_out[point, q] = traction[BLOCK * q + p]
+    Fills work: local (2, WIDE) with s, t; near (7, BLOCK), see _tractions; values (16, 3 WIDE): of each column G, G_s,
+    G_t at all points. Columns beyond those used hold old points: finite, and not written out.
+    """
+    local, near, values, value = work
+    for p in range(len(points)):
+        point = points[p]
+        xa, u, v = place[0, point], place[1, point], place[2, point]
+        i, j = key[point] // cells % cells, key[point] % cells
+        local[0, p] = (u + 1.0) * cells - (2 * i + 1)
+        local[1, p] = (v + 1.0) * cells - (2 * j + 1)
+        for axis in range(3):
+            near[axis, p] = normal[point, axis]
+        near[3, p], near[4, p] = u, v
+        near[5, p] = 0.25 / (math.pi * xa * abs(xa))
+        near[6, p] = cells * near[5, p]
+    p = 0
+    while p < len(points):
+        cell = key[points[p]]
+        end = p + 1
+        while end < min(p + LANES, len(points)) and key[points[end]] == cell:
+            end += 1
+        if end - p >= FEW:
+            # Idle lanes fill columns of points that follow, before these do.
+            _interpolate_lanes(table, cell, local[0, p : p + LANES], local[1, p : p + LANES], p, values)
+            p = end
+        else:
+            _interpolate(table, cell, local[0, p], local[1, p], value)
+            for q in range(N_PACKED):
+                values[q, p] = value[q]
+                values[q, WIDE + p] = value[WIDTH + q]
+                values[q, 2 * WIDE + p] = value[2 * WIDTH + q]
+            p += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in _tractions."""
     n = offset.shape[0]
-    work = (
-        np.empty(3 * WIDTH),
-        np.zeros(6 * BLOCK),
-        np.empty(15 * BLOCK),
-        np.zeros(75 * BLOCK),
-        np.empty(25 * BLOCK),
-    )
-    for first in range(0, n, CHUNK):
-        part = slice(first, min(first + CHUNK, n))
-        _evaluate_chunk(table, cells, coefficients, offset[part], normal[part], work, u_out[part], t_out[part])
+    room = min(n, CHUNK)
+    place, key, order = np.empty((3, room)), np.empty(room, np.int32), np.empty(room, np.int32)
+    near, values, traction = np.zeros((7, BLOCK)), np.zeros((WIDTH, 3 * WIDE)), np.empty((5, 5 * BLOCK))
+    work = np.zeros((2, WIDE)), near, values, np.empty(3 * WIDTH)
+    for begin in range(0, n, CHUNK):
+        part = slice(begin, min(begin + CHUNK, n))
+        bounds = _sort_by_cell(offset[part], cells, place, key, order)
+        u_part, t_part = u_out[part], t_out[part]
+        for face in range(3):
+            for first in range(bounds[face], bounds[face + 1], BLOCK):
+                points = order[first : min(first + BLOCK, bounds[face + 1])]
+                _block(table, cells, points, place, key, normal[part], work)
+                _tractions(coefficients[face], near, values, traction)
+                for p in range(len(points)):
+                    point = points[p]
+                    scale = 0.25 / (math.pi * abs(place[0, point]))
+                    for q in range(25):
+                        u_part[point, q] = scale * values[FLAT[q], p]
+                    for q in range(25):
+                        t_part[point, q] = traction[q // 5, BLOCK * (q % 5) + p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -23,7 +23,7 @@ def assert_equals_line_integral(stiffness, offset, random):
 
 def test_random_directions_and_distances(stiffness, random):
     """More points than one chunk of the kernel, in no order."""
-    offset = unit_vectors(random, 15000) * 10.0 ** random.uniform(-6.0, 3.0, (15000, 1))
+    offset = unit_vectors(random, 25000) * 10.0 ** random.uniform(-6.0, 3.0, (25000, 1))
     assert_equals_line_integral(stiffness, offset, random)
 
 
