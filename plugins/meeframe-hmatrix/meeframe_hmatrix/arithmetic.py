@@ -21,11 +21,16 @@ from meeframe_hmatrix.blocks import (
     compress,
     multiply,
     multiply_transposed,
+    rank,
     shape,
     to_dense,
     transposed,
     within,
 )
+from meeframe_hmatrix.truncation import truncated
+
+SMALL = 250
+"""Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry (measured)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +106,7 @@ NOTHING = Pending()
 
 def _with_product(pending: Pending, first: Block, second: Block) -> Pending:
     """One more product to subtract; where a factor has low rank the product has, too."""
-    if isinstance(first, LowRank):
+    if isinstance(first, LowRank) and not (isinstance(second, LowRank) and rank(second) < rank(first)):
         right = multiply_transposed(second, first.right.T).T
         return Pending((*pending.terms, (first.left, right)), pending.products)
     if isinstance(second, LowRank):
@@ -134,13 +139,15 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
     """An undivided block less all that is pending."""
     if not pending.terms and not pending.products:
         return block
-    if isinstance(block, Dense):
-        array = block.array.copy()
+    if isinstance(block, Dense) or min(shape(block)) <= SMALL:
+        array = to_dense(block).copy()
         if pending.terms:
             array -= np.hstack([left for left, _ in pending.terms]) @ np.vstack([right for _, right in pending.terms])
         for first, second in pending.products:
             array -= _dense_product(first, second)
-        return Dense(block.rows, block.columns, array)
+        if isinstance(block, Dense):
+            return Dense(block.rows, block.columns, array)
+        return LowRank(block.rows, block.columns, *truncated(array, tolerance))
     left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
     right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
 
@@ -156,8 +163,9 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
             y -= multiply_transposed(second, multiply_transposed(first, x))
         return y
 
-    rank = block.left.shape[1]  # elimination hardly changes it
-    return LowRank(block.rows, block.columns, *compress(product, transposed, shape(block), rank, tolerance, left.dtype))
+    expected = rank(block)  # elimination hardly changes it
+    factors = compress(product, transposed, shape(block), expected, tolerance, left.dtype)
+    return LowRank(block.rows, block.columns, *factors)
 
 
 def _dense_product(first: Block, second: Block) -> Array:
@@ -232,3 +240,8 @@ def solution(factors: Factors, form: Form, x: Array) -> Array:
     parts[first] = solution(triangle.parts[0], form, parts[first])
     parts[second] = solution(triangle.parts[1], form, parts[second] - multiply(triangle.coupling, parts[first]))
     return np.concatenate(parts)
+
+
+def solved(factors: Factors, x: Array) -> Array:
+    """matrix^-1 @ x for x (n, k) and the factors of a matrix."""
+    return solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))

@@ -4,15 +4,20 @@ Ranges of rows and columns are slices of the whole matrix, so that blocks find e
 """
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from meeframe.core.fields import Array
+from meeframe_hmatrix.truncation import truncated
 
 FIRST_GUESS = 8
 """More random vectors than the rank that is expected, in the compression of a product."""
+
+THIN = 0.4
+"""Rank that is worth it, in terms of the smaller side of a block."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +54,11 @@ Block = Dense | LowRank | Split
 def shape(block: Block) -> tuple[int, int]:
     """Rows and columns."""
     return block.rows.stop - block.rows.start, block.columns.stop - block.columns.start
+
+
+def rank(block: LowRank) -> int:
+    """Columns of its left factor."""
+    return block.left.shape[1]
 
 
 def within(part: slice, whole: slice) -> slice:
@@ -111,16 +121,41 @@ def transposed(block: Block) -> Block:
     return Split(block.columns, block.rows, parts)
 
 
+def with_leaves(block: Block, leaves: Iterator[Dense | LowRank]) -> Block:
+    """The same divisions of other undivided blocks, which come in the order of the function `leaves`."""
+    if not isinstance(block, Split):
+        return next(leaves)
+    return Split(
+        block.rows, block.columns, tuple(tuple(with_leaves(part, leaves) for part in line) for line in block.parts)
+    )
+
+
 def converted(block: Block, dtype: DTypeLike) -> Block:
     """The same in another precision; numbers that have it already are shared."""
-    if isinstance(block, Dense):
-        return Dense(block.rows, block.columns, block.array.astype(dtype, copy=False))
-    if isinstance(block, LowRank):
-        left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
-        return LowRank(block.rows, block.columns, left, right)
-    return Split(
-        block.rows, block.columns, tuple(tuple(converted(part, dtype) for part in line) for line in block.parts)
-    )
+    return with_leaves(block, (_converted(leaf, dtype) for leaf in leaves(block)))
+
+
+def _converted(leaf: Dense | LowRank, dtype: DTypeLike) -> Dense | LowRank:
+    if isinstance(leaf, Dense):
+        return Dense(leaf.rows, leaf.columns, leaf.array.astype(dtype, copy=False))
+    left, right = (factor.astype(dtype, copy=False) for factor in (leaf.left, leaf.right))
+    return LowRank(leaf.rows, leaf.columns, left, right)
+
+
+def thinned(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) -> Block:
+    """The same in another precision, with low rank wherever that saves much: clusters hardly apart are near by rule.
+
+    Blocks on the diagonal stay as they are.
+    """
+
+    def thin(leaf: Dense | LowRank) -> Dense | LowRank:
+        leaf = _converted(leaf, dtype)
+        if isinstance(leaf, LowRank) or leaf.rows == leaf.columns:
+            return leaf
+        left, right = truncated(leaf.array.copy(), tolerance)
+        return LowRank(leaf.rows, leaf.columns, left, right) if left.shape[1] <= THIN * min(shape(leaf)) else leaf
+
+    return with_leaves(block, pool.map(thin, leaves(block)))
 
 
 def to_dense(block: Block) -> Array:

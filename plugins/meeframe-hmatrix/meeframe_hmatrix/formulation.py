@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, TooLargeError
-from meeframe.core.fields import Array, FieldScaling
+from meeframe.core.fields import N_FIELDS, Array, FieldScaling
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.quantities import Quantity, check_quantities
@@ -24,7 +24,6 @@ from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
-from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal_of, factorise, frames_to_units
 
 LEAF_SIZE = 36
@@ -77,7 +76,7 @@ class HierarchicalBEM(Formulation):
         self.check(body)
         boundary = self.solve(body, progress)
         zone = zone_frames(body.mesh, body.contact_group or "")
-        order = boundary.tree.loads
+        order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
         own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(boundary.compliance, order), to_load)
         values = boundary.layout.value_column[boundary.layout.zone]
@@ -89,7 +88,6 @@ class HierarchicalBEM(Formulation):
             zone.weights,
             zone.cells,
             offset,
-            stacked(boundary.compliance),
             order,
             to_load,
             to_displacement,

@@ -1,23 +1,26 @@
 """From the hierarchical system to the reduced system: truncated elimination, and the compliance of the contact zone."""
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, final
 
 import numpy as np
 from numba import get_num_threads
 from scipy.sparse.linalg import LinearOperator, gmres
+from threadpoolctl import threadpool_limits
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
-from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solution, solve
+from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solve, solved
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Dense, Split, converted, leaves, multiply
+from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, thinned, to_dense
+from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
-from meeframe_hmatrix.product import Product
+from meeframe_hmatrix.product import Product, stacked
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
@@ -25,6 +28,11 @@ SINGLE: Final = 1e-5
 """Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 MOST_ITERATIONS: Final = 200
+ROUGHLY: Final = 1e-3
+"""Truncation of an approximate inverse."""
+ALL_FIELDS: Final = tuple(range(N_FIELDS))
+
+Fields = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +86,7 @@ class BoundarySystem:
         return solution, len(history)
 
     def _preconditioned(self, x: Array) -> Array:
-        return solution(self.factors, Form.UPPER, solution(self.factors, Form.LOWER, x.reshape(-1, 1)))[:, 0]
+        return solved(self.factors, x.reshape(-1, 1))[:, 0]
 
     def fields(self, loads: Array) -> NodalFields:
         """Fields on the boundary for loads (n, 5) in units of the system and the order of the layout, global axes."""
@@ -101,7 +109,7 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
     with ThreadPoolExecutor(get_num_threads()) as pool:
         progress("elimination", 0.0)
         dtype = np.float32 if tolerance >= SINGLE else np.float64
-        factors = eliminate(converted(system.matrix, dtype), tolerance, pool)
+        factors = eliminate(thinned(system.matrix, tolerance, dtype, pool), tolerance, pool)
         assert isinstance(factors, EliminatedSplit)
         zone = factors.second
 
@@ -111,9 +119,10 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
             return solve(zone, Form.UPPER, reduced.parts[1][0], tolerance)
 
         progress("compliance", 0.0)
-        halves = list(pool.map(compliance, _column_halves(converted(system.load_matrix, dtype))))
+        halves = list(pool.map(compliance, _column_halves(thinned(system.load_matrix, tolerance, dtype, pool))))
         progress("compliance", 1.0)
-    return factors, converted(_side_by_side(halves), np.float64)
+    whole = _side_by_side(halves) if len(halves) > 1 else halves[0]
+    return factors, converted(whole, np.float64)
 
 
 def _column_halves(loads: Split) -> list[Split]:
@@ -130,10 +139,11 @@ def _column_halves(loads: Split) -> list[Split]:
     return halves
 
 
-def _side_by_side(halves: list[Block]) -> Block:
-    """One block of those with the same rows."""
+def _side_by_side(halves: list[Block]) -> Split:
+    """One block of those with the same rows and one column of parts each."""
     columns = slice(halves[0].columns.start, halves[-1].columns.stop)
-    return Split(halves[0].rows, columns, (tuple(halves),)) if len(halves) > 1 else halves[0]
+    lines = zip(*(half.parts for half in halves if isinstance(half, Split)), strict=True)
+    return Split(halves[0].rows, columns, tuple(tuple(part for parts in line for part in parts) for line in lines))
 
 
 @final
@@ -141,25 +151,66 @@ def _side_by_side(halves: list[Block]) -> Block:
 class HierarchicalSystem(ReducedSystem):
     """displacement = offset + compliance(load), the compliance a hierarchical matrix in the order of the tree.
 
-    product: of the compliance, in units of the system and global axes; order: (5 n,) place in the zone of each of its
-    rows; to_load, to_displacement: (n, 5, 5) from local frames to units of the system in global axes and back; own:
-    (n, 5, 5) response of each node to its own load, local frames, SI units.
+    order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
+    units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
+    units; products, inverses: those that have been asked for.
     """
 
-    product: Product
     order: Indices
     to_load: Array
     to_displacement: Array
     own: Array
     boundary: BoundarySystem
+    products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
+    inverses: dict[Fields, tuple[Factors, Array]] = field(default_factory=dict)
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
-        loads = np.einsum("nja,na->nj", self.to_load, load).ravel()
-        values = np.empty(load.size)
-        values[self.order] = self.product(loads[self.order])
-        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+        return self.block_response(load, ALL_FIELDS, ALL_FIELDS)
+
+    def response(self, load: Array, fields: Sequence[int]) -> Array:
+        """compliance(load) in k fields alone, (n, k) for load (n, 5), by products of the fields that are loaded."""
+        loaded = [number for number in ALL_FIELDS if load[:, number].any()]
+        return self.block_response(load[:, loaded], loaded, fields)
+
+    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """See ReducedSystem."""
+        key = tuple(loaded), tuple(fields)
+        if key not in self.products:
+            self.products[key] = stacked(merged(self._between(*key)))
+        displacement = np.empty((len(load), len(fields)))
+        displacement[self.order] = self.products[key](load[self.order].ravel()).reshape(displacement.shape)
         return displacement
+
+    def _between(self, loaded: Fields, fields: Fields) -> Block:
+        """The compliance between some of the fields, local frames and SI units, nodes in the order of the tree."""
+        to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
+        return in_fields(self.boundary.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
+
+    def _factors(self, fields: Fields) -> tuple[Factors, Array]:
+        """Rough factors of the compliance in k fields, and the units (k,) that make its entries alike."""
+        chosen = list(fields)
+        unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
+        to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
+        scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
+        with ThreadPoolExecutor(get_num_threads()) as pool, threadpool_limits(1, "blas"):
+            matrix = thinned(in_fields(self.boundary.compliance, *scaled), ROUGHLY, np.float32, pool)
+            return eliminate(matrix, ROUGHLY, pool), unit
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
+        """Loads (n, k) of k fields that roughly cause displacements (n, k) in them: by roughly truncated factors."""
+        key = tuple(fields)
+        if key not in self.inverses:
+            self.inverses[key] = self._factors(key)
+        factors, unit = self.inverses[key]
+
+        def inverse(displacement: Array) -> Array:
+            values = (unit * displacement[self.order]).astype(np.float32)
+            loads = np.empty(displacement.shape, displacement.dtype)
+            loads[self.order] = unit * solved(factors, values.reshape(-1, 1)).reshape(displacement.shape)
+            return loads
+
+        return inverse
 
     def solved(self, load: Array) -> tuple[Array, int]:
         """offset + compliance(load) by GMRES on the whole system, (n, 5), and its iterations.
@@ -168,12 +219,12 @@ class HierarchicalSystem(ReducedSystem):
         Raises CaseError if it does not converge.
         """
         boundary = self.boundary
-        loads = np.einsum("nja,na->nj", self.to_load, load).ravel()[self.order]
+        loads = np.einsum("nja,na->nj", self.to_load, load)[self.order].ravel()
         rhs = boundary.system.rhs + multiply(boundary.system.load_matrix, loads[:, None])[:, 0]
         solution, iterations = boundary.solve(rhs)
-        values = np.empty(load.size)
-        values[self.order] = solution[boundary.tree.zone.unknowns]
-        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values.reshape(load.shape))
+        values = np.empty_like(load)
+        values[self.order] = solution[boundary.tree.zone.unknowns].reshape(load.shape)
+        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values)
         return displacement, iterations
 
     def diagonal_blocks(self) -> Array:
@@ -190,15 +241,13 @@ class HierarchicalSystem(ReducedSystem):
 
 
 def diagonal_of(compliance: Block, order: Indices) -> Array:
-    """Blocks (n, 5, 5) on the diagonal of a compliance whose rows have places order (5 n,)."""
-    blocks = np.empty((len(order) // N_FIELDS, N_FIELDS, N_FIELDS))
-    first = compliance.rows.start
+    """Blocks (n, 5, 5) on the diagonal of a compliance whose rows are those of nodes order (n,), five each."""
+    blocks = np.empty((len(order), N_FIELDS, N_FIELDS))
     for leaf in leaves(compliance):
-        start = leaf.columns.start
-        if isinstance(leaf, Dense) and leaf.rows.start - first == start:
-            for place in range(0, leaf.array.shape[0], N_FIELDS):
-                part = slice(place, place + N_FIELDS)
-                blocks[order[start + place] // N_FIELDS] = leaf.array[part, part]
+        start, stop = leaf.columns.start, leaf.columns.stop
+        if leaf.rows.start - compliance.rows.start == start:
+            nodes = order[start // N_FIELDS : stop // N_FIELDS]
+            blocks[nodes] = np.einsum("iaib->iab", to_dense(leaf).reshape(len(nodes), N_FIELDS, -1, N_FIELDS))
     return blocks
 
 

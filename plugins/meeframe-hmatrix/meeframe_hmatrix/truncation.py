@@ -1,0 +1,52 @@
+# mypy: ignore-errors
+"""Truncation of a dense matrix to low rank, without the interpreter's lock."""
+
+import numpy as np
+from numba import njit
+
+FIRST = 0.4
+"""Part of the tolerance that is left by pivoting; the rest goes with the singular values."""
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def truncated(rest, tolerance):
+    """Factors left (m, k), right (k, n) of a matrix, to a relative tolerance in the Frobenius norm; overwrites it.
+
+    Gram-Schmidt with pivoting, where the next row is always the one of which most is left, so that right is
+    orthonormal; then the singular values of left, from its Gram matrix in double precision, give the best rank.
+    """
+    m, n = rest.shape
+    most = min(m, n)
+    left, right = np.empty((most, m), rest.dtype), np.empty((most, n), rest.dtype)
+    squares = np.empty(m, rest.dtype)
+    for i in range(m):
+        squares[i] = (rest[i] * rest[i]).sum()
+    limit = tolerance * tolerance * squares.sum()
+    rank = 0
+    while rank < most and squares.sum() > FIRST * FIRST * limit:
+        row = right[rank]
+        row[:] = rest[squares.argmax()]
+        for b in range(rank):  # once more, for round-off
+            dot = (row * right[b]).sum()
+            row -= dot * right[b]
+        row /= np.sqrt((row * row).sum())
+        for i in range(m):
+            dot = rest.dtype.type(0.0)
+            for q in range(n):
+                dot += rest[i, q] * row[q]
+            square = rest.dtype.type(0.0)
+            for q in range(n):
+                rest[i, q] -= dot * row[q]
+                square += rest[i, q] * rest[i, q]
+            left[rank, i], squares[i] = dot, square
+        rank += 1
+    if rank == 0:
+        return left[:0].T.copy(), right[:0].copy()
+    exact = left[:rank].astype(np.float64)
+    values, vectors = np.linalg.eigh(exact @ exact.T)
+    dropped, tail = 0, abs(values[0])
+    while dropped < rank - 1 and tail <= (1.0 - FIRST * FIRST) * limit:
+        dropped += 1
+        tail += abs(values[dropped])
+    turn = np.ascontiguousarray(vectors[:, dropped:].T.astype(rest.dtype))
+    return np.dot(turn, left[:rank]).T, np.dot(turn, right[:rank])
