@@ -9,8 +9,9 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.law import attraction, attracts, contact_traction
 from meeframe.solvers.conduction import Mask, Switches, follows_gap, own_response, resistances, unloaded
-from meeframe.solvers.elimination import Conductors, Elimination, eliminate
+from meeframe.solvers.elimination import Conductors, Elimination
 from meeframe.solvers.free_motion import balanced_projection, motions
+from meeframe.solvers.krylov_elimination import eliminate
 from meeframe.solvers.scales import Scales, problem_scales
 from meeframe.solvers.spectrum import Spectrum, contact_exposure, largest_eigenvalue
 
@@ -89,13 +90,11 @@ class Ground:
     def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
         """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
         floating = conductors.floating.numbers
-        guess = conductors.fixed(flux - conductors.flux, motion[floating] - conductors.potential)
-        response = self.elimination.respond(traction, conductors, guess, FOLLOWED)
+        found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED)
         if floating.size:
             motion = motion.copy()
-            motion[floating] = conductors.potential + response.potential
-        gap = contact_gap(self.problem, response.displacement + conductors.displacement, motion)
-        return Slope(gap, response.flux + conductors.flux, motion)
+            motion[floating] = found.potential
+        return Slope(contact_gap(self.problem, found.displacement, motion), found.flux, motion)
 
     def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
         """Tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and the slope there."""

@@ -15,8 +15,8 @@ from meeframe.solvers.scales import Scales
 
 NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
-CHANGED: Final = 1e-2
-"""Part of a change's fluxes that may be left where they are found by iteration; those at a pressure make up for it."""
+CHANGED: Final = 1e-3
+"""What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
 FOLLOWING: Final = 0.1
 """The conduction is brought up to date when violations have fallen to this fraction since the last time."""
 SINGLE: Final = 1e-4
@@ -84,7 +84,7 @@ def normal_response(
     ground = Ground.of(problem)
     conduction = Conduction.of(start, len(problem.gap))
     conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
-    return Conducting(problem, scales, ground, conduction, conductors)
+    return Conducting(problem, scales, ground, _following(problem), conduction, conductors)
 
 
 @final
@@ -133,9 +133,11 @@ class Insulated(NormalResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class Conducting(NormalResponse):
-    """Fluxes follow the pressure. ground: see there; conduction and conductors: in force."""
+    """Fluxes follow the pressure. ground: see there; following: (n, 2) flux that a pressure of one has, about;
+    conduction and conductors: in force."""
 
     ground: Ground
+    following: Array
     conduction: Conduction
     conductors: Conductors
 
@@ -146,15 +148,15 @@ class Conducting(NormalResponse):
 
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse: in single precision."""
-        nothing, traction = np.zeros((len(pressure), 2)), _traction(pressure.astype(np.float32, copy=False))
-        response = self.ground.elimination.respond(traction, self.conductors, nothing, CHANGED)
+        traction, guess = _traction(pressure.astype(np.float32, copy=False)), self.following * pressure[:, None]
+        response = self.ground.elimination.respond(traction, self.conductors, guess, enough=CHANGED)
         motion = np.zeros(len(self.problem.freedoms))
         motion[self.conductors.floating.numbers] = response.potential
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
         """See NormalResponse: the fluxes follow."""
-        return self.at(pressure, effect.flux, effect.motion)
+        return self.at(pressure, effect.flux + self.following * change[:, None], effect.motion)
 
     @property
     def lasting(self) -> float:
@@ -177,6 +179,17 @@ class Conducting(NormalResponse):
     def same_conductors(self, other: NormalResponse) -> bool:
         """Whether it responds as another one does."""
         return isinstance(other, Conducting) and other.conductors is self.conductors
+
+
+def _following(problem: ContactProblem) -> Array:
+    """Flux (n, 2) with which a node's own potentials do not change under a pressure of one: if a body responds alike
+    along all directions of its surface, that is so for all pressures together."""
+    blocks = problem.system.diagonal_blocks()
+    fields = [NORMAL + 1 + k for k, law in enumerate((problem.electric_law, problem.magnetic_law)) if conducts(law)]
+    flux = np.zeros((len(blocks), 2))
+    raised = blocks[:, fields, NORMAL, None]
+    flux[:, [field - NORMAL - 1 for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[..., 0]
+    return flux
 
 
 def _traction(pressure: Array) -> Array:
