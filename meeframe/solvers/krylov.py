@@ -52,18 +52,19 @@ def gmres(
 def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:
     """Change (k,) that leaves least of the residual (k,) over at most so many directions; what it leaves; products."""
     size = float(np.linalg.norm(residual))
-    basis, directions = np.empty((2, most + 1, len(residual)), residual.dtype)
-    basis[0] = residual / size
+    # vectors by themselves: memory of all at once would be the operating system's each time, and fresh
+    basis, directions = [residual / size], list[Array]()
     hessenberg = np.zeros((most + 1, most))
     weights, left = np.zeros(0), size
     for k in range(most):
-        directions[k] = precondition(basis[k])
+        directions.append(precondition(basis[k]))
         product = multiply(directions[k])
         length = float(np.linalg.norm(product))
         for _ in range(2):  # orthogonal to the last digit
-            parts = basis[: k + 1] @ product
-            hessenberg[: k + 1, k] += parts
-            product = product - parts @ basis[: k + 1]
+            for i, vector in enumerate(basis):
+                part = float(vector @ product)
+                hessenberg[i, k] += part
+                product = product - part * vector
         rest = float(np.linalg.norm(product))
         hessenberg[k + 1, k] = rest
         equations, first = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]
@@ -73,6 +74,8 @@ def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float,
         left = float(np.linalg.norm(first - equations @ weights))
         if left <= goal or rest <= BREAKDOWN * length:
             break
-        basis[k + 1] = product / rest
-    change = weights.astype(residual.dtype) @ directions[: len(weights)]
-    return change, left, k + 1
+        basis.append(product / rest)
+    change = np.zeros_like(residual)
+    for weight, direction in zip(weights.tolist(), directions, strict=False):
+        change += weight * direction
+    return change, left, len(directions)

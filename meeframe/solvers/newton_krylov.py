@@ -42,20 +42,20 @@ def krylov_step(
 
     def multiply(values: Array) -> Array:
         loads, amounts = values[:size], values[size:]
-        left = multiplication(loads) - border.columns @ amounts
+        left = multiplication(loads) - amounts @ border.columns
         return np.concatenate([left, weight * (border.totals @ loads)])
 
     def solve(values: Array) -> Array:
         loads = precondition(values[:size])
         amounts = (values[size:] / weight - border.totals @ loads) / border.stiffness
-        return np.concatenate([loads + border.responses @ amounts, amounts])
+        return np.concatenate([loads + amounts @ border.responses, amounts])
 
     found = gmres(multiply, solve, np.concatenate([right, weight * border.turned(balance)]), tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
         amounts *= blocks.farthest / farthest
-        moved = (rows.lifted(equation.modes) @ amounts).astype(rows.precision)
+        moved = (amounts @ rows.lifted(equation.modes)).astype(rows.precision)
         found = gmres(multiplication, precondition, right + moved, tolerance)
     return given + rows.step(found[:size]), amounts
 
@@ -73,7 +73,7 @@ def _right(rows: Rows, blocks: Blocks, given: Array, tolerance: float) -> Array:
 class _Border:
     """The q combinations of motions that something resists, as columns and rows of the equations.
 
-    motions: (m, q) amounts in them; columns: (r c, q) what they add to the right-hand side; responses: (r c, q) loads
+    motions: (m, q) amounts in them; columns: (q, r c) what they add to the right-hand side; responses: (q, r c) loads
     that they roughly cause; totals: (q, r c) resultants of loads, combined likewise, and stiffness: (q,) those of the
     responses; left: (m, q) the combinations of resultants.
     """
@@ -88,13 +88,14 @@ class _Border:
     @classmethod
     def of(cls, rows: Rows, precondition: Linear) -> "_Border":
         columns = rows.lifted(rows.equation.modes).astype(rows.precision)
-        responses = np.column_stack([precondition(column) for column in columns.T]) if columns.size else columns
-        totals = rows.combined(rows.equation.measures)
-        left, stiffness, right = np.linalg.svd(totals @ responses)
+        responses = np.empty_like(columns)
+        for response, column in zip(responses, columns, strict=True):
+            response[:] = precondition(column)
+        totals = rows.combined(rows.equation.measures).astype(rows.precision)
+        left, stiffness, right = np.linalg.svd(totals @ responses.T)
         resisted = stiffness > UNRESISTED * stiffness.max(initial=0.0)
-        motions, left = right[resisted].T, left[:, resisted]
-        parts = (motions, columns @ motions, responses @ motions, left.T @ totals, stiffness[resisted], left)
-        return cls(*(part.astype(rows.precision, copy=False) for part in parts))
+        right, left = right[resisted], left[:, resisted]
+        return cls(right.T, right @ columns, right @ responses, left.T @ totals, stiffness[resisted], left)
 
     def turned(self, resultants: Array) -> Array:
         """Combinations (q,) of resultants (m,)."""

@@ -5,7 +5,8 @@ potential: to them the approximate inverse answers, restricted to where they are
 with loads of their own node, as friction has that follows the pressure: to them the inverse of the node's own block.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Any, Final
 
 import numpy as np
@@ -102,29 +103,27 @@ def _solution_of_loads(rows: Rows) -> Linear:
     inverse, n, fields = rows.equation.inverse, len(rows.equation.blocks), rows.fields
     loads = slice(len(fields))
     asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[loads])
-    others = rows.coupled[loads] & ~asking
-    apart, mixed = np.flatnonzero(others.any(axis=0)), np.flatnonzero(others.any(axis=1))
-    places = np.ix_(mixed, apart)
-    own = _inverse_of_own(rows, mixed, apart, others[places]).astype(rows.precision)
-    a = rows.a[mixed][:, :, apart].astype(rows.precision)
+    apart = [
+        (np.ix_(which, nodes), nodes, rows.a[which][:, :, nodes].astype(rows.precision), _own(rows, which, nodes))
+        for which, nodes in _sets(rows.coupled[loads] & ~asking)
+    ]
     known = [rows.equation.loaded.index(field) for field in fields]
     displacement = rows.equation.scales.displacement[fields]
-    ask = rows.b[loads][:, [rows.asked.index(field) for field in fields]] * displacement[:, None]
-    ask = (_restricted_inverse(ask, asking) * displacement[:, None, None]).astype(rows.precision)
-    units = rows.units[loads, None].astype(rows.precision)
-    answering = asking / units
+    to_displacement = rows.b[loads][:, [rows.asked.index(field) for field in fields]]
+    ask = _NodeInverse.of(to_displacement * displacement[:, None], asking, rows.precision)
+    answering = (asking / rows.units[loads, None]).astype(rows.precision)
 
     def solve(right: Array) -> Array:
         found = np.zeros_like(right)
         if inverse is not None:
             asked = np.zeros((len(rows.equation.loaded), n), rows.precision)
-            for place, displaced in zip(known, multiplied(ask, right[loads]), strict=True):
-                asked[place, rows.nodes] = displaced
+            for place, unit, part in zip(known, displacement.tolist(), ask(right[loads]), strict=True):
+                asked[place, rows.nodes] = unit * part
             load = inverse(asked.T).T
-            for place, part, answer in zip(known, found, answering, strict=False):
+            for place, answer, part in zip(known, answering, found, strict=False):
                 np.multiply(load[place].take(rows.nodes), answer, out=part)
-        rest = right[places] - multiplied(a, found.take(apart, axis=1))
-        found[places] += multiplied(own, rest)
+        for places, nodes, a, own in apart:
+            found[places] = own(right[places] - multiplied(a, found.take(nodes, axis=1)))
         return found
 
     return solve
@@ -142,38 +141,71 @@ def _asking(rows: Rows) -> Mask:
     return asking
 
 
-def _inverse_of_own(rows: Rows, which: Indices, apart: Indices, restricted: Mask) -> Array:
-    """Inverses (s, s, k) of the blocks of s rows of k nodes with their own response on some of them (s, k), zero
-    elsewhere."""
+def _sets(which: Mask) -> list[tuple[Indices, Indices]]:
+    """The sets of rows (s,) that are marked (l, c) at some nodes, and all nodes (k,) that have just these marked."""
+    code = 2 ** np.arange(len(which)) @ which
+    sets = [np.flatnonzero(code == one) for one in np.unique(code[code > 0])]
+    return [(np.flatnonzero(which[:, nodes[0]]), nodes) for nodes in sets]
+
+
+def _own(rows: Rows, which: Indices, nodes: Indices) -> "_NodeInverse":
+    """Inverses of s rows (s,) of k of the nodes (k,), with their own response."""
     fields = [rows.fields[place] for place in which]
-    blocks = rows.equation.blocks[rows.nodes[apart]][:, rows.asked][:, :, fields] * rows.units[which]
-    answer = np.einsum("ijc,jkc->ikc", rows.b[which][:, :, apart], np.ascontiguousarray(blocks.transpose(1, 2, 0)))
-    return _restricted_inverse(rows.a[np.ix_(which, which, apart)] + answer, restricted)
+    blocks = rows.equation.blocks[rows.nodes[nodes]][:, rows.asked][:, :, fields] * rows.units[which]
+    answer = np.einsum("ijc,jkc->ikc", rows.b[which][:, :, nodes], np.ascontiguousarray(blocks.transpose(1, 2, 0)))
+    own = rows.a[np.ix_(which, which, nodes)] + answer
+    return _NodeInverse.of(own, np.ones(own.shape[1:], bool), rows.precision)
 
 
-def _restricted_inverse(blocks: Array, which: Mask) -> Array:
-    """Inverses (s, s, c) of blocks (s, s, c) on the rows and columns (s, c) which, zero elsewhere."""
-    size = range(len(blocks))
-    restricted = np.where(which[:, None] & which, blocks, 0.0)
-    diagonal = np.asarray(np.diagonal(restricted).T).copy()
-    inverses = np.zeros_like(blocks)
-    inverses[size, size] = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal != 0.0)
-    restricted[size, size] = 0.0
-    full = np.flatnonzero(restricted.any(axis=(0, 1)))
-    if full.size:
-        restricted[size, size] = np.where(which, diagonal, 1.0)
-        inverse = _inverse(restricted[:, :, full].transpose(2, 0, 1)).transpose(1, 2, 0)
-        inverses[:, :, full] = np.where(which[:, None, full] & which[:, full], inverse, 0.0)
-    return inverses
+@dataclass(frozen=True, eq=False)
+class _NodeInverse:
+    """Inverses of the blocks (s, s) of c nodes on some rows and columns, zero elsewhere.
+
+    diagonal: (s, c) of blocks that have no other entries; full: (s, s, k) of the other ones, at nodes `linked` (k,).
+    """
+
+    diagonal: Array
+    linked: Indices
+    full: Array
+
+    @classmethod
+    def of(cls, blocks: Array, which: Mask, precision: np.dtype[Any]) -> "_NodeInverse":
+        """Of blocks (s, s, c) on the rows and columns (s, c) which."""
+        size = range(len(blocks))
+        diagonal = np.zeros(which.shape)
+        for inverse, some, block in zip(diagonal, which, blocks[size, size], strict=True):
+            np.divide(1.0, block, out=inverse, where=some & (block != 0.0))
+        beside = np.zeros(which.shape[1], bool)
+        for i, j in permutations(size, 2):
+            beside |= which[i] & which[j] & (blocks[i, j] != 0.0)
+        linked = np.flatnonzero(beside)
+        full = blocks[:, :, linked]
+        some = which[:, linked]
+        np.copyto(full, np.eye(len(blocks))[:, :, None], where=~(some[:, None] & some))
+        full = np.where(some[:, None] & some, _inverse(full), 0.0)
+        return cls(diagonal.astype(precision), linked, full.astype(precision))
+
+    def __call__(self, vectors: Array) -> Array:
+        """Products (s, c) with vectors (s, c)."""
+        product = self.diagonal * vectors
+        if self.linked.size:
+            product[:, self.linked] = multiplied(self.full, vectors.take(self.linked, axis=1))
+        return product
 
 
 def _inverse(blocks: Array) -> Array:
-    """Inverses of blocks (c, s, s), pseudo-inverses of those that are singular."""
-    try:
-        found: Array = np.asarray(np.linalg.inv(blocks), float)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(blocks))
-    size, bound = (np.abs(part).max(axis=(1, 2)) for part in (blocks, found))
-    singular = ~(size * bound < SINGULAR)
-    found[singular] = np.linalg.pinv(blocks[singular])
-    return found
+    """Inverses of blocks (s, s, c), pseudo-inverses of those that are singular."""
+    turned = blocks.transpose(2, 0, 1)
+    with np.errstate(all="ignore"):
+        if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
+            (a, b), (c, d) = blocks
+            found = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
+        else:
+            try:
+                found = np.asarray(np.linalg.inv(turned), float)
+            except np.linalg.LinAlgError:
+                return np.asarray(np.linalg.pinv(turned).transpose(1, 2, 0))
+        size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (turned, found))
+        singular = ~(size * bound < SINGULAR)
+    found[singular] = np.linalg.pinv(turned[singular])
+    return np.asarray(found.transpose(1, 2, 0))

@@ -37,12 +37,12 @@ class Rows:
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
         where = np.ascontiguousarray(coupled[nodes].T[components])
-        a, b = (np.ascontiguousarray(part[nodes].transpose(1, 2, 0))[components] for part in (blocks.a, blocks.b))
-        asked = np.flatnonzero(b.any(axis=(0, 2)) | coupled[:, :N_FIELDS].any(axis=0)).tolist()
+        asked = np.flatnonzero(blocks.b.any(axis=(0, 1)) | coupled[:, :N_FIELDS].any(axis=0)).tolist()
         units = np.append(equation.scales.load, 1.0)[components]
-        a, b = a[:, components] * units[:, None], b[:, asked]
+        a = _entries(blocks.a, components, components, nodes) * units[:, None]
+        b = _entries(blocks.b, components, asked, nodes)
         for part in (a, b):
-            part[np.broadcast_to(~where[:, None], part.shape)] = 0.0
+            np.copyto(part, 0.0, where=~where[:, None])
         return cls(equation, nodes, components, asked, where, a, b, precision)
 
     @property
@@ -89,12 +89,12 @@ class Rows:
         return multiply
 
     def lifted(self, displacement: Array) -> Array:
-        """What displacements (n, 5, m) of the indenter add to the right-hand side, (r c, m)."""
+        """What displacements (n, 5, m) of the indenter add to the right-hand side, (m, r c)."""
         moved = displacement.transpose(2, 1, 0)[:, :, self.nodes][:, self.asked]
         lifted = np.empty((len(moved), self.coupled.size))
         for row, motion in zip(lifted, moved, strict=True):
             row[:] = multiplied(self.b, motion).ravel()
-        return lifted.T
+        return lifted
 
     def combined(self, measures: Array) -> Array:
         """Measures (m, n, 5) of loads, of unknowns instead, (m, r c)."""
@@ -108,3 +108,12 @@ class Rows:
 def multiplied(blocks: Array, vectors: Array) -> Array:
     """Product (i, c) of the blocks (i, j, c) of c nodes with their vectors (j, c)."""
     return np.asarray(np.einsum("ijc,jc->ic", blocks, vectors))
+
+
+def _entries(blocks: Array, rows: list[int], columns: list[int], nodes: Indices) -> Array:
+    """Rows and columns of the blocks (n, i, j) of c nodes, (i, j, c)."""
+    entries = np.empty((len(rows), len(columns), len(nodes)))
+    for row, of_row in zip(rows, entries, strict=True):
+        for column, entry in zip(columns, of_row, strict=True):
+            np.take(blocks[:, row, column], nodes, out=entry)
+    return entries

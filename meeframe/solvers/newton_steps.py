@@ -83,8 +83,8 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
 def _coupled(blocks: Blocks) -> Mask:
     """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
     fraction's: one goes with the other."""
-    others = blocks.a.copy()
-    others[:, np.arange(6), np.arange(6)] = 0.0
+    others = blocks.a != 0.0
+    others[:, np.arange(6), np.arange(6)] = False
     coupled: Mask = np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
     coupled[:, 2] |= coupled[:, CLOSED]
     return coupled

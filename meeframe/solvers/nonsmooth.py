@@ -222,7 +222,8 @@ class Point:
         law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
         moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
-        a, b = np.zeros((len(self.load), 6, 6)), np.zeros((len(self.load), 6, 5))
+        # stored by entries: most of them are zero everywhere and never touched
+        a, b = (np.zeros((6, columns, len(self.load))).transpose(2, 0, 1) for columns in (6, 5))
         residual = self.residual.copy()
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure

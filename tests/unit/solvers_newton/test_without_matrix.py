@@ -9,12 +9,15 @@ from meeframe_halfspace import HalfSpace
 import meeframe.solvers.auto as auto_module
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import Material, library_material
 from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.nonsmooth import Equation
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 from meeframe.testing.half_space import indentation_problem
@@ -54,6 +57,26 @@ def test_nodes_that_graze_cost_newton_little() -> None:
     assert residual(conducting, solution.state) <= 1e-10
     assert solve(insulated, SemismoothNewton()).status is Status.CONVERGED
     assert spent <= 2 * products(insulated)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-9])
+def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> None:
+    """In single precision or not: judged by the equations themselves, which are in double precision."""
+    problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
+    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    equation = Equation.of(problem)
+    blocks = equation.at(near.load, near.closed, np.zeros(32**2, bool), near.motion).linearise()
+    step = newton_step(equation, blocks, tolerance)
+    moved = problem.system.apply(step.local[:, :5]) - equation.modes @ (step.motion / equation.units)
+    product = np.einsum("nij,nj->ni", blocks.a, step.local) + np.einsum("nij,nj->ni", blocks.b, moved)
+    totals = np.einsum("kni,ni->k", equation.measures, step.local[:, :5])
+
+    def size(rows: Array, balance: Array) -> float:
+        return float(np.hypot(np.linalg.norm(rows), 32.0 * np.linalg.norm(balance)))
+
+    left = size(blocks.residual + product, blocks.balance + totals)
+    assert left <= 1.01 * tolerance * size(blocks.residual, blocks.balance)
+    assert left > 1e-3 * tolerance * size(blocks.residual, blocks.balance)
 
 
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), ProjectedCG(), Auto()])
