@@ -17,7 +17,9 @@ FIRST_GUESS = 8
 """More random vectors than the rank that is expected, in the compression of a product."""
 
 THIN = 0.4
-"""Rank that is worth it, in terms of the smaller side of a block."""
+"""Rank that is worth it for a near block, in terms of its smaller side."""
+MERGED = 800
+"""Rows and columns up to which blocks of low rank may be merged: larger ones take longer than they save."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,18 +123,27 @@ def transposed(block: Block) -> Block:
     return Split(block.columns, block.rows, parts)
 
 
-def with_leaves(block: Block, leaves: Iterator[Dense | LowRank]) -> Block:
-    """The same divisions of other undivided blocks, which come in the order of the function `leaves`."""
-    if not isinstance(block, Split):
-        return next(leaves)
-    return Split(
-        block.rows, block.columns, tuple(tuple(with_leaves(part, leaves) for part in line) for line in block.parts)
-    )
+def pieces(block: Block, largest: int) -> Iterator[Block]:
+    """The parts of a tree with at most so many rows and columns, or undivided ones."""
+    if isinstance(block, Split) and max(shape(block)) > largest:
+        for line in block.parts:
+            for part in line:
+                yield from pieces(part, largest)
+    else:
+        yield block
+
+
+def with_pieces(block: Block, others: Iterator[Block], largest: int) -> Block:
+    """The tree with others, in their order, in place of its pieces."""
+    if not isinstance(block, Split) or max(shape(block)) <= largest:
+        return next(others)
+    parts = tuple(tuple(with_pieces(part, others, largest) for part in line) for line in block.parts)
+    return Split(block.rows, block.columns, parts)
 
 
 def converted(block: Block, dtype: DTypeLike) -> Block:
     """The same in another precision; numbers that have it already are shared."""
-    return with_leaves(block, (_converted(leaf, dtype) for leaf in leaves(block)))
+    return with_pieces(block, (_converted(leaf, dtype) for leaf in leaves(block)), 0)
 
 
 def _converted(leaf: Dense | LowRank, dtype: DTypeLike) -> Dense | LowRank:
@@ -143,19 +154,28 @@ def _converted(leaf: Dense | LowRank, dtype: DTypeLike) -> Dense | LowRank:
 
 
 def thinned(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) -> Block:
-    """The same in another precision, with low rank wherever that saves much: clusters hardly apart are near by rule.
+    """The same in another precision, with fewer numbers and blocks to a relative tolerance of each.
 
-    Blocks on the diagonal stay as they are.
+    Near blocks have low rank where that saves much, since clusters hardly apart are near by rule; blocks of low rank
+    are merged where that costs no more numbers. Blocks on the diagonal stay as they are.
     """
 
-    def thin(leaf: Dense | LowRank) -> Dense | LowRank:
-        leaf = _converted(leaf, dtype)
-        if isinstance(leaf, LowRank) or leaf.rows == leaf.columns:
-            return leaf
-        left, right = truncated(leaf.array.copy(), tolerance)
-        return LowRank(leaf.rows, leaf.columns, left, right) if left.shape[1] <= THIN * min(shape(leaf)) else leaf
+    def thin(part: Block) -> Block:
+        if isinstance(part, Split):
+            whole = Split(part.rows, part.columns, tuple(tuple(thin(inner) for inner in line) for line in part.parts))
+            mergeable = all(isinstance(inner, LowRank) for line in whole.parts for inner in line)
+            return _truncated(whole, stored(whole) // sum(shape(whole)), tolerance) if mergeable else whole
+        leaf = _converted(part, dtype)
+        near = isinstance(leaf, Dense) and leaf.rows != leaf.columns
+        return _truncated(leaf, int(THIN * min(shape(leaf))), tolerance) if near else leaf
 
-    return with_leaves(block, pool.map(thin, leaves(block)))
+    return with_pieces(block, pool.map(thin, pieces(block, MERGED)), MERGED)
+
+
+def _truncated(block: Block, most: int, tolerance: float) -> Block:
+    """A block of low rank, if that is at most so much, else the same."""
+    left, right = truncated(np.array(to_dense(block), order="C"), tolerance, most)
+    return LowRank(block.rows, block.columns, left, right) if left.shape[1] <= most else block
 
 
 def to_dense(block: Block) -> Array:

@@ -9,21 +9,22 @@ FIRST = 0.4
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def truncated(rest, tolerance):
+def truncated(rest, tolerance, most):
     """Factors left (m, k), right (k, n) of a matrix, to a relative tolerance in the Frobenius norm; overwrites it.
 
     Gram-Schmidt with pivoting, where the next row is always the one of which most is left, so that right is
     orthonormal; then the singular values of left, from its Gram matrix in double precision, give the best rank.
+    It is given up at a rank above most, by factors of such a rank.
     """
     m, n = rest.shape
-    most = min(m, n)
-    left, right = np.empty((most, m), rest.dtype), np.empty((most, n), rest.dtype)
+    room = min(m, n, most + 1)
+    left, right = np.empty((room, m), rest.dtype), np.empty((room, n), rest.dtype)
     squares = np.empty(m, rest.dtype)
     for i in range(m):
         squares[i] = (rest[i] * rest[i]).sum()
     limit = tolerance * tolerance * squares.sum()
     rank = 0
-    while rank < most and squares.sum() > FIRST * FIRST * limit:
+    while rank < room and squares.sum() > FIRST * FIRST * limit:
         row = right[rank]
         row[:] = rest[squares.argmax()]
         for b in range(rank):  # once more, for round-off
@@ -40,8 +41,8 @@ def truncated(rest, tolerance):
                 square += rest[i, q] * rest[i, q]
             left[rank, i], squares[i] = dot, square
         rank += 1
-    if rank == 0:
-        return left[:0].T.copy(), right[:0].copy()
+    if rank == 0 or rank > most:
+        return left[:rank].copy().T, right[:rank].copy()
     exact = left[:rank].astype(np.float64)
     values, vectors = np.linalg.eigh(exact @ exact.T)
     dropped, tail = 0, abs(values[0])
