@@ -79,7 +79,7 @@ def verify(
         raise typer.Exit(console.CONVERGED if passed else console.NOT_CONVERGED)
 
 
-Workers = Annotated[int | None, typer.Option(metavar="N", help="Local processes of one thread each.")]
+Workers = Annotated[int | None, typer.Option(metavar="N", help="Local processes, of one thread for each point.")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster to use instead.")]
 
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
 from importlib import import_module
-from itertools import islice
+from itertools import accumulate, islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, final
@@ -25,7 +25,7 @@ from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
 from meeframe.plugin.sources import load_source, source_name
-from meeframe.study.sweep_engine import Pool, grouped
+from meeframe.study.sweep_engine import Keyed, Pool, grouped
 from meeframe.study.sweep_points import Outcome, Point, PointStatus, solved
 
 try:
@@ -186,11 +186,11 @@ class Cluster(Pool):
         """Points handed out one after the other, group by group, each with its future."""
         run = uuid4().hex[:8]  # others on the same scheduler have keys of their own
         submit = partial(client.submit, pure=False)
+        alone = None if self.processes is None else 1
         groups = grouped(points)
-        together, alone = self._threads(len({key for bodies, _ in groups for key, _ in bodies}))
-        for bodies, group in groups:
+        for (bodies, group), threads in zip(groups, self._threads_of_reductions(groups), strict=True):
             systems = {
-                key: submit(reduced, key, self._sealed(body), folder, together, key=f"reduced-{key[:16]}-{run}")
+                key: submit(reduced, key, self._sealed(body), folder, threads, key=f"reduced-{key[:16]}-{run}")
                 for key, body in bodies
             }
             for point in group:
@@ -198,9 +198,15 @@ class Cluster(Pool):
                 shared = [systems[key] for key, _ in bodies]
                 yield submit(solved_there, case, *shared, threads=alone, key=f"solved-{point.key[:16]}-{run}"), point
 
-    def _threads(self, systems: int) -> tuple[int | None, int | None]:
-        """Threads of a reduction and of a point: all wait for a system that they share, and leave it their threads."""
-        return (None, None) if self.processes is None else (max(self.processes // systems, 1), 1)
+    def _threads_of_reductions(self, groups: Sequence[tuple[Keyed, list[Point]]]) -> Sequence[int | None]:
+        """Of each group: the first ones, for which all processes wait, share their threads; later ones are made beside
+        points."""
+        if self.processes is None:
+            return [None] * len(groups)
+        places = accumulate((len(group) for _, group in groups[:-1]), initial=0)
+        first = sum(place < AHEAD * self.processes for place in places)
+        systems = {key for bodies, _ in groups[:first] for key, _ in bodies}
+        return [max(self.processes // len(systems), 1)] * first + [1] * (len(groups) - first)
 
     def _sealed(self, content: object) -> Sealed:
         return Sealed.of(content, self.plugins, code_key(content))

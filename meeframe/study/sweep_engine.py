@@ -68,7 +68,7 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 def pool_of(workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = ()) -> Iterator[Pool]:
     """This process for one worker; else as many local processes, or the workers of a Dask cluster.
 
-    Local processes have one thread each; for a reduced system which all of them wait for, they leave it theirs.
+    Local processes have one thread each; they leave theirs to the first reduced systems, for which all of them wait.
     workers: None: one for each core; scheduler: address of the cluster's scheduler, in place of local processes;
     plugins: local files whose classes the cases may hold, which the workers get to know.
     Raises CaseError if both are given, for fewer than one worker, for a scheduler that does not answer, or without

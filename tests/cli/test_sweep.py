@@ -321,14 +321,21 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-@pytest.mark.parametrize(("text", "reduction"), [(LINE, 2), (GRID, 1)])
-def test_a_reduction_all_wait_for_has_all_their_threads(study, tmp_path, log, text, reduction):
-    assert sweep(study(text), tmp_path / "out", "--workers", 2)[0] == 0
-    expected = {
-        f"threads of a reduction: {reduction}, of libraries: {reduction}",
-        "threads of a point: 1, of libraries: 1",
-    }
-    assert set(log("threads")) == expected
+@pytest.mark.parametrize(
+    ("axis", "reductions"),
+    [
+        ("", ["2"]),
+        ('"formulation.stiffness" = [1e14, 2e14]', ["2", "1"]),
+        ('"mesh.divisions" = [2, 3, 4, 5, 6, 7, 8, 9]', ["1"] * 8),
+    ],
+    ids=["one shared by all", "the second beside points", "none shared"],
+)
+def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path, log, axis, reductions):
+    file = study(f"{LINE}{axis}\n" if "mesh" not in axis else LINE.partition('"steps')[0] + axis)
+    assert sweep(file, tmp_path / "out", "--workers", 2)[0] == 0
+    of_reductions = [line for line in log("threads") if "reduction" in line]
+    assert sorted(of_reductions) == sorted(f"threads of a reduction: {n}, of libraries: {n}" for n in reductions)
+    assert set(log("threads")) - set(of_reductions) == {"threads of a point: 1, of libraries: 1"}
 
 
 def test_one_at_a_time_writes_a_folder(study, tmp_path):

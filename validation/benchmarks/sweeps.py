@@ -87,7 +87,7 @@ def section(record: Record, _pictures: Path) -> str:
     alone = seconds[ALONE]
     rows = [[name, f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
     rows[0][2] = ""
-    once = all(count <= 1 for count in systems.values()) and systems[AGAIN] == 0
+    once = [systems[name] for name in (ONE, BOTH, TWO, AGAIN)] == [1, 1, 1, 0]
     return "\n\n".join(
         [
             prose(
@@ -95,8 +95,8 @@ def section(record: Record, _pictures: Path) -> str:
                 f"{record['elements']} elements; one thread a process unless it is said, each measured once, the start "
                 f"of processes counted. The reduced system that all points share is computed {systems[ONE]} time by "
                 f"one process, {systems[TWO]} time by two, which leave it both their threads, and {systems[AGAIN]} "
-                "times when the finished sweep is called again, which only gathers results and draws them: at most "
-                f"once each, {verdict(once)}."
+                "times when the finished sweep is called again, which only gathers results and draws them: once, and "
+                f"then not again, {verdict(once)}."
             ),
             table(("", "seconds", f"times as fast as {POINTS} runs by themselves"), rows),
             prose("Four blocks of different heights, which share nothing:"),
