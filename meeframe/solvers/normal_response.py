@@ -11,6 +11,7 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.law import conducts
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.gradient import Conduction, Ground
+from meeframe.solvers.grazing import Grazing
 from meeframe.solvers.scales import Scales
 
 NORMAL: Final = 2
@@ -84,7 +85,9 @@ def normal_response(
     ground = Ground.of(problem)
     conduction = Conduction.of(start, len(problem.gap))
     conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
-    return Conducting(problem, scales, ground, _following(problem), conduction, conductors)
+    own = problem.system.diagonal_blocks()[:, NORMAL, NORMAL]
+    grazing = Grazing.unknown(len(problem.gap))
+    return Conducting(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
 
 
 @final
@@ -133,13 +136,15 @@ class Insulated(NormalResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class Conducting(NormalResponse):
-    """Fluxes follow the pressure. ground: see there; following: (n, 2) flux that a pressure of one has, about;
-    conduction and conductors: in force."""
+    """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
+    following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there."""
 
     ground: Ground
+    own: Array
     following: Array
     conduction: Conduction
     conductors: Conductors
+    grazing: Grazing
 
     def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
         """See NormalResponse."""
@@ -172,9 +177,13 @@ class Conducting(NormalResponse):
         trial = -pressure + effect.gap / self.scales.normal_compliance
         touched = np.where(self.conduction.closed > 0.0, -1.0, 0.0)
         conduction = self.conduction.next(touched, -pressure, trial, self.scales)
+        # nodes respond to their own pressure much less than the contact as a whole
+        grazing = self.grazing.next(self.conduction.closed, -pressure + effect.gap / self.own)
+        closed = grazing.fractions(pressure > 0.0)
+        conduction = conduction if closed is None else replace(conduction, closed=closed)
         iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        return replace(self, conduction=conduction, conductors=conductors)
+        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing)
 
     def same_conductors(self, other: NormalResponse) -> bool:
         """Whether it responds as another one does."""

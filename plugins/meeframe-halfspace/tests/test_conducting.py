@@ -1,0 +1,45 @@
+"""Conducting contact without friction: what it costs in products, and the edge where nodes graze."""
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import Status
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Signorini
+from meeframe.materials import library_material
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, solve
+from meeframe.testing.counted import Counted
+from meeframe.testing.half_space import indentation_problem
+
+WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
+
+
+def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0)):
+    mesh = half_space_mesh(4.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
+    body = Body(library_material("batio3-cofe2o4").stiffness, mesh, (), "contact")
+    system = Counted.of(HalfSpace("constant", matrix_up_to=0).reduce(body))
+    height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
+    return indentation_problem(system, height, CONTACT**2 / RADIUS, Signorini(), (kappa, kappa), potentials)
+
+
+def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions():
+    problem = sphere(48, np.inf)
+    solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    assert solution.status is Status.CONVERGED
+    assert len(problem.system.products) <= 4 * solution.iterations
+
+
+@pytest.mark.parametrize("kappa", [1e-5, np.inf])
+def test_it_is_the_contact_that_newtons_method_finds(kappa):
+    """Where nodes graze, too: some do for the finite conductivity."""
+    problem = sphere(48, kappa, (2.0, 0.5))
+    limits = Limits(tolerance=1e-9)
+    ours, theirs = (solve(problem, solver, limits) for solver in (ProjectedCG(), SemismoothNewton()))
+    assert ours.status is Status.CONVERGED
+    assert theirs.status is Status.CONVERGED
+    assert ours.iterations <= 60
+    forces = [problem.system.weights @ solution.state.load[:, 2] for solution in (ours, theirs)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-6)
