@@ -18,6 +18,8 @@ FIRST_GUESS = 8
 
 THIN = 0.4
 """Rank that is worth it for a near block, in terms of its smaller side."""
+PIVOTED = 1.3
+"""Rank by pivoting, at which truncation gives up, in terms of the best rank."""
 MERGED = 800
 """Rows and columns up to which blocks of low rank may be merged: larger ones take longer than they save."""
 
@@ -174,7 +176,7 @@ def thinned(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) ->
 
 def _truncated(block: Block, most: int, tolerance: float) -> Block:
     """A block of low rank, if that is at most so much, else the same."""
-    left, right = truncated(np.array(to_dense(block), order="C"), tolerance, most)
+    left, right = truncated(np.array(to_dense(block), order="C"), tolerance, int(PIVOTED * most))
     return LowRank(block.rows, block.columns, left, right) if left.shape[1] <= most else block
 
 

@@ -16,11 +16,13 @@ from meeframe_hmatrix.blocks import (
     multiply_transposed,
     recompress,
     stored,
+    thinned,
     to_dense,
 )
 from meeframe_hmatrix.kernels import spread_out
 from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import SINGLE
+from meeframe_hmatrix.truncation import truncated
 
 LEAF = 12
 
@@ -89,16 +91,30 @@ def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance):
     for left, right in (
         recompress(u * values, v.T, tolerance),
         compress(lambda x: matrix @ x, lambda x: matrix.T @ x, matrix.shape, 3, tolerance),
+        truncated(matrix.copy(), tolerance, 60),
     ):
         assert error(left @ right, matrix) < 1.5 * tolerance
         assert best <= left.shape[1] <= best + 1
 
+    assert truncated(matrix.copy(), tolerance, best // 2)[0].shape[1] > best // 2
+
 
 def test_nothing_has_no_rank():
     zero = np.zeros((40, 30))
-    for left, right in (recompress(zero, np.eye(30), 1e-3), compress(zero.dot, zero.T.dot, zero.shape, 2, 1e-3)):
+    compressed = compress(zero.dot, zero.T.dot, zero.shape, 2, 1e-3)
+    for left, right in (recompress(zero, np.eye(30), 1e-3), compressed, truncated(zero.copy(), 1e-3, 30)):
         assert left.shape == (40, 0)
         assert right.shape == (0, 30)
+
+
+def test_thinned_blocks_are_fewer_and_within_the_tolerance(matrices):
+    square, _, block, _ = matrices
+    with ThreadPoolExecutor(2) as pool:
+        thin = thinned(block, 1e-4, float, pool)
+    assert 0.0 < error(to_dense(thin), square) < 1e-4
+    assert stored(thin) < stored(block)
+    assert sum(1 for _ in leaves(thin)) < 0.8 * sum(1 for _ in leaves(block))
+    assert all(isinstance(leaf, Dense) for leaf in leaves(thin) if leaf.rows == leaf.columns)
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
