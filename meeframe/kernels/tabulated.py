@@ -47,7 +47,7 @@ def _cell(coordinate, cells):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sort_by_cell(offset, cells, place, key, order):
+def sort_by_cell(offset, cells, place, key, order):
     """Fill place (3, n): x_a, u, v; key (n,): cells of the table; order (n,): point numbers ordered by cell.
 
     Returns the bounds of the three faces in that order, (4,). The choices of the first loop are written so that the
@@ -137,7 +137,7 @@ def _interpolate_lanes(table, cell, s, t, first, values):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
 def _row(c, o, place):
-    """Factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see _tractions."""
+    """Factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see tractions."""
     x, y, z, u, v = place
     along = c[o] * x + c[o + 1] * y + c[o + 2] * z
     return (
@@ -167,7 +167,7 @@ def _entry(k, values, p, scale, slope, a, b, c):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _tractions(coefficients, place, values, traction):
+def tractions(coefficients, place, values, traction):
     """T into traction (5, 5 blocks) of one block of points on one face; the points run fastest.
 
     coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; place (7, BLOCK): normal, u, v,
@@ -194,9 +194,9 @@ def _tractions(coefficients, place, values, traction):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _block(table, cells, points, place, key, normal, work):
-    """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see _sort_by_cell) and normal.
+    """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see sort_by_cell) and normal.
 
-    Fills work: local (2, WIDE) with s, t; near (7, BLOCK), see _tractions; values (16, 3 WIDE): of each column G, G_s,
+    Fills work: local (2, WIDE) with s, t; near (7, BLOCK), see tractions; values (16, 3 WIDE): of each column G, G_s,
     G_t at all points. Columns beyond those used hold old points: finite, and not written out.
     """
     local, near, values, value = work
@@ -232,7 +232,7 @@ def _block(table, cells, points, place, key, normal, work):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
-    """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in _tractions."""
+    """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in tractions."""
     n = offset.shape[0]
     room = min(n, CHUNK)
     place, key, order = np.empty((3, room)), np.empty(room, np.int32), np.empty(room, np.int32)
@@ -240,13 +240,13 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     work = np.zeros((2, WIDE)), near, values, np.empty(3 * WIDTH)
     for begin in range(0, n, CHUNK):
         part = slice(begin, min(begin + CHUNK, n))
-        bounds = _sort_by_cell(offset[part], cells, place, key, order)
+        bounds = sort_by_cell(offset[part], cells, place, key, order)
         u_part, t_part = u_out[part], t_out[part]
         for face in range(3):
             for first in range(bounds[face], bounds[face + 1], BLOCK):
                 points = order[first : min(first + BLOCK, bounds[face + 1])]
                 _block(table, cells, points, place, key, normal[part], work)
-                _tractions(coefficients[face], near, values, traction)
+                tractions(coefficients[face], near, values, traction)
                 for p in range(len(points)):
                     point = points[p]
                     scale = 0.25 / (math.pi * abs(place[0, point]))

@@ -36,7 +36,7 @@ def _at_point(table, cells, offset, field):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _turn(coefficients, normal, turned):
-    """C_iJMl n_i as [l, J, M] into turned (75,), for coefficients (225,) as in _tractions."""
+    """C_iJMl n_i as [l, J, M] into turned (75,), for coefficients (225,) as in tabulated.tractions."""
     x, y, z = normal
     for q in range(25):
         for part in range(3):
@@ -72,9 +72,9 @@ def _add_tractions(turned, sums, spread, row, t_out):
 def integrate(table, cells, coefficients, offset, weights, starts, normals, u_out, t_out):
     """Write sums of weights (n, k) times U and T at points starts[e]..starts[e + 1] of plane pieces e, (m, k, 25).
 
-    offset (n, 3), starts (m + 1,), normals (m, 3); coefficients (3, 225) per face as in _tractions. A derivative is
-    summed, face by face, before it is contracted with stiffness and normal: a piece costs that once and not at every
-    point.
+    offset (n, 3), starts (m + 1,), normals (m, 3); coefficients (3, 225) per face as in tabulated.tractions. A
+    derivative is summed, face by face, before it is contracted with stiffness and normal: a piece costs that once and
+    not at every point.
     """
     n_nodes = weights.shape[1]
     field, turned = np.empty(4 * WIDTH), np.empty((3, 75))
