@@ -8,13 +8,13 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from meeframe.core.body import check_conditions, check_supports
+from meeframe.core.body import check_conditions
 from meeframe.core.contact import Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.formulation import Formulation, NodalFields, silent
 from meeframe.core.quantities import Quantity
 from meeframe.core.result import Loading, Provenance, Region, Result, StepResult, Zone
-from meeframe.geometry import zone_frames
+from meeframe.geometry import check_supports, zone_frames
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider

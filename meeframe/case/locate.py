@@ -13,9 +13,9 @@ from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
 from meeframe.case.step import check_duration, check_first, check_pull, check_resisted
-from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
+from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.errors import MeeframeError, MeshError
-from meeframe.geometry import check_contact_zone, zone_frames
+from meeframe.geometry import check_contact_zone, check_supports, zone_frames
 from meeframe.plugin.validation import Problem
 
 Check = tuple[Problem, Callable[[], object]]

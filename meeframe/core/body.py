@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, FLUX_NAMES, MAGNETIC, N_FIELDS, VALUE_NAMES, Array
+from meeframe.core.fields import FLUX_NAMES, N_FIELDS, VALUE_NAMES, Array
 from meeframe.core.mesh import SurfaceMesh
 
 
@@ -69,30 +69,3 @@ def _check_condition(condition: BoundaryCondition, n_points: int) -> None:
         raise CaseError(f"{name}: data of shape {np.shape(condition.data)}; allowed: one number or ({n_points},)")
     if not np.isfinite(condition.data).all():
         raise CaseError(f"{name}: its data must be finite numbers")
-
-
-def check_supports(body: Body) -> None:
-    """Raises CaseError unless prescribed values fix every rigid motion and the constant of each potential.
-
-    The fields of a semi-infinite body vanish at infinity: it needs no supports.
-    """
-    if body.mesh.semi_infinite:
-        return
-    prescribed = [condition for condition in body.conditions if condition.kind == "value"]
-    for number, key in ((ELECTRIC, "electric_potential"), (MAGNETIC, "magnetic_potential")):
-        if all(condition.field != number for condition in prescribed):
-            raise CaseError(f"no boundary condition prescribes {key}, so that its constant is undetermined")
-    rows = [_rigid_rows(body.mesh, c) for c in prescribed if c.field < ELECTRIC]
-    free = 6 - (np.linalg.matrix_rank(np.concatenate(rows), tol=1e-6) if rows else 0)
-    if free:
-        raise CaseError(
-            f"the boundary conditions leave {free} of the 6 rigid motions free; prescribe more of the displacement"
-        )
-
-
-def _rigid_rows(mesh: SurfaceMesh, condition: BoundaryCondition) -> Array:
-    """The prescribed component of the six rigid motions a + w x (x - centre) / size at the group's points, (p, 6)."""
-    size = np.ptp(mesh.points, axis=0).max()
-    points = (mesh.points[mesh.group_points(condition.group)] - mesh.points.mean(axis=0)) / size
-    axis = np.eye(3)[condition.field]
-    return np.concatenate([np.tile(axis, (len(points), 1)), np.cross(points, axis)], axis=1)

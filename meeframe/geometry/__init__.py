@@ -9,6 +9,7 @@ from meeframe.geometry.measures import area, volume
 from meeframe.geometry.placement import Placement, initial_gap
 from meeframe.geometry.reader import read_mesh
 from meeframe.geometry.rim import find_rim, longest_side
+from meeframe.geometry.supports import check_supports
 from meeframe.geometry.zone import ContactZone, check_contact_zone, frames_of, zone_frames
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "box_mesh",
     "check_contact_zone",
     "check_mesh",
+    "check_supports",
     "find_rim",
     "frames_of",
     "half_space_mesh",

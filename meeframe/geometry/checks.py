@@ -12,7 +12,8 @@ from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
 from meeframe.geometry.measures import gauss_rule, normal_vectors, volume_shares
 from meeframe.geometry.nearby import close_pairs
-from meeframe.geometry.topology import Edges, corner_count, find_edges, reflection
+from meeframe.geometry.parts import connected_surfaces
+from meeframe.geometry.topology import Edges, find_edges, reflection
 
 Flags = NDArray[np.bool_]
 
@@ -222,38 +223,6 @@ def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Flags]:
 
     A surface inside an odd number of others bounds a cavity: its elements must look inwards.
     """
-    pairs = edges.elements[np.argsort(edges.number, kind="stable")].reshape(-1, 2)
-    n = mesh.n_elements
-    _, parts = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
-    shares = volume_shares(mesh, mesh.points.mean(axis=0))
-    signed = np.bincount(parts, weights=shares)
-    triangles, owner = _corner_triangles(mesh)
-    depth = np.zeros(len(signed), int)
-    for part in range(len(signed) if len(signed) > 1 else 0):
-        probe = triangles[np.argmax(parts[owner] == part), 0]
-        around = np.bincount(parts[owner], weights=_solid_angles(triangles - probe), minlength=len(signed))
-        around[part] = 0.0
-        depth[part] = np.count_nonzero(np.abs(around) > 2 * np.pi)
-    return parts.astype(np.int64), np.where(depth % 2 == 0, signed, -signed) <= 0
-
-
-def _corner_triangles(mesh: SurfaceMesh) -> tuple[Array, Indices]:
-    """Elements as flat triangles of corners, (t, 3, 3), and the element that each comes from, (t,)."""
-    triangles, owner, first = [], [], 0
-    for block in mesh.blocks:
-        numbers = first + np.arange(len(block.connectivity))
-        first += len(numbers)
-        for k in range(1, corner_count(block.element) - 1):
-            triangles.append(mesh.points[block.connectivity[:, [0, k, k + 1]]])
-            owner.append(numbers)
-    return np.concatenate(triangles), np.concatenate(owner)
-
-
-def _solid_angles(triangles: Array) -> Array:
-    """Signed solid angle of each triangle (t, 3, 3) seen from the origin (van Oosterom and Strackee, 1983)."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    triple = np.einsum("ti,ti->t", a, np.cross(b, c))
-    dots = la * lb * lc + np.einsum("ti,ti->t", a, b) * lc + np.einsum("ti,ti->t", b, c) * la
-    angles: Array = 2 * np.arctan2(triple, dots + np.einsum("ti,ti->t", c, a) * lb)
-    return angles
+    parts, inside = connected_surfaces(mesh, edges)
+    signed = np.bincount(parts, weights=volume_shares(mesh, mesh.points.mean(axis=0)))
+    return parts, np.where(inside.sum(axis=1) % 2 == 0, signed, -signed) <= 0

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition, check_conditions, check_supports
+from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.patches import Patches
+from meeframe.geometry.supports import check_supports
 from meeframe.geometry.topology import outer_polygon
 
 NONE = -1

@@ -12,7 +12,6 @@ from meeframe.core.errors import CaseError, MaterialError, MeshError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.patches import find_patches
@@ -163,21 +162,24 @@ def test_reaction_of_the_base_balances_the_load_as_the_mesh_is_refined():
     assert fine < 0.6 * coarse
 
 
-@pytest.mark.parametrize("given", [[], [0, 1, 2, 3], [3, 4]], ids=["nothing", "no magnetic potential", "no supports"])
-def test_a_part_with_a_free_field_is_singular(given):
-    box = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
-    block = box.blocks[0]
-    both = ElementBlock(
-        block.element,
-        np.concatenate([block.connectivity, block.connectivity + len(box.points)]),
-        np.concatenate([block.groups, block.groups + len(box.group_names)]),
-    )
-    names = (*box.group_names, *(f"other {name}" for name in box.group_names))
-    mesh = SurfaceMesh(np.concatenate([box.points, box.points + np.array([5.0, 0.0, 0.0])]), (both,), names)
-    clamps = tuple(BoundaryCondition("z-", field, "value") for field in range(5))
-    clamps += tuple(BoundaryCondition("other z-", field, "value") for field in given)
-    with pytest.raises(CaseError, match="system is singular"):
-        DenseBEM().boundary_fields(Body(TRICLINIC.stiffness, mesh, clamps, None))
+@pytest.mark.parametrize(
+    ("size", "divisions", "tolerance"),
+    [((1.0, 1.0, 100.0), (2, 2, 40), 0.02), ((1.0, 1.0, 1000.0), (1, 1, 20), 0.005), ((1e3, 1, 1), (40, 1, 1), 0.005)],
+)
+def test_slender_rods_are_sound(size, divisions, tolerance):
+    """Clamped and grounded at one end, pressed at the other: the strain of uniaxial stress without D and B."""
+    material, along = library_material("orthotropic-mee"), int(np.argmax(size))
+    start, end = f"{'xyz'[along]}-", f"{'xyz'[along]}+"
+    clamps = tuple(BoundaryCondition(start, field, "value") for field in range(5))
+    mesh = box_mesh(size, divisions, Quad4())
+    system = DenseBEM().reduce(Body(material.stiffness, mesh, clamps, end))
+    load = np.zeros((len(system.points), 5))
+    load[:, 2] = -1e6
+    shortening = system.weights @ system.apply(load)[:, 2] / system.weights.sum()
+    # fluxes (i, J) by gradients of values (K, l), shear strains counted once
+    rows = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1), *((i, J) for J in (3, 4) for i in range(3))]
+    moduli = np.array([[material.stiffness[i, J, K, m] for m, K in rows] for i, J in rows])
+    assert shortening == pytest.approx(-1e6 * size[along] * np.linalg.inv(moduli)[along, along], rel=tolerance)
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
