@@ -30,7 +30,7 @@ from meeframe_hmatrix.blocks import (
 from meeframe_hmatrix.truncation import truncated
 
 SMALL = 250
-"""Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry (measured)."""
+"""Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,6 @@ from meeframe_hmatrix.truncation import truncated
 FIRST_GUESS = 8
 """More random vectors than the rank that is expected, in the compression of a product."""
 
-THIN = 0.4
-"""Rank that is worth it for a near block, in terms of its smaller side."""
 PIVOTED = 1.3
 """Rank by pivoting, at which truncation gives up, in terms of the best rank."""
 MERGED = 800
@@ -155,29 +153,24 @@ def _converted(leaf: Dense | LowRank, dtype: DTypeLike) -> Dense | LowRank:
     return LowRank(leaf.rows, leaf.columns, left, right)
 
 
-def thinned(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) -> Block:
-    """The same in another precision, with fewer numbers and blocks to a relative tolerance of each.
+def coarsened(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) -> Block:
+    """The same in another precision; blocks of low rank are merged where that costs no more numbers.
 
-    Near blocks have low rank where that saves much, since clusters hardly apart are near by rule; blocks of low rank
-    are merged where that costs no more numbers. Blocks on the diagonal stay as they are.
+    tolerance: of a merged block, relative, in the Frobenius norm.
     """
 
-    def thin(part: Block) -> Block:
-        if isinstance(part, Split):
-            whole = Split(part.rows, part.columns, tuple(tuple(thin(inner) for inner in line) for line in part.parts))
-            mergeable = all(isinstance(inner, LowRank) for line in whole.parts for inner in line)
-            return _truncated(whole, stored(whole) // sum(shape(whole)), tolerance) if mergeable else whole
-        leaf = _converted(part, dtype)
-        near = isinstance(leaf, Dense) and leaf.rows != leaf.columns
-        return _truncated(leaf, int(THIN * min(shape(leaf))), tolerance) if near else leaf
+    def coarse(part: Block) -> Block:
+        if not isinstance(part, Split):
+            return part
+        whole = Split(part.rows, part.columns, tuple(tuple(coarse(inner) for inner in line) for line in part.parts))
+        if not all(isinstance(inner, LowRank) for line in whole.parts for inner in line):
+            return whole
+        most = stored(whole) // sum(shape(whole))
+        left, right = truncated(np.array(to_dense(whole), order="C"), tolerance, int(PIVOTED * most))
+        return LowRank(part.rows, part.columns, left, right) if left.shape[1] <= most else whole
 
-    return with_pieces(block, pool.map(thin, pieces(block, MERGED)), MERGED)
-
-
-def _truncated(block: Block, most: int, tolerance: float) -> Block:
-    """A block of low rank, if that is at most so much, else the same."""
-    left, right = truncated(np.array(to_dense(block), order="C"), tolerance, int(PIVOTED * most))
-    return LowRank(block.rows, block.columns, left, right) if left.shape[1] <= most else block
+    block = converted(block, dtype)
+    return with_pieces(block, pool.map(coarse, pieces(block, MERGED)), MERGED)
 
 
 def to_dense(block: Block) -> Array:

@@ -9,6 +9,7 @@ from meeframe_hmatrix.blocks import (
     Dense,
     LowRank,
     Split,
+    coarsened,
     compress,
     converted,
     leaves,
@@ -16,8 +17,8 @@ from meeframe_hmatrix.blocks import (
     multiply_transposed,
     recompress,
     stored,
-    thinned,
     to_dense,
+    within,
 )
 from meeframe_hmatrix.kernels import spread_out
 from meeframe_hmatrix.product import stacked
@@ -107,14 +108,22 @@ def test_nothing_has_no_rank():
         assert right.shape == (0, 30)
 
 
-def test_thinned_blocks_are_fewer_and_within_the_tolerance(matrices):
-    square, _, block, _ = matrices
-    with ThreadPoolExecutor(2) as pool:
-        thin = thinned(block, 1e-4, float, pool)
-    assert 0.0 < error(to_dense(thin), square) < 1e-4
-    assert stored(thin) < stored(block)
-    assert sum(1 for _ in leaves(thin)) < 0.8 * sum(1 for _ in leaves(block))
-    assert all(isinstance(leaf, Dense) for leaf in leaves(thin) if leaf.rows == leaf.columns)
+def test_blocks_of_low_rank_are_merged_where_that_costs_no_more_numbers():
+    smooth = 1.0 / (1.0 + np.linspace(0, 1, 60)[:, None] + np.linspace(2, 3, 50))
+    random = np.random.default_rng(6)
+    outer = [[np.outer(random.normal(size=30), random.normal(size=25)) for _ in range(2)] for _ in range(2)]
+    for matrix, merges in ((smooth, True), (np.block(outer), False)):
+        rows, columns = slice(0, 60), slice(60, 110)
+        parts = tuple(
+            tuple(LowRank(r, c, *recompress(matrix[r, within(c, columns)], np.eye(25), 1e-9)) for c in halves(columns))
+            for r in halves(rows)
+        )
+        divided = Split(rows, columns, parts)
+        with ThreadPoolExecutor(2) as pool:
+            coarse = coarsened(divided, 1e-4, float, pool)
+        assert isinstance(coarse, LowRank if merges else Split)
+        assert error(to_dense(coarse), matrix) < 1e-4
+        assert (stored(coarse) < stored(divided)) is merges
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
