@@ -12,8 +12,8 @@ Linear = Callable[[Array], Array]
 RESTART: Final = 60
 LEAST_FALL: Final = 0.9
 """A cycle that leaves more of the residual is the last one."""
-BREAKDOWN: Final = 1e-14
-"""What is left of a product beside the directions before it is none below this fraction."""
+BREAKDOWN: Final = 50.0
+"""What is left of a product beside the directions before it is none below so many times the round-off of it."""
 
 
 def gmres(
@@ -45,7 +45,9 @@ def gmres(
         if most <= 0 or not goal < left < LEAST_FALL * size:
             break
         residual = right - multiply(solution)
-        size = float(np.linalg.norm(residual))
+        before, size = size, float(np.linalg.norm(residual))
+        if not size < LEAST_FALL * before:  # round-off: what was left by the equations of the cycle is not there
+            break
     return solution
 
 
@@ -72,7 +74,7 @@ def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float,
             break
         weights = np.linalg.lstsq(equations, first, rcond=None)[0]
         left = float(np.linalg.norm(first - equations @ weights))
-        if left <= goal or rest <= BREAKDOWN * length:
+        if left <= goal or rest <= BREAKDOWN * np.finfo(product.dtype).eps * length:
             break
         basis.append(product / rest)
     change = np.zeros_like(residual)

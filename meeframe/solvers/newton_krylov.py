@@ -19,6 +19,8 @@ from meeframe.solvers.nonsmooth import Blocks, Equation
 
 UNRESISTED: Final = 1e-12
 """Stiffness against a motion, as a fraction of the largest one, that is none."""
+ROUND_OFF: Final = 10.0
+"""So many times the round-off of a vector its products with others are off."""
 SINGLE: Final = 3e-5
 """Tolerance from which on single precision serves."""
 UNNOTICED: Final = 0.1
@@ -93,7 +95,8 @@ class _Border:
             response[:] = precondition(column)
         totals = rows.combined(rows.equation.measures).astype(rows.precision)
         left, stiffness, right = np.linalg.svd(totals @ responses.T)
-        resisted = stiffness > UNRESISTED * stiffness.max(initial=0.0)
+        smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)
+        resisted = stiffness > smallest * stiffness.max(initial=0.0)
         right, left = right[resisted], left[:, resisted]
         return cls(right.T, right @ columns, right @ responses, left.T @ totals, stiffness[resisted], left)
 

@@ -53,7 +53,7 @@ def preconditioner(rows: Rows) -> Linear:
     responses = _responses_nearby(solve, jumps, rows, between)
     places = np.arange(jumps.size).reshape(jumps.shape)[:, between]
     among = responses[places.ravel()].toarray().reshape(*places.shape, len(between))
-    inverse = np.linalg.pinv(np.einsum("jg,jgk->gk", fading, among))
+    inverse = np.linalg.pinv(np.einsum("jg,jgk->gk", fading, among), rtol=None)  # as its precision allows
 
     def precondition(values: Array) -> Array:
         rest = _exchanged(values.reshape(rows.coupled.shape), pressure, between)
@@ -107,7 +107,8 @@ def _solution_of_loads(rows: Rows) -> Linear:
         (np.ix_(which, nodes), nodes, rows.a[which][:, :, nodes].astype(rows.precision), _own(rows, which, nodes))
         for which, nodes in _sets(rows.coupled[loads] & ~asking)
     ]
-    known = [rows.equation.loaded.index(field) for field in fields]
+    loaded = rows.equation.loaded
+    known = [(place, loaded.index(field)) for place, field in enumerate(fields) if field in loaded]
     displacement = rows.equation.scales.displacement[fields]
     to_displacement = rows.b[loads][:, [rows.asked.index(field) for field in fields]]
     ask = _NodeInverse.of(to_displacement * displacement[:, None], asking, rows.precision)
@@ -116,12 +117,12 @@ def _solution_of_loads(rows: Rows) -> Linear:
     def solve(right: Array) -> Array:
         found = np.zeros_like(right)
         if inverse is not None:
-            asked = np.zeros((len(rows.equation.loaded), n), rows.precision)
-            for place, unit, part in zip(known, displacement.tolist(), ask(right[loads]), strict=True):
-                asked[place, rows.nodes] = unit * part
+            asked = np.zeros((len(loaded), n), rows.precision)
+            for (place, number), part in zip(known, ask(right[loads])[[place for place, _ in known]], strict=True):
+                asked[number, rows.nodes] = displacement[place] * part
             load = inverse(asked.T).T
-            for place, answer, part in zip(known, answering, found, strict=False):
-                np.multiply(load[place].take(rows.nodes), answer, out=part)
+            for place, number in known:
+                np.multiply(load[number].take(rows.nodes), answering[place], out=found[place])
         for places, nodes, a, own in apart:
             found[places] = own(right[places] - multiplied(a, found.take(nodes, axis=1)))
         return found

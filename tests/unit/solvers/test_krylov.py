@@ -75,3 +75,16 @@ def test_exact_after_as_many_products_as_eigenvalues() -> None:
     multiply, products = counted(np.diag([1.0, 2.0, 2.0, 5.0]))
     np.testing.assert_allclose(gmres(multiply, unchanged, np.ones(4), 1e-15), [1.0, 0.5, 0.5, 0.2], rtol=1e-14)
     assert len(products) <= 4
+
+
+def test_single_precision_ends_at_its_round_off() -> None:
+    """However little is asked to be left: four eigenvalues are found at once, and what remains is round-off."""
+    random = np.random.default_rng(0)
+    turned = np.linalg.qr(random.normal(size=(400, 400)))[0]
+    matrix = ((turned * np.repeat([1.0, 2.0, 5.0, 7.0], 100)) @ turned.T).astype(np.float32)
+    right = random.normal(size=400).astype(np.float32)
+    multiply, products = counted(matrix)
+    found = gmres(multiply, unchanged, right, 1e-15)
+    assert found.dtype == np.float32
+    assert np.linalg.norm(right - matrix.astype(float) @ found) <= 1e-6 * np.linalg.norm(right)
+    assert len(products) <= 20

@@ -1,6 +1,7 @@
 """Newton's method and `auto` where the compliance is not held as a matrix: what they cost, and which solver begins."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import final
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import Material, library_material
 from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, residual, solve
-from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.newton_krylov import krylov_step
+from meeframe.solvers.newton_steps import _coupled, newton_step
 from meeframe.solvers.nonsmooth import Equation
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
@@ -77,6 +79,56 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
     left = size(blocks.residual + product, blocks.balance + totals)
     assert left <= 1.01 * tolerance * size(blocks.residual, blocks.balance)
     assert left > 1e-3 * tolerance * size(blocks.residual, blocks.balance)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
+def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
+    """A fourth motion is a combination of the three: nothing resists the two together, but for round-off."""
+    problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
+    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    three = Equation.of(problem)
+    point = three.at(near.load, near.closed, np.zeros(32**2, bool), near.motion)
+    mixed = np.column_stack([np.eye(3), [0.3, 0.7, -0.2]])
+    measures = np.einsum("km,kni->mni", mixed, three.measures)
+    four = replace(three, modes=three.modes @ mixed, measures=measures)
+    blocks = point.linearise()
+    coupled = _coupled(blocks)
+    given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
+    local, amounts = krylov_step(three, blocks, coupled, given, tolerance)
+    same, more = krylov_step(four, replace(blocks, balance=mixed.T @ blocks.balance), coupled, given, tolerance)
+    assert np.abs(more).max() <= 2.0 * np.abs(amounts).max()
+    np.testing.assert_allclose(mixed @ more, amounts, atol=2.0 * tolerance * np.abs(amounts).max())
+    np.testing.assert_allclose(same, local, atol=2.0 * tolerance * np.abs(local[:, :5]).max())
+
+
+@final
+@dataclass(frozen=True)
+class SteadySlip(ContactLaw):
+    """Slip along e1 for good: friction follows the pressure and knows nothing of the gap."""
+
+    def project(self, trial: Array) -> Array:
+        pressed = np.minimum(trial[:, 2], 0.0)
+        return np.column_stack([MU * pressed, np.zeros_like(pressed), pressed])
+
+    def tangential_scaling(self) -> Array:
+        return np.zeros((2, 2))
+
+
+def test_friction_that_no_gap_tells_of_is_coupled_all_the_same() -> None:
+    mesh = half_space_mesh(10.0 * WIDTH, WIDTH, 15, 1, Quad4())
+    body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
+    loads = []
+    for nodes in (0, 256):
+        system = HalfSpace(matrix_up_to=nodes).reduce(body)
+        assert (system.dense() is None) == (nodes == 0)
+        height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
+        solution = solve(
+            indentation_problem(system, height, (0.3 * WIDTH) ** 2 / RADIUS, SteadySlip()), SemismoothNewton()
+        )
+        assert solution.status is Status.CONVERGED, solution.message
+        loads.append(solution.state.load)
+    assert loads[0][:, 0].any()
+    np.testing.assert_allclose(*loads, atol=1e-8 * np.abs(loads[1]).max())
 
 
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), ProjectedCG(), Auto()])
