@@ -53,8 +53,12 @@ def _numbers(*values: int) -> tuple[Any, ...]:
 
 
 def _part(matrix: Array) -> tuple[Any, Any]:
-    """First entry, and what lies between columns."""
-    return matrix.ctypes.data, *_numbers(max(1, matrix.strides[1] // matrix.itemsize))
+    """First entry, and what lies between columns, which is not looked at where there is one only."""
+    (rows, columns), (down, across) = matrix.shape, matrix.strides
+    assert matrix.dtype == np.float64
+    assert rows <= 1 or columns == 0 or down == matrix.itemsize
+    assert columns <= 1 or rows == 0 or across >= rows * matrix.itemsize
+    return matrix.ctypes.data, *_numbers(max(1, rows, across // matrix.itemsize))
 
 
 def _routine(library: str, name: str, n_arguments: int) -> Any:

@@ -6,6 +6,7 @@ from scipy.linalg import lu
 
 from meeframe.core.errors import CaseError
 from meeframe.formulations.dense_bem.assembly import System
+from meeframe.formulations.dense_bem.blas import divide_by_lower, subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.system import factorise
 
@@ -70,3 +71,36 @@ def test_a_pivot_of_zero_is_refused():
     matrix[:, 20] = 0.0
     with pytest.raises(CaseError, match="singular"):
         factorise(System(np.asfortranarray(np.hstack([matrix, right]))))
+
+
+WHOLE = np.random.default_rng(3).normal(size=(6, 9))
+LAYOUTS = {
+    "in C order": np.ascontiguousarray(WHOLE),
+    "every second row": np.asfortranarray(WHOLE)[::2],
+    "columns backwards": np.asfortranarray(WHOLE)[:, ::-1],
+    "one column of C order": np.ascontiguousarray(WHOLE)[:, :1],
+    "single precision": np.asfortranarray(WHOLE, np.float32),
+}
+
+
+@pytest.mark.parametrize("target", LAYOUTS.values(), ids=LAYOUTS)
+def test_other_layouts_are_refused(target):
+    rows, columns = target.shape
+    with pytest.raises(AssertionError):
+        subtract_product(target, np.zeros((rows, 2), order="F"), np.zeros((2, columns), order="F"))
+
+
+@pytest.mark.parametrize("shape", [(6, 1), (1, 4), (1, 1), (0, 3), (5, 0)])
+def test_thin_parts_in_any_order(shape):
+    """Of a single column the stride to the next is arbitrary, of a single row that to the next row."""
+    (m, n), rng = shape, np.random.default_rng(4)
+    start, left, right = rng.normal(size=shape), rng.normal(size=(m, 3)), rng.normal(size=(3, n))
+    triangle = np.tril(rng.normal(size=(m, m)), -1) + np.eye(m)
+    expected = np.linalg.solve(triangle, start - left @ right)
+    targets = [np.array(start, order="F"), np.array(start, order="C")]
+    if n == 1:
+        targets.append(start[:, 0].copy()[:, None])
+    for target in targets:
+        subtract_product(target, np.asfortranarray(left), np.asfortranarray(right))
+        divide_by_lower(target, np.asfortranarray(triangle))
+        np.testing.assert_allclose(target, expected, atol=1e-13)
