@@ -147,7 +147,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
             array -= _dense_product(first, second)
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
-        return LowRank(block.rows, block.columns, *truncated(array, tolerance, min(array.shape)))
+        return LowRank(block.rows, block.columns, *truncated(array, tolerance))
     left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
     right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
 

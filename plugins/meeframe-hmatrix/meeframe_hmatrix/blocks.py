@@ -4,22 +4,15 @@ Ranges of rows and columns are slices of the whole matrix, so that blocks find e
 """
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from meeframe.core.fields import Array
-from meeframe_hmatrix.truncation import truncated
 
 FIRST_GUESS = 8
 """More random vectors than the rank that is expected, in the compression of a product."""
-
-PIVOTED = 1.3
-"""Rank by pivoting, at which truncation gives up, in terms of the best rank."""
-MERGED = 800
-"""Rows and columns up to which blocks of low rank may be merged: larger ones take longer than they save."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,54 +116,16 @@ def transposed(block: Block) -> Block:
     return Split(block.columns, block.rows, parts)
 
 
-def pieces(block: Block, largest: int) -> Iterator[Block]:
-    """The parts of a tree with at most so many rows and columns, or undivided ones."""
-    if isinstance(block, Split) and max(shape(block)) > largest:
-        for line in block.parts:
-            for part in line:
-                yield from pieces(part, largest)
-    else:
-        yield block
-
-
-def with_pieces(block: Block, others: Iterator[Block], largest: int) -> Block:
-    """The tree with others, in their order, in place of its pieces."""
-    if not isinstance(block, Split) or max(shape(block)) <= largest:
-        return next(others)
-    parts = tuple(tuple(with_pieces(part, others, largest) for part in line) for line in block.parts)
-    return Split(block.rows, block.columns, parts)
-
-
 def converted(block: Block, dtype: DTypeLike) -> Block:
     """The same in another precision; numbers that have it already are shared."""
-    return with_pieces(block, (_converted(leaf, dtype) for leaf in leaves(block)), 0)
-
-
-def _converted(leaf: Dense | LowRank, dtype: DTypeLike) -> Dense | LowRank:
-    if isinstance(leaf, Dense):
-        return Dense(leaf.rows, leaf.columns, leaf.array.astype(dtype, copy=False))
-    left, right = (factor.astype(dtype, copy=False) for factor in (leaf.left, leaf.right))
-    return LowRank(leaf.rows, leaf.columns, left, right)
-
-
-def coarsened(block: Block, tolerance: float, dtype: DTypeLike, pool: Executor) -> Block:
-    """The same in another precision; blocks of low rank are merged where that costs no more numbers.
-
-    tolerance: of a merged block, relative, in the Frobenius norm.
-    """
-
-    def coarse(part: Block) -> Block:
-        if not isinstance(part, Split):
-            return part
-        whole = Split(part.rows, part.columns, tuple(tuple(coarse(inner) for inner in line) for line in part.parts))
-        if not all(isinstance(inner, LowRank) for line in whole.parts for inner in line):
-            return whole
-        most = stored(whole) // sum(shape(whole))
-        left, right = truncated(np.array(to_dense(whole), order="C"), tolerance, int(PIVOTED * most))
-        return LowRank(part.rows, part.columns, left, right) if left.shape[1] <= most else whole
-
-    block = converted(block, dtype)
-    return with_pieces(block, pool.map(coarse, pieces(block, MERGED)), MERGED)
+    if isinstance(block, Dense):
+        return Dense(block.rows, block.columns, block.array.astype(dtype, copy=False))
+    if isinstance(block, LowRank):
+        left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
+        return LowRank(block.rows, block.columns, left, right)
+    return Split(
+        block.rows, block.columns, tuple(tuple(converted(part, dtype) for part in line) for line in block.parts)
+    )
 
 
 def to_dense(block: Block) -> Array:

@@ -17,7 +17,7 @@ from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solve, solved
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Split, coarsened, converted, leaves, multiply, to_dense
+from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.product import Product, stacked
@@ -109,7 +109,7 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
     with ThreadPoolExecutor(get_num_threads()) as pool:
         progress("elimination", 0.0)
         dtype = np.float32 if tolerance >= SINGLE else np.float64
-        factors = eliminate(coarsened(system.matrix, tolerance, dtype, pool), tolerance, pool)
+        factors = eliminate(converted(system.matrix, dtype), tolerance, pool)
         assert isinstance(factors, EliminatedSplit)
         zone = factors.second
 
@@ -119,7 +119,7 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
             return solve(zone, Form.UPPER, reduced.parts[1][0], tolerance)
 
         progress("compliance", 0.0)
-        halves = list(pool.map(compliance, _column_halves(coarsened(system.load_matrix, tolerance, dtype, pool))))
+        halves = list(pool.map(compliance, _column_halves(converted(system.load_matrix, dtype))))
         progress("compliance", 1.0)
     whole = _side_by_side(halves) if len(halves) > 1 else halves[0]
     return factors, converted(whole, np.float64)
@@ -194,7 +194,7 @@ class HierarchicalSystem(ReducedSystem):
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
         scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
         with ThreadPoolExecutor(get_num_threads()) as pool, threadpool_limits(1, "blas"):
-            matrix = coarsened(in_fields(self.boundary.compliance, *scaled), ROUGHLY, np.float32, pool)
+            matrix = converted(in_fields(self.boundary.compliance, *scaled), np.float32)
             return eliminate(matrix, ROUGHLY, pool), unit
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:

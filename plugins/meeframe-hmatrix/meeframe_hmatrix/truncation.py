@@ -9,15 +9,14 @@ FIRST = 0.4
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def truncated(rest, tolerance, most):
+def truncated(rest, tolerance):
     """Factors left (m, k), right (k, n) of a matrix, to a relative tolerance in the Frobenius norm; overwrites it.
 
     Gram-Schmidt with pivoting, where the next row is always the one of which most is left, so that right is
     orthonormal; then the singular values of left, from its Gram matrix in double precision, give the best rank.
-    It is given up at a rank above most, by factors of such a rank.
     """
     m, n = rest.shape
-    room = min(m, n, most + 1)
+    room = min(m, n)
     left, right = np.empty((room, m), rest.dtype), np.empty((room, n), rest.dtype)
     squares = np.empty(m, rest.dtype)
     for i in range(m):
@@ -41,7 +40,7 @@ def truncated(rest, tolerance, most):
                 square += rest[i, q] * rest[i, q]
             left[rank, i], squares[i] = dot, square
         rank += 1
-    if rank == 0 or rank > most:
+    if rank == 0:
         return left[:rank].copy().T, right[:rank].copy()
     exact = left[:rank].astype(np.float64)
     values, vectors = np.linalg.eigh(exact @ exact.T)
