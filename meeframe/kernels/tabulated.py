@@ -23,7 +23,8 @@ LANES, BLOCK = 8, 32
 # From so many points of one cell on it pays to interpolate them together, though some lanes stay idle.
 FEW = 5
 WIDE = BLOCK + LANES
-# Points sorted together: enough for several in each cell, few enough for their results to stay in third-level cache.
+# Points sorted together, in calls of more than an assembly makes (POINTS_PER_CALL there): enough for several in each
+# cell, few enough for their results to stay in third-level cache.
 CHUNK = 20480
 FLAT = PACKED.ravel()
 N_PACKED = 15
