@@ -32,13 +32,18 @@ N_PACKED = 15
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _face(x, y, z):
-    """Face number, x_a, u and v of an offset."""
+    """Face number, x_a, u and v of an offset.
+
+    The choices are written so that the compiler makes vectors of them in a loop over points: branches would be guessed
+    wrong at most.
+    """
     ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        return 0, x, y / x, z / x
-    if ay >= az:
-        return 1, y, z / y, x / y
-    return 2, z, x / z, y / z
+    first, second = (ax >= ay) & (ax >= az), ay >= az
+    face = 0 if first else (1 if second else 2)
+    xa = x if first else (y if second else z)
+    xb = y if first else (z if second else x)
+    xc = z if first else (x if second else y)
+    return face, xa, xb / xa, xc / xa
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -47,24 +52,22 @@ def _cell(coordinate, cells):
     return max(0, min(int(0.5 * (coordinate + 1.0) * cells), cells - 1))
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _local(coordinate, number, cells):
+    """Where in [-1, 1] of a cell along one parameter a coordinate lies."""
+    return (coordinate + 1.0) * cells - (2 * number + 1)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def sort_by_cell(offset, cells, place, key, order):
     """Fill place (3, n): x_a, u, v; key (n,): cells of the table; order (n,): point numbers ordered by cell.
 
-    Returns the bounds of the three faces in that order, (4,). The choices of the first loop are written so that the
-    compiler makes vectors of them: branches would be guessed wrong at most points.
+    Returns the bounds of the three faces in that order, (4,).
     """
     n = offset.shape[0]
     start = np.zeros(3 * cells * cells + 1, np.int64)
     for point in range(n):
-        x, y, z = offset[point, 0], offset[point, 1], offset[point, 2]
-        ax, ay, az = abs(x), abs(y), abs(z)
-        first, second = (ax >= ay) & (ax >= az), ay >= az
-        face = 0 if first else (1 if second else 2)
-        xa = x if first else (y if second else z)
-        xb = y if first else (z if second else x)
-        xc = z if first else (x if second else y)
-        u, v = xb / xa, xc / xa
+        face, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
         place[0, point], place[1, point], place[2, point] = xa, u, v
         key[point] = (face * cells + _cell(u, cells)) * cells + _cell(v, cells)
     for point in range(n):
@@ -115,15 +118,7 @@ def locate(x, y, z, cells):
     """Face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
     face, xa, u, v = _face(x, y, z)
     i, j = _cell(u, cells), _cell(v, cells)
-    return (
-        face,
-        xa,
-        u,
-        v,
-        (face * cells + i) * cells + j,
-        (u + 1.0) * cells - (2 * i + 1),
-        (v + 1.0) * cells - (2 * j + 1),
-    )
+    return face, xa, u, v, (face * cells + i) * cells + j, _local(u, i, cells), _local(v, j, cells)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -205,8 +200,8 @@ def _block(table, cells, points, place, key, normal, work):
         point = points[p]
         xa, u, v = place[0, point], place[1, point], place[2, point]
         i, j = key[point] // cells % cells, key[point] % cells
-        local[0, p] = (u + 1.0) * cells - (2 * i + 1)
-        local[1, p] = (v + 1.0) * cells - (2 * j + 1)
+        local[0, p] = _local(u, i, cells)
+        local[1, p] = _local(v, j, cells)
         for axis in range(3):
             near[axis, p] = normal[point, axis]
         near[3, p], near[4, p] = u, v
