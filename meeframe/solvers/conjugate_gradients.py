@@ -105,19 +105,19 @@ class ProjectedCG(Solver):
         n = len(problem.gap)
         load, motion = start_load(start, n), start_motion(problem, start)
         response = normal_response(problem, scales, start, load, motion)
-        pressure, flux = np.maximum(-load[:, NORMAL], 0.0), load[:, NORMAL + 1 :]
+        pressure, near = np.maximum(-load[:, NORMAL], 0.0), Effect(np.zeros(n), load[:, NORMAL + 1 :], motion)
         if modes.numbers.size:
             # pressures that bear the resultants: from here on every direction keeps them
             free = np.flatnonzero(pressure > 0.0)
             trial = pressure
             if not free.size:
                 free = np.flatnonzero(np.isfinite(problem.gap))
-                trial = pressure - response.at(pressure, flux, motion).gap / scales.normal_compliance
+                trial = pressure - response.at(pressure, near).gap / scales.normal_compliance
             pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
         weight = problem.system.weights
         weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
         mechanics = (response, modes, _normal_inverse(problem), weight)
-        effect = response.at(pressure, flux, motion)
+        effect = response.at(pressure, near)
         still, nodes = np.zeros(0), np.zeros(0, np.int64)
         memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, None, np.inf)
         memory = _placed(memory, pressure, effect)
@@ -221,6 +221,8 @@ def _refreshed(memory: _Memory) -> _Memory:
         free = np.flatnonzero(pressure > 0.0)
         pressure = _spread(memory.modes.on(free).balanced(pressure[free]), free, n)
     response = memory.response.updated(pressure, memory.effect)
+    if response.held is not None:
+        pressure = np.where(response.held, 0.0, pressure)
     kept = response is memory.response or (
         isinstance(response, Conducting) and response.same_conductors(memory.response)
     )
@@ -280,12 +282,12 @@ def _spread(values: Array, free: Indices, n: int) -> Array:
 
 def _renewed(memory: _Memory, pressure: Array) -> _Memory:
     """Memory at a pressure (n,), without accumulated round-off."""
-    return _placed(memory, pressure, memory.response.at(pressure, memory.effect.flux, memory.effect.motion))
+    return _placed(memory, pressure, memory.response.at(pressure, memory.effect))
 
 
 def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
     """Memory at a pressure (n,) with its effect, after the indenter has come to rest."""
-    gap, motion, here = memory.modes.rested(pressure, effect.gap, effect.motion, memory.here)
+    gap, motion, here = memory.modes.rested(pressure, effect.gap, effect.motion, memory.here, memory.response.held)
     return replace(memory, pressure=pressure, effect=Effect(gap, effect.flux, motion), here=here)
 
 

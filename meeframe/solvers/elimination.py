@@ -79,11 +79,18 @@ class Elimination(ABC):
 
     @abstractmethod
     def state(
-        self, traction: Array, conductors: Conductors, flux: Array, potential: Array, rest: float = 0.0
+        self,
+        traction: Array,
+        conductors: Conductors,
+        flux: Array,
+        potential: Array,
+        rest: float = 0.0,
+        enough: float = 0.0,
     ) -> Response:
         """As `respond`, but all of it: due to the offset, the indenter's potentials and prescribed totals, too.
 
-        flux: (n, 2), potential: (j,) of the floating conductors, near those to be found.
+        flux: (n, 2), potential: (j,) of the floating conductors, near those to be found; enough: as much potential may
+        be left, divided by roots of the nodes' own responses: its norm.
         """
 
 
@@ -172,7 +179,13 @@ class DenseElimination(Elimination):
         return Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
 
     def state(
-        self, traction: Array, conductors: Conductors, flux: Array, potential: Array, rest: float = 0.0
+        self,
+        traction: Array,
+        conductors: Conductors,
+        flux: Array,
+        potential: Array,
+        rest: float = 0.0,
+        enough: float = 0.0,
     ) -> Response:
         """See Elimination. Nothing needs to be near."""
         found, alone = self.respond(traction, conductors, flux), conductors.parts.alone

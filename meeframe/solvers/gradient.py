@@ -87,10 +87,10 @@ class Ground:
         earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
         return conduction.next(earlier, later, step.trial[:, 2], self.scales)
 
-    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array) -> Slope:
-        """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found."""
+    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array, left: float = 0.0) -> Slope:
+        """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found; left: see Elimination."""
         floating = conductors.floating.numbers
-        found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED)
+        found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED, left)
         if floating.size:
             motion = motion.copy()
             motion[floating] = found.potential

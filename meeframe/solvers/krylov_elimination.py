@@ -152,28 +152,36 @@ class KrylovElimination(Elimination):
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
         """See Elimination. In the precision of the tractions."""
-        return self._found(traction, conductors, guess, rest, enough, np.zeros((len(guess), N_FIELDS)), 0.0)
+        return self._found(traction, conductors, guess, (rest, enough, 0.0), np.zeros((len(guess), N_FIELDS)), 0.0)
 
     def state(
-        self, traction: Array, conductors: Conductors, flux: Array, potential: Array, rest: float = 0.0
+        self,
+        traction: Array,
+        conductors: Conductors,
+        flux: Array,
+        potential: Array,
+        rest: float = 0.0,
+        enough: float = 0.0,
     ) -> Response:
         """See Elimination."""
         unloaded = self.problem.system.offset.copy()
         unloaded[:, POTENTIALS] += self.problem.potentials
         guess = conductors.fixed(flux, potential)
-        return self._found(traction, conductors, guess, rest, EXACT, unloaded, conductors.floating.totals)
+        return self._found(traction, conductors, guess, (rest, EXACT, enough), unloaded, conductors.floating.totals)
 
     def _found(
         self,
         traction: Array,
         conductors: Conductors,
         guess: Array,
-        rest: float,
-        enough: float,
+        enough: tuple[float, float, float],
         unloaded: Array,
         totals: Array | float,
     ) -> Response:
-        """Response with prescribed totals (j,); unloaded: (n, 5) what tractions and fluxes are not the cause of."""
+        """Response with prescribed totals (j,); unloaded: (n, 5) what tractions and fluxes are not the cause of.
+
+        enough: what may be left, as part of the guess's error, as part of the displacement, and by itself.
+        """
         equations: _Equations = conductors.parts
         conducting = equations.conducting
         start = np.where(equations.resistance < HARDLY * equations.own, guess[conducting], 0.0)
@@ -181,7 +189,7 @@ class KrylovElimination(Elimination):
         left, where = equations.left(moved, start), conducting.any(axis=1)
         felt = moved[where][:, self.mechanical] / np.sqrt(self.own[where][:, self.mechanical])
         norms = [float(np.linalg.norm(part)) for part in (left, felt, equations.taken(unloaded) / equations.size)]
-        flux = start + equations.solve(left, max(rest * norms[0], enough * sum(norms)))
+        flux = start + equations.solve(left, max(enough[0] * norms[0], enough[1] * sum(norms), enough[2]))
         balanced, potential = conductors.floating.balance(flux, totals)
         moved += self._moved(np.zeros_like(traction), balanced - start, equations, self.mechanical)
         return Response(filled(conducting, balanced), moved[:, MECHANICAL], potential)

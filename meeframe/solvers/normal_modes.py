@@ -16,6 +16,7 @@ from meeframe.core.contact import ContactProblem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import Mask
 from meeframe.solvers.free_motion import balanced_projection, motions
 
 NORMAL: Final = 2
@@ -96,22 +97,23 @@ class NormalModes:
         return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
 
     def rested(
-        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes | None" = None
+        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", held: Mask | None = None
     ) -> tuple[Array, Array, "NormalModes"]:
         """Gap (n,), motion (m,), and these modes on the nodes with pressure or overlap, the indenter at rest.
 
-        pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins.
+        pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins; held:
+        (n,) that are none of them, though they overlap.
         """
         pressed = np.flatnonzero(pressure > 0.0)
         if self.numbers.size == 0:
-            return gap, motion, self.on(_touching(pressed, gap))
-        here = near if near is not None and near.nodes.size else self.on(pressed)
+            return gap, motion, self.on(_touching(pressed, gap, held))
+        here = near if near.nodes.size else self.on(pressed)
         if not here.nodes.size:
             here = self.on(np.flatnonzero(gap < 0.0))
         for _ in range(ROUNDS):
             amounts = here.amounts(gap[here.nodes])
             moved = gap + amounts @ self.mode
-            following = _touching(pressed, moved)
+            following = _touching(pressed, moved, held)
             if np.array_equal(following, here.nodes):
                 break
             here = self.on(following)
@@ -152,8 +154,8 @@ class NormalModes:
         return np.asarray(-found.traction[self.nodes, NORMAL])
 
 
-def _touching(pressed: Indices, gap: Array) -> Indices:
-    """Nodes (t,) that have pressure (p,) or overlap at a gap (n,)."""
-    touching = gap < 0.0
+def _touching(pressed: Indices, gap: Array, held: Mask | None) -> Indices:
+    """Nodes (t,) that have pressure (p,), or overlap at a gap (n,) and are not held (n,)."""
+    touching = gap < 0.0 if held is None else (gap < 0.0) & ~held
     touching[pressed] = True
     return np.flatnonzero(touching)

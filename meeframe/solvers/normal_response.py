@@ -9,6 +9,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, ContactState, Iterate
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.law import conducts
+from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.gradient import Conduction, Ground
 from meeframe.solvers.grazing import Grazing
@@ -16,10 +17,12 @@ from meeframe.solvers.scales import Scales
 
 NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
-CHANGED: Final = 1e-3
+CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
 FOLLOWING: Final = 0.1
 """The conduction is brought up to date when violations have fallen to this fraction since the last time."""
+LEFT: Final = 1e-2
+"""What is left of the potentials when they are found anew, as part of the violation, both in roots of own responses."""
 SINGLE: Final = 1e-4
 """And gaps, which change in single precision: three digits of their violation are then right."""
 
@@ -41,8 +44,8 @@ class NormalResponse(ABC):
     scales: Scales
 
     @abstractmethod
-    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
-        """All of it at a pressure (n,) and the motion (m,) of the indenter; flux: (n, 2) near that to be found."""
+    def at(self, pressure: Array, near: Effect) -> Effect:
+        """All of it at a pressure (n,) and the motion of the indenter that an effect near to that to be found has."""
 
     @abstractmethod
     def change(self, pressure: Array) -> Effect:
@@ -60,6 +63,11 @@ class NormalResponse(ABC):
     @abstractmethod
     def closed(self, pressure: Array) -> Array:
         """Closed fractions (n,) at a pressure (n,)."""
+
+    @property
+    @abstractmethod
+    def held(self) -> Mask | None:
+        """Nodes (n,) that are to bear no pressure and may overlap meanwhile: those that graze; None if none do."""
 
     @abstractmethod
     def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
@@ -99,12 +107,12 @@ class Insulated(NormalResponse):
     apart: Array
     modes: Array
 
-    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
+    def at(self, pressure: Array, near: Effect) -> Effect:
         """See NormalResponse: one normal response."""
         gap = self.apart + self._opened(pressure)
-        for mode, amount in zip(self.modes, motion, strict=True):
+        for mode, amount in zip(self.modes, near.motion, strict=True):
             gap += amount * mode
-        return Effect(gap, NO_FLUX, motion)
+        return Effect(gap, NO_FLUX, near.motion)
 
     def change(self, pressure: Array) -> Effect:
         """See NormalResponse: one normal response, in single precision."""
@@ -125,6 +133,11 @@ class Insulated(NormalResponse):
         """See NormalResponse: wherever there is pressure."""
         return (pressure > 0.0).astype(float)
 
+    @property
+    def held(self) -> Mask | None:
+        """See NormalResponse: none grazes."""
+        return None
+
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""
         return self
@@ -137,7 +150,8 @@ class Insulated(NormalResponse):
 @dataclass(frozen=True, eq=False)
 class Conducting(NormalResponse):
     """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
-    following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there."""
+    following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there, the
+    nodes that do are held: their fraction, not a pressure, is to close their gap."""
 
     ground: Ground
     own: Array
@@ -145,10 +159,13 @@ class Conducting(NormalResponse):
     conduction: Conduction
     conductors: Conductors
     grazing: Grazing
+    held: Mask | None = None
 
-    def at(self, pressure: Array, flux: Array, motion: Array) -> Effect:
-        """See NormalResponse."""
-        slope = self.ground.slope(_traction(pressure), self.conductors, flux, motion)
+    def at(self, pressure: Array, near: Effect) -> Effect:
+        """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves."""
+        wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0) / np.sqrt(self.own)
+        left = LEFT * float(np.linalg.norm(wrong))
+        slope = self.ground.slope(_traction(pressure), self.conductors, near.flux, near.motion, left)
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
     def change(self, pressure: Array) -> Effect:
@@ -160,8 +177,9 @@ class Conducting(NormalResponse):
         return Effect(-response.displacement[:, NORMAL], response.flux, motion)
 
     def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
-        """See NormalResponse: the fluxes follow."""
-        return self.at(pressure, effect.flux + self.following * change[:, None], effect.motion)
+        """See NormalResponse: that of the change."""
+        moved = self.change(change)
+        return Effect(effect.gap + moved.gap, effect.flux + moved.flux, effect.motion + moved.motion)
 
     @property
     def lasting(self) -> float:
@@ -179,11 +197,12 @@ class Conducting(NormalResponse):
         conduction = self.conduction.next(touched, -pressure, trial, self.scales)
         # nodes respond to their own pressure much less than the contact as a whole
         grazing = self.grazing.next(self.conduction.closed, -pressure + effect.gap / self.own)
-        closed = grazing.fractions(pressure > 0.0)
-        conduction = conduction if closed is None else replace(conduction, closed=closed)
+        closed, held = grazing.fractions(pressure > 0.0), None
+        if closed is not None:
+            conduction, held = replace(conduction, closed=closed), (closed > 0.0) & (closed < 1.0)
         iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing)
+        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held)
 
     def same_conductors(self, other: NormalResponse) -> bool:
         """Whether it responds as another one does."""
