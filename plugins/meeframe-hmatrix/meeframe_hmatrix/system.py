@@ -28,7 +28,7 @@ SINGLE: Final = 1e-5
 """Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 MOST_ITERATIONS: Final = 200
-ROUGHLY: Final = 1e-3
+ROUGHLY: Final = 1e-2
 """Truncation of an approximate inverse."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
