@@ -21,22 +21,30 @@ TITLE = "Five fields against one"
 SIZES, QUICK = (64, 128, 256), (64,)
 FINEST = 512
 """Without friction alone: the problems by Newton's method would take minutes."""
+HARDEST = 128
+ALIKE = ("batio3-cofe2o4", (0.0, 0.0))
+HARDER = {
+    "The same medium, the indenter at potentials of 5 V and 1 A": ("batio3-cofe2o4", (5.0, 1.0)),
+    "An orthotropic medium": ("orthotropic-mee", (0.0, 0.0)),
+    "An orthotropic medium, the indenter at potentials of 5 V and 1 A": ("orthotropic-mee", (5.0, 1.0)),
+}
 TIMES_ONE_FIELD = 8.0
 MEE_FORCE, MEE_WIDTH = 450.0, 7e-3
 """Of the magneto-electro-elastic sphere of 0.1 m [N], [m]."""
 
 
-def conjugate_gradients(n: int) -> Record:
-    """Products and whole solutions of five fields against one: the MEE material, conducting and insulated."""
+def conjugate_gradients(n: int, material: str, potentials: tuple[float, float]) -> Record:
+    """Products and whole solutions of five fields against one: an MEE material, conducting and insulated."""
     radius, contact = half_space.RADIUS, half_space.CONTACT
-    system = half_space.reduced(n, library_material("batio3-cofe2o4").stiffness, False)
+    system = half_space.reduced(n, library_material(material).stiffness, False)
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * radius)
     load = np.random.default_rng(0).normal(size=system.offset.shape)
     normal = np.where(np.arange(5) == 2, load, 0.0)
     limits = Limits(tolerance=1e-8)
 
     def whole(kappa: float) -> Any:
-        problem = indentation_problem(system, height, contact**2 / radius, Signorini(), (kappa, kappa), (0.0, 0.0))
+        given = potentials if kappa > 0.0 else (0.0, 0.0)
+        problem = indentation_problem(system, height, contact**2 / radius, Signorini(), (kappa, kappa), given)
         return solve(problem, ProjectedCG(), limits)
 
     found = {
@@ -81,7 +89,13 @@ def measure(quick: bool) -> Record:
     with threads(1):
         half_space_friction.ours(32, False)  # compiled, loaded
         return {
-            "conjugate gradients": {str(n): conjugate_gradients(n) for n in (*sizes, *(() if quick else (FINEST,)))},
+            "conjugate gradients": {
+                str(n): conjugate_gradients(n, *ALIKE) for n in (*sizes, *(() if quick else (FINEST,)))
+            },
+            "harder": {
+                name: {str(n): conjugate_gradients(n, *given) for n in sizes if n <= HARDEST}
+                for name, given in HARDER.items()
+            },
             "newton": {str(n): newton(n) for n in sizes},
         }
 
@@ -93,10 +107,10 @@ def section(record: Record, _pictures: Path) -> str:
             "### Conduction without friction, by conjugate gradients",
             prose(
                 "A medium whose surface responds alike in all directions, so that fluxes follow the pressure node by"
-                " node; in others, and with potentials of the indenter, they are found by more products, which is not"
-                " measured here."
+                " node; in others, and with potentials of the indenter, they are found by more products: below."
             ),
             *(_conducting(row) for row in record["conjugate gradients"].values()),
+            *(prose(f"{name}. {_conducting(row)}") for name, rows in record["harder"].items() for row in rows.values()),
             "### Friction and conduction, by Newton's method",
             *_by_newton(record["newton"]),
         ]
