@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
 
@@ -58,15 +59,16 @@ def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float,
     basis, directions = [residual / size], list[Array]()
     hessenberg = np.zeros((most + 1, most))
     weights, left = np.zeros(0), size
+    (axpy,) = scipy.linalg.get_blas_funcs(["axpy"], [residual])
     for k in range(most):
         directions.append(precondition(basis[k]))
-        product = multiply(directions[k])
+        product = multiply(directions[k]).copy()  # changed in place below
         length = float(np.linalg.norm(product))
         for _ in range(2):  # orthogonal to the last digit
             for i, vector in enumerate(basis):
                 part = float(vector @ product)
                 hessenberg[i, k] += part
-                product = product - part * vector
+                product = axpy(vector, product, a=-part)
         rest = float(np.linalg.norm(product))
         hessenberg[k + 1, k] = rest
         equations, first = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]

@@ -16,7 +16,7 @@ from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.newton_rows import Rows, multiplied
+from meeframe.solvers.newton_rows import NodeBlocks, Rows, multiplied
 from meeframe.solvers.nonsmooth import CLOSED
 
 NORMAL: Final = 2
@@ -53,7 +53,8 @@ def preconditioner(rows: Rows) -> Linear:
     responses = _responses_nearby(solve, jumps, rows, between)
     places = np.arange(jumps.size).reshape(jumps.shape)[:, between]
     among = responses[places.ravel()].toarray().reshape(*places.shape, len(between))
-    inverse = np.linalg.pinv(np.einsum("jg,jgk->gk", fading, among), rtol=None)  # as its precision allows
+    matrix = np.einsum("jg,jgk->gk", fading, among)
+    inverse = np.linalg.pinv(matrix, rcond=len(matrix) * float(np.finfo(matrix.dtype).eps))
 
     def precondition(values: Array) -> Array:
         rest = _exchanged(values.reshape(rows.coupled.shape), pressure, between)
@@ -104,7 +105,12 @@ def _solution_of_loads(rows: Rows) -> Linear:
     loads = slice(len(fields))
     asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[loads])
     apart = [
-        (np.ix_(which, nodes), nodes, rows.a[which][:, :, nodes].astype(rows.precision), _own(rows, which, nodes))
+        (
+            which[:, None] * len(rows.nodes) + nodes,
+            nodes,
+            NodeBlocks.of(-rows.a[which].take(nodes, axis=2), rows.precision),
+            _own(rows, which, nodes),
+        )
         for which, nodes in _sets(rows.coupled[loads] & ~asking)
     ]
     loaded = rows.equation.loaded
@@ -123,8 +129,10 @@ def _solution_of_loads(rows: Rows) -> Linear:
             load = inverse(asked.T).T
             for place, number in known:
                 np.multiply(load[number].take(rows.nodes), answering[place], out=found[place])
-        for places, nodes, a, own in apart:
-            found[places] = own(right[places] - multiplied(a, found.take(nodes, axis=1)))
+        for places, nodes, opposed, own in apart:
+            rest = right.take(places)
+            opposed.add(found.take(nodes, axis=1), rest)
+            found.reshape(-1)[places] = own(rest)
         return found
 
     return solve
@@ -190,7 +198,9 @@ class _NodeInverse:
         """Products (s, c) with vectors (s, c)."""
         product = self.diagonal * vectors
         if self.linked.size:
-            product[:, self.linked] = multiplied(self.full, vectors.take(self.linked, axis=1))
+            linked = multiplied(self.full, vectors.take(self.linked, axis=1))
+            for part, at_linked in zip(product, linked, strict=True):
+                part[self.linked] = at_linked
         return product
 
 

@@ -68,23 +68,28 @@ class Rows:
 
     def image(self, blocks: Blocks, step: Array) -> Array:
         """Product (r c,) of the equations with a whole step (n, 6), which need not be coupled; blocks: of them all."""
-        moved = self.equation.problem.system.response(step[:, :N_FIELDS], self.asked)
+        load = step[:, :N_FIELDS].astype(self.precision, order="K", copy=False)
+        moved = self.equation.problem.system.response(load, self.asked)
         own = np.einsum("cij,cj->ic", blocks.a[self.nodes][:, self.components], step[self.nodes])
         own[~self.coupled] = 0.0
         return np.asarray((own + multiplied(self.b, moved[self.nodes].T)).ravel())
 
     def multiplication(self) -> Linear:
         """Product (r c,) of the equations with unknowns (r c,)."""
-        a, b = (part.astype(self.precision, copy=False) for part in (self.a, self.b))
+        a, b = (NodeBlocks.of(part, self.precision) for part in (self.a, self.b))
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
-        units = self.units[: len(fields), None].astype(self.precision)
+        units = self.units[: len(fields)].tolist()
 
         def multiply(values: Array) -> Array:
             unknowns = values.reshape(self.coupled.shape)
             load = np.zeros((len(fields), n), self.precision)
-            load[:, self.nodes] = units * unknowns[: len(fields)]
-            moved = system.block_response(load.T, fields, self.asked).T[:, self.nodes]
-            return (multiplied(a, unknowns) + multiplied(b, moved.astype(self.precision, copy=False))).ravel()
+            for part, unit, unknown in zip(load, units, unknowns, strict=False):
+                part[self.nodes] = unit * unknown
+            moved = system.block_response(load.T, fields, self.asked).T.take(self.nodes, axis=1)
+            product = np.zeros_like(unknowns)
+            a.add(unknowns, product)
+            b.add(moved, product)
+            return product.ravel()
 
         return multiply
 
@@ -103,6 +108,24 @@ class Rows:
         of_unknowns[:, : len(fields)] = measures.transpose(0, 2, 1)[:, :, self.nodes][:, fields]
         of_unknowns *= self.units[:, None] * self.coupled
         return of_unknowns.reshape(len(measures), self.coupled.size)
+
+
+@dataclass(frozen=True, eq=False)
+class NodeBlocks:
+    """Blocks of c nodes by those entries (c,) that are not zero at all of them, with their row and column."""
+
+    entries: list[tuple[int, int, Array]]
+
+    @classmethod
+    def of(cls, blocks: Array, precision: np.dtype[Any]) -> "NodeBlocks":
+        """Of blocks (i, j, c)."""
+        where = zip(*np.nonzero(blocks.any(axis=2)), strict=True)
+        return cls([(int(row), int(column), blocks[row, column].astype(precision)) for row, column in where])
+
+    def add(self, vectors: Array, to: Array) -> None:
+        """Add the products with vectors (j, c) to other ones (i, c)."""
+        for row, column, entry in self.entries:
+            to[row] += entry * vectors[column]
 
 
 def multiplied(blocks: Array, vectors: Array) -> Array:
