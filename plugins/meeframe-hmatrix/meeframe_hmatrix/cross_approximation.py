@@ -11,7 +11,7 @@ from meeframe_hmatrix.integrals import Integrals
 from meeframe_hmatrix.kernels import Rows, skeleton_rows, spread_out
 from meeframe_hmatrix.rows import add, column_window, orders_from, output, placed
 
-FIRST_SAMPLES = 24
+FIRST_SAMPLES = 16
 HELD_OUT = 4
 
 
