@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from meeframe_hmatrix import arithmetic
 from meeframe_hmatrix.arithmetic import Form, eliminate, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
@@ -104,8 +105,10 @@ def test_nothing_has_no_rank():
         assert right.shape == (0, 30)
 
 
+@pytest.mark.parametrize("small", [0, arithmetic.SMALL], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
-def test_factors_solve_within_their_tolerance(matrices, tolerance):
+def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
+    monkeypatch.setattr(arithmetic, "SMALL", small)
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     with ThreadPoolExecutor(2) as pool:
