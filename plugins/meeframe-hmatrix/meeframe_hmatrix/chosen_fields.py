@@ -36,8 +36,10 @@ def in_fields(compliance: Block, to_load: Array, to_displacement: Array) -> Bloc
 
 def _from_left(parts: Array, array: Array) -> Array:
     """Matrices (n, f, 5) of each node times its five rows of an array (5 n, k)."""
-    product: Array = parts @ array.reshape(len(parts), N_FIELDS, -1)
-    return product.reshape(-1, array.shape[1])
+    nodes, fields, _ = parts.shape
+    width = array.shape[1]  # may be zero
+    product: Array = parts @ array.reshape(nodes, N_FIELDS, width)
+    return product.reshape(nodes * fields, width)
 
 
 def merged(block: Block) -> Block:

@@ -19,6 +19,7 @@ from meeframe_hmatrix.blocks import (
     stored,
     to_dense,
 )
+from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.kernels import spread_out
 from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import SINGLE
@@ -125,6 +126,26 @@ def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkey
 def to_dense_lower(factors, size):
     """The lower factor, from its inverse."""
     return np.linalg.inv(solution(factors, Form.LOWER, np.eye(size)))
+
+
+def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
+    random = np.random.default_rng(6)
+    nodes, start = 6, 100
+    near, left, right = random.normal(size=(2, 15, 15)), random.normal(size=(15, 2)), random.normal(size=(2, 15))
+    rows, columns = ([slice(first, first + 15), slice(first + 15, first + 30)] for first in (start, 0))
+    zero = LowRank(rows[1], columns[0], np.zeros((15, 0)), np.zeros((0, 15)))
+    parts = (
+        (Dense(rows[0], columns[0], near[0]), LowRank(rows[0], columns[1], left, right)),
+        (zero, Dense(rows[1], columns[1], near[1])),
+    )
+    matrix = np.block([[near[0], left @ right], [np.zeros((15, 15)), near[1]]]).reshape(nodes, 5, nodes, 5)
+    to_load, to_displacement = random.normal(size=(nodes, 5, 2)), random.normal(size=(nodes, 3, 5))
+    found = in_fields(Split(slice(start, start + 30), slice(0, 30), parts), to_load, to_displacement)
+    expected = np.einsum("naj,njmk,mkb->namb", to_displacement, matrix, to_load).reshape(3 * nodes, 2 * nodes)
+    assert error(to_dense(found), expected) < 1e-14
+    x = random.normal(size=2 * nodes)
+    assert error(stacked(found)(x), expected @ x) < 1e-14
+    assert error(stacked(merged(found))(x), expected @ x) < 1e-14
 
 
 def test_points_are_spread_out_and_dense_where_the_box_is_close():
