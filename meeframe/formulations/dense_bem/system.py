@@ -55,16 +55,22 @@ class BoundarySolution:
 def factorise(system: System) -> Array:
     """The factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
 
-    Raises CaseError if the matrix is singular to working precision.
+    Raises CaseError if the matrix is singular to working precision, or not finite.
     """
     norm = dlange("F", system.matrix)
+    if not np.isfinite(norm):
+        raise CaseError(
+            "the boundary element system has coefficients that are not finite: "
+            "elements may be degenerate, or touch others whose nodes they do not share"
+        )
     inner = len(system.columns) - system.load_matrix.shape[1]
     eliminate(system.columns, inner)
-    reciprocal = 1.0 / (norm * inverse_norm(system.columns, inner))
+    inverse = inverse_norm(system.columns, inner)
+    reciprocal = 1.0 / (norm * inverse) if np.isfinite(inverse) else 0.0
     if not reciprocal > SINGULAR:
         raise CaseError(
-            f"the boundary element system is singular to round-off (reciprocal condition {reciprocal:.1e}): "
-            "the body is too slender for double precision"
+            f"the boundary element system is singular to round-off (reciprocal condition {reciprocal:.1e}; "
+            f"allowed: above {SINGULAR:g}): a very slender body, or elements that coincide"
         )
     return system.columns
 
