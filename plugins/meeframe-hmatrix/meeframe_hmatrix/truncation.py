@@ -7,6 +7,9 @@ from numba import njit
 FIRST = 0.4
 """Part of the tolerance that is left by pivoting; the rest goes with the singular values."""
 
+PLAIN = 1e-20
+"""Sums of squares from here to its inverse are as good in single precision as in double; others are scaled first."""
+
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def truncated(rest, tolerance):
@@ -14,6 +17,7 @@ def truncated(rest, tolerance):
 
     Gram-Schmidt with pivoting, where the next row is always the one of which most is left, so that right is
     orthonormal; then the singular values of left, from its Gram matrix in double precision, give the best rank.
+    Raises LinAlgError if entries are not finite.
     """
     m, n = rest.shape
     room = min(m, n)
@@ -21,6 +25,15 @@ def truncated(rest, tolerance):
     squares = np.empty(m, rest.dtype)
     for i in range(m):
         squares[i] = (rest[i] * rest[i]).sum()
+    unit = rest.dtype.type(1.0)
+    if not PLAIN < squares.sum() < 1.0 / PLAIN:
+        unit = np.abs(rest).max()
+        if not np.isfinite(unit):
+            raise np.linalg.LinAlgError("entries of a block are not finite")
+        if unit > 0.0:
+            rest /= unit
+        for i in range(m):
+            squares[i] = (rest[i] * rest[i]).sum()
     limit = tolerance * tolerance * squares.sum()
     rank = 0
     while rank < room and squares.sum() > FIRST * FIRST * limit:
@@ -49,4 +62,4 @@ def truncated(rest, tolerance):
         dropped += 1
         tail += abs(values[dropped])
     turn = np.ascontiguousarray(vectors[:, dropped:].T.astype(rest.dtype))
-    return np.dot(turn, left[:rank]).T, np.dot(turn, right[:rank])
+    return (unit * np.dot(turn, left[:rank])).T, np.dot(turn, right[:rank])

@@ -106,6 +106,24 @@ def test_nothing_has_no_rank():
         assert right.shape == (0, 30)
 
 
+@pytest.mark.parametrize("size", [1e-25, 1.0, 1e25])
+def test_truncation_in_single_precision_does_not_depend_on_units(size):
+    smooth = 1.0 / (1.0 + np.linspace(0, 1, 40)[:, None] + np.linspace(0, 2, 30))
+    left, right = truncated((size * smooth).astype(np.float32), 1e-4)
+    assert left.dtype == right.dtype == np.float32
+    assert 0 < left.shape[1] < 8
+    assert error(left.astype(float) @ right, size * smooth) < 1.5e-4
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+@pytest.mark.parametrize("entry", [np.nan, np.inf])
+def test_truncation_refuses_what_is_not_finite(precision, entry):
+    matrix = np.ones((6, 5), precision)
+    matrix[2, 3] = entry
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        truncated(matrix, 1e-3)
+
+
 @pytest.mark.parametrize("small", [0, arithmetic.SMALL], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
