@@ -70,8 +70,8 @@ class Elimination(ABC):
         """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, as of Conductors.fixed.
 
         rest: part of the guess's error that may be left: iterations whose guesses get better need no more; enough: as
-        much potential may be left, as part of the displacement where something conducts, both in roots of the nodes'
-        own responses.
+        much potential may be left, as part of the displacement with the guess where something conducts, both in roots
+        of the nodes' own responses.
         Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. Of
         those in single precision the response need be no more precise.
         Displacements that no contact condition asks for may be left zero.

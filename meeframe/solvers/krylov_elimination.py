@@ -18,8 +18,6 @@ from meeframe.solvers.krylov import LEAST_FALL, gmres
 
 ROUGH: Final = 1e-3
 """To which part single precision takes down what is left of the equations at once."""
-HARDLY: Final = 1e6
-"""A resistance so many times a node's own response."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +150,8 @@ class KrylovElimination(Elimination):
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
         """See Elimination. In the precision of the tractions."""
-        return self._found(traction, conductors, guess, (rest, enough, 0.0), np.zeros((len(guess), N_FIELDS)), 0.0)
+        nothing = np.zeros((len(guess), N_FIELDS))
+        return self._found(traction, conductors, guess, (max(rest, EXACT), enough, 0.0), nothing, 0.0)
 
     def state(
         self,
@@ -167,7 +166,12 @@ class KrylovElimination(Elimination):
         unloaded = self.problem.system.offset.copy()
         unloaded[:, POTENTIALS] += self.problem.potentials
         guess = conductors.fixed(flux, potential)
-        return self._found(traction, conductors, guess, (rest, EXACT, enough), unloaded, conductors.floating.totals)
+        equations: _Equations = conductors.parts
+        # what potentials are made of, not displacements: these may be anything beside them where nothing couples both
+        own = guess[equations.conducting] * equations.size
+        terms = np.hypot(np.linalg.norm(own), np.linalg.norm(equations.taken(unloaded) / equations.size))
+        parts = max(rest, EXACT), 0.0, max(enough, EXACT * float(terms))
+        return self._found(traction, conductors, guess, parts, unloaded, conductors.floating.totals)
 
     def _found(
         self,
@@ -183,16 +187,15 @@ class KrylovElimination(Elimination):
         enough: what may be left, as part of the guess's error, as part of the displacement, and by itself.
         """
         equations: _Equations = conductors.parts
-        conducting = equations.conducting
-        start = np.where(equations.resistance < HARDLY * equations.own, guess[conducting], 0.0)
+        start = guess[equations.conducting]
         moved = unloaded + self._moved(traction, start, equations, self.mechanical + self.conducting)
-        left, where = equations.left(moved, start), conducting.any(axis=1)
+        left, where = equations.left(moved, start), equations.conducting.any(axis=1)
         felt = moved[where][:, self.mechanical] / np.sqrt(self.own[where][:, self.mechanical])
-        norms = [float(np.linalg.norm(part)) for part in (left, felt, equations.taken(unloaded) / equations.size)]
-        flux = start + equations.solve(left, max(enough[0] * norms[0], enough[1] * sum(norms), enough[2]))
+        norms = float(np.linalg.norm(left)), float(np.linalg.norm(felt)), 1.0
+        flux = start + equations.solve(left, max(part * norm for part, norm in zip(enough, norms, strict=True)))
         balanced, potential = conductors.floating.balance(flux, totals)
         moved += self._moved(np.zeros_like(traction), balanced - start, equations, self.mechanical)
-        return Response(filled(conducting, balanced), moved[:, MECHANICAL], potential)
+        return Response(filled(equations.conducting, balanced), moved[:, MECHANICAL], potential)
 
     def _moved(self, traction: Array, flux: Array, equations: _Equations, fields: list[int]) -> Array:
         """Displacement (n, 5) in the given fields, zero in the others, of tractions (n, 3) and fluxes (a,), in the

@@ -11,6 +11,7 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.law import conducts
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
+from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.gradient import Conduction, Ground
 from meeframe.solvers.grazing import Grazing
 from meeframe.solvers.scales import Scales
@@ -162,9 +163,13 @@ class Conducting(NormalResponse):
     held: Mask | None = None
 
     def at(self, pressure: Array, near: Effect) -> Effect:
-        """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves."""
-        wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0) / np.sqrt(self.own)
-        left = LEFT * float(np.linalg.norm(wrong))
+        """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves, and not
+        further from their characteristic magnitudes than that is."""
+        wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
+        far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
+        conducts = np.isfinite(self.conductors.resistance).any(axis=0)
+        potential = (self.scales.displacement[POTENTIALS] / np.sqrt(self.ground.own.max(axis=0)))[conducts]
+        left = min(LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), far * float(potential.min(initial=np.inf)))
         slope = self.ground.slope(_traction(pressure), self.conductors, near.flux, near.motion, left)
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
