@@ -35,7 +35,7 @@ def _face(x, y, z):
     """Face number, x_a, u and v of an offset.
 
     The choices are written so that the compiler makes vectors of them in a loop over points: branches would be guessed
-    wrong at most.
+    wrong at most points.
     """
     ax, ay, az = abs(x), abs(y), abs(z)
     first, second = (ax >= ay) & (ax >= az), ay >= az
