@@ -1,6 +1,7 @@
 """Routines of BLAS and LAPACK in place, on parts of matrices in Fortran order, of which SciPy's wrappers make copies.
 
-All arrays are float64 and Fortran-ordered, or rectangular parts of such arrays; library and threads are SciPy's.
+All matrices are float64 and Fortran-ordered, or rectangular parts of such arrays; others raise ValueError. Library and
+threads are SciPy's.
 """
 
 from ctypes import CFUNCTYPE, byref, c_double, c_int, c_void_p
@@ -55,9 +56,13 @@ def _numbers(*values: int) -> tuple[Any, ...]:
 def _part(matrix: Array) -> tuple[Any, Any]:
     """First entry, and what lies between columns, which is not looked at where there is one only."""
     (rows, columns), (down, across) = matrix.shape, matrix.strides
-    assert matrix.dtype == np.float64
-    assert rows <= 1 or columns == 0 or down == matrix.itemsize
-    assert columns <= 1 or rows == 0 or across >= rows * matrix.itemsize
+    sound = matrix.dtype == np.float64
+    sound &= rows <= 1 or columns == 0 or down == matrix.itemsize
+    sound &= columns <= 1 or rows == 0 or across >= rows * matrix.itemsize
+    if not sound:
+        raise ValueError(
+            f"matrix of {matrix.dtype}, shape {matrix.shape} and strides {matrix.strides}; allowed: columns of float64"
+        )
     return matrix.ctypes.data, *_numbers(max(1, rows, across // matrix.itemsize))
 
 

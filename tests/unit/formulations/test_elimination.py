@@ -93,11 +93,15 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("target", LAYOUTS.values(), ids=LAYOUTS)
-def test_other_layouts_are_refused(target):
-    rows, columns = target.shape
-    with pytest.raises(AssertionError):
-        subtract_product(target, np.zeros((rows, 2), order="F"), np.zeros((2, columns), order="F"))
+@pytest.mark.parametrize("place", [0, 1, 2], ids=["target", "left", "right"])
+@pytest.mark.parametrize("matrix", LAYOUTS.values(), ids=LAYOUTS)
+def test_other_layouts_are_refused(matrix, place):
+    rows, columns = matrix.shape
+    m, n, k = [(rows, columns, 2), (rows, 2, columns), (2, columns, rows)][place]
+    operands = [np.zeros(shape, order="F") for shape in ((m, n), (m, k), (k, n))]
+    operands[place] = matrix
+    with pytest.raises(ValueError, match=rf"{matrix.dtype}, shape \({rows}, {columns}\) .* columns of float64"):
+        subtract_product(*operands)
 
 
 @pytest.mark.parametrize("shape", [(6, 1), (1, 4), (1, 1), (0, 3), (5, 0)])
