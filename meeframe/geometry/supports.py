@@ -44,7 +44,9 @@ def _check_part(points: Array, fixed: Flags, name: str) -> None:
 def _rank(points: Array, fixed: Flags) -> int:
     """Number of the rigid motions a + w x (x - centre) / size that displacements fixed at points (p, 3) prevent.
 
-    Centre and size are those of the supports, however small they are beside the body.
+    Centre and size are those of the supports, however small they are beside the body. What of the supports is thinner
+    than about 1e-6 of their size counts as a line or plane, as coordinates read in single precision are no better: a
+    rod 1e7 times as long as wide, clamped along a long face alone, is refused.
     """
     supports, axes = np.nonzero(fixed)
     if not len(supports):

@@ -84,3 +84,15 @@ def test_small_supports_of_a_large_body_hold_it():
     mesh = cube(1.0, 0.0, "a")
     stretched = replace(mesh, points=mesh.points * [1.0, 1.0, 1e7])
     check_supports(body(stretched, a=ALL))
+
+
+def test_long_supports_hold_as_far_as_coordinates_tell():
+    """Along a long face, whose width alone prevents the rotation about the rod."""
+    mesh = cube(1.0, 0.0, "a")
+
+    def rod(length: float) -> Body:
+        return body(replace(mesh, points=mesh.points * [length, 1.0, 1.0]), a=ALL)
+
+    check_supports(rod(1e5))
+    with pytest.raises(CaseError, match="leave 1 of the 6 rigid motions free"):
+        check_supports(rod(1e7))
