@@ -1,6 +1,6 @@
 """From the hierarchical system to the reduced system: truncated elimination, and the compliance of the contact zone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Final, final
@@ -8,7 +8,6 @@ from typing import Final, final
 import numpy as np
 from numba import get_num_threads
 from scipy.sparse.linalg import LinearOperator, gmres
-from threadpoolctl import threadpool_limits
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
@@ -21,6 +20,7 @@ from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, t
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.product import Product, stacked
+from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
@@ -28,8 +28,6 @@ SINGLE: Final = 1e-5
 """Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 MOST_ITERATIONS: Final = 200
-ROUGHLY: Final = 1e-2
-"""Truncation of an approximate inverse."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
 Fields = tuple[int, ...]
@@ -162,7 +160,7 @@ class HierarchicalSystem(ReducedSystem):
     own: Array
     boundary: BoundarySystem
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
-    inverses: dict[Fields, tuple[Factors, Array]] = field(default_factory=dict)
+    inverses: dict[Fields, RoughInverse | None] = field(default_factory=dict)
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
@@ -187,30 +185,16 @@ class HierarchicalSystem(ReducedSystem):
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
         return in_fields(self.boundary.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
 
-    def _factors(self, fields: Fields) -> tuple[Factors, Array]:
-        """Rough factors of the compliance in k fields, and the units (k,) that make its entries alike."""
-        chosen = list(fields)
-        unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
-        to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-        scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
-        with ThreadPoolExecutor(get_num_threads()) as pool, threadpool_limits(1, "blas"):
-            matrix = converted(in_fields(self.boundary.compliance, *scaled), np.float32)
-            return eliminate(matrix, ROUGHLY, pool), unit
-
-    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
-        """Loads (n, k) of k fields that roughly cause displacements (n, k) in them: by roughly truncated factors."""
+    def approximate_inverse(self, fields: Sequence[int]) -> RoughInverse | None:
+        """Loads (n, k) of k fields that roughly cause displacements (n, k) in them; None if truncation loses them."""
         key = tuple(fields)
         if key not in self.inverses:
-            self.inverses[key] = self._factors(key)
-        factors, unit = self.inverses[key]
-
-        def inverse(displacement: Array) -> Array:
-            values = (unit * displacement[self.order]).astype(np.float32)
-            loads = np.empty(displacement.shape, displacement.dtype)
-            loads[self.order] = unit * solved(factors, values.reshape(-1, 1)).reshape(displacement.shape)
-            return loads
-
-        return inverse
+            chosen = list(key)
+            unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
+            to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
+            scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
+            self.inverses[key] = rough_inverse(in_fields(self.boundary.compliance, *scaled), unit, self.order)
+        return self.inverses[key]
 
     def solved(self, load: Array) -> tuple[Array, int]:
         """offset + compliance(load) by GMRES on the whole system, (n, 5), and its iterations.

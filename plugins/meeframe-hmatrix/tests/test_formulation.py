@@ -11,7 +11,7 @@ from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import half_space_mesh
+from meeframe.geometry import block_mesh, half_space_mesh
 from meeframe.laws import IsotropicCoulomb
 from meeframe.materials import library_material
 from meeframe.plugin.registry import Kind, load
@@ -107,6 +107,26 @@ def test_conforms():
 def test_the_same_twice_over(make_block, smooth_load, systems):
     again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(8))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
+
+
+@pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
+def test_rough_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
+    monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)
+    divisions = {10: 8, 36: 4}[leaf_size]
+    clamped = tuple(BoundaryCondition("base", field, "value", 0.0) for field in range(5))
+    mesh = block_mesh(0.01, 10.0, 0.01, divisions, 2, 6, Quad4())
+    system = HierarchicalBEM().reduce(Body(library_material("batio3-cofe2o4").stiffness, mesh, clamped, "contact"))
+    for fields, divided in (((2,), True), ((0, 1, 2), False)):
+        inverse = system.approximate_inverse(fields)
+        if leaf_size == 10 and not divided:  # truncation loses all but the bending
+            assert inverse is None
+            continue
+        load = np.random.default_rng(1).normal(size=(len(system.points), len(fields)))
+        assert error(inverse(system.block_response(load, fields, fields)), load) < 0.1
+
+
+def error(actual, expected):
+    return np.linalg.norm(actual - expected) / np.linalg.norm(expected)
 
 
 def test_registered_with_checked_keys():
