@@ -140,7 +140,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
     if not pending.terms and not pending.products:
         return block
     if isinstance(block, Dense) or min(shape(block)) <= SMALL:
-        array = to_dense(block).copy()
+        array = block.array.copy() if isinstance(block, Dense) else to_dense(block)
         if pending.terms:
             array -= np.hstack([left for left, _ in pending.terms]) @ np.vstack([right for _, right in pending.terms])
         for first, second in pending.products:
