@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Final, final
+from typing import Any, Final, final
 
 import numpy as np
 from numba import get_num_threads
@@ -28,6 +28,8 @@ SINGLE: Final = 1e-5
 """Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 MOST_ITERATIONS: Final = 200
+MOST_PRODUCTS: Final = 8
+"""Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
 Fields = tuple[int, ...]
@@ -140,7 +142,9 @@ def _column_halves(loads: Split) -> list[Split]:
 def _side_by_side(halves: list[Block]) -> Split:
     """One block of those with the same rows and one column of parts each."""
     columns = slice(halves[0].columns.start, halves[-1].columns.stop)
-    lines = zip(*(half.parts for half in halves if isinstance(half, Split)), strict=True)
+    divided = [half for half in halves if isinstance(half, Split)]
+    assert len(divided) == len(halves)
+    lines = zip(*(half.parts for half in divided), strict=True)
     return Split(halves[0].rows, columns, tuple(tuple(part for parts in line for part in parts) for line in lines))
 
 
@@ -151,7 +155,8 @@ class HierarchicalSystem(ReducedSystem):
 
     order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
     units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; products, inverses: those that have been asked for.
+    units; products: those that were asked for last; inverses: those that have been asked for. Copies to other processes
+    make both anew.
     """
 
     order: Indices
@@ -161,6 +166,9 @@ class HierarchicalSystem(ReducedSystem):
     boundary: BoundarySystem
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, RoughInverse | None] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "products": {}, "inverses": {}}
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
@@ -174,10 +182,12 @@ class HierarchicalSystem(ReducedSystem):
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """See ReducedSystem."""
         key = tuple(loaded), tuple(fields)
-        if key not in self.products:
-            self.products[key] = stacked(merged(self._between(*key)))
+        product = self.products.pop(key, None) or stacked(merged(self._between(*key)))
+        self.products[key] = product  # the latest comes last
+        for oldest in list(self.products)[:-MOST_PRODUCTS]:
+            self.products.pop(oldest, None)
         displacement = np.empty((len(load), len(fields)))
-        displacement[self.order] = self.products[key](load[self.order].ravel()).reshape(displacement.shape)
+        displacement[self.order] = product(load[self.order].ravel()).reshape(displacement.shape)
         return displacement
 
     def _between(self, loaded: Fields, fields: Fields) -> Block:

@@ -1,11 +1,14 @@
 """The formulation against dense boundary elements: matrices, compliance, contact; its contract and its refusals."""
 
+import pickle
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 from meeframe_hmatrix import HierarchicalBEM, formulation
 from meeframe_hmatrix.blocks import LowRank, leaves, stored
+from meeframe_hmatrix.system import MOST_PRODUCTS
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeshError
@@ -107,6 +110,23 @@ def test_conforms():
 def test_the_same_twice_over(make_block, smooth_load, systems):
     again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(8))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))
+
+
+def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
+    system = systems[1e-3]
+    load = smooth_load(system)
+    whole = system.apply(load)
+    for subset in combinations(range(5), 3):
+        part = np.zeros_like(load)
+        part[:, subset] = load[:, subset]
+        rest = np.where(part == 0.0, load, 0.0)
+        assert (relative(system.response(part, range(5)) + system.response(rest, range(5)), whole) < 1e-12).all()
+        assert len(system.products) <= MOST_PRODUCTS
+    system.approximate_inverse((2,))
+    copied = pickle.loads(pickle.dumps(system))
+    assert not copied.products
+    assert not copied.inverses
+    assert np.array_equal(copied.apply(load), whole)
 
 
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
