@@ -17,30 +17,18 @@ BREAKDOWN: Final = 50.0
 """What is left of a product beside the directions before it is none below so many times the round-off of it."""
 
 
-def gmres(
-    multiply: Linear,
-    precondition: Linear,
-    right: Array,
-    tolerance: float,
-    start: Array | None = None,
-    rest: float = 0.0,
-    most: int = 400,
-    roughly: Linear | None = None,
-) -> Array:
+def gmres(multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400) -> Array:
     """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come.
-
-    start: (k,), of whose residual the part `rest` may be left too; roughly: multiply, as precise as `rest` asks for.
 
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
     preconditioner need not be linear to the last digit, so that it may be of single precision.
     Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
-    solution = np.zeros_like(right) if start is None else start.copy()
-    residual = right - multiply(solution) if solution.any() else right
+    solution, residual = np.zeros_like(right), right
     size = float(np.linalg.norm(residual))
-    goal = max(tolerance * float(np.linalg.norm(right)), rest * size)
+    goal = tolerance * size
     while size > goal:
-        change, left, products = _cycle(roughly or multiply, precondition, residual, goal, min(RESTART, most))
+        change, left, products = _cycle(multiply, precondition, residual, goal, min(RESTART, most))
         solution = solution + change
         most -= products + 1
         if most <= 0 or not goal < left < LEAST_FALL * size:

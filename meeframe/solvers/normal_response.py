@@ -204,7 +204,8 @@ class Conducting(NormalResponse):
         grazing = self.grazing.next(self.conduction.closed, -pressure + effect.gap / self.own)
         closed, held = grazing.fractions(pressure > 0.0), None
         if closed is not None:
-            conduction, held = replace(conduction, closed=closed), (closed > 0.0) & (closed < 1.0)
+            # flips that the secants make are no node's own
+            conduction, held = replace(self.conduction, closed=closed), (closed > 0.0) & (closed < 1.0)
         iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
         return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held)

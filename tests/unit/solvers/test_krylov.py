@@ -51,16 +51,6 @@ def test_tolerance_is_that_of_the_residual(tolerance) -> None:
     assert 1e-2 * tolerance < left <= tolerance * (1.0 + 1e-9)
 
 
-def test_start_is_improved_by_the_part_that_is_asked_for() -> None:
-    matrix, right = system()
-    solution = np.linalg.solve(matrix, right)
-    start = solution + 1e-5 * np.random.default_rng(6).normal(size=len(solution))
-    before = np.linalg.norm(right - matrix @ start)
-    after = np.linalg.norm(right - matrix @ gmres(lambda x: matrix @ x, unchanged, right, 1e-13, start, 1e-2))
-    assert 1e-4 * before < after <= 1e-2 * before * (1.0 + 1e-9)
-    assert gmres(lambda x: matrix @ x, unchanged, right, 1e-2, start) is not start
-
-
 def test_no_more_products_than_allowed_and_none_for_nothing() -> None:
     matrix, right = system()
     multiply, products = counted(matrix)
