@@ -108,6 +108,7 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 "A medium whose surface responds alike in all directions, so that fluxes follow the pressure node by"
                 " node; in others, and with potentials of the indenter, they are found by more products: below."
+                " One half space for all, its entries made before."
             ),
             *(_conducting(row) for row in record["conjugate gradients"].values()),
             *(prose(f"{name}. {_conducting(row)}") for name, rows in record["harder"].items() for row in rows.values()),
