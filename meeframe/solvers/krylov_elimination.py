@@ -26,7 +26,7 @@ class _Equations:
 
     fields: those of 3 and 4 that conduct; conducting: (n, 2) the pairs; places: (a,) of them in (len(fields), n), one
     field after another; own: (a,) response to their own flux; resistance: (a,); size: (a,) roots of the sums of both;
-    well: (a,) whether they conduct well; inverse: the system's approximate one, None if it has none.
+    inverse: the system's approximate one, None if it has none.
     """
 
     system: ReducedSystem
