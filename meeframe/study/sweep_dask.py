@@ -95,7 +95,7 @@ def limited(threads: int | None) -> Iterator[None]:
     if threads is None:
         yield
         return
-    numba.set_num_threads(threads)  # for this thread alone, in which others follow that set it, too
+    numba.set_num_threads(threads)  # of this thread alone, whose later tasks set theirs
     with threadpool_limits(threads):
         yield
 

@@ -134,8 +134,7 @@ def _by_newton(rows: Record) -> list[str]:
             "The orthotropic magneto-electro-elastic medium, a sphere of 0.1 m pressed on"
             f" with {MEE_FORCE:g} N and dragged with {SHARE * MU:g} of it, conducting perfectly; each solution"
             " once, on a half space of its own, whose entries it makes as it needs them; products medians of nine. One"
-            " field is pressure without friction and conduction, by conjugate gradients. Not measured at 512 x 512:"
-            " the five problems would take minutes."
+            " field is pressure without friction and conduction, by conjugate gradients. Not measured at 512 x 512."
         ),
         table(
             ["grid", "problem", "solution [s]", "steps", "products", "residual"],
