@@ -18,7 +18,7 @@ from meeframe.case.solve import bodies_of, joined, recovery_of, reduce_for_conta
 from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
-from meeframe.io.systems import read_system, write_system
+from meeframe.io.systems import read_kept, read_system, write_kept, write_system
 from meeframe.plugin.sources import LOCAL
 
 _ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
@@ -32,8 +32,9 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
     """The reduced system of a case, from files in `folder` if it was computed before, else computed and kept there.
 
     There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
-    bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix are computed each
-    time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be written.
+    bit for bit; `recover` reduces the body again when it is first called. Systems that are neither a matrix nor keep
+    anything are computed each time. Raises as meeframe.case.solve.reduce, and ResultError if the folder cannot be
+    written.
     """
     return joined(case, (cached_body(*body, folder, progress) for body in bodies_of(case)))
 
@@ -47,14 +48,20 @@ def cached_body(
     found = read_system(path, key, recovery_of(formulation, body, progress))
     if found is not None:
         return found
+    arrays = read_kept(path, key)
+    if arrays is not None:
+        return formulation.restored(body, arrays)
     system = reduce_for_contact(formulation, body, progress)
-    matrix = system.dense()
-    if matrix is not None:
+    matrix, kept = system.dense(), system.kept()
+    if matrix is not None or kept is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"cache folder {folder} cannot be made: {error.strerror or error}") from None
-        write_system(path, key, system, matrix)
+        if matrix is not None:
+            write_system(path, key, system, matrix)
+        elif kept is not None:
+            write_kept(path, key, kept)
     return system
 
 

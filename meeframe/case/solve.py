@@ -89,13 +89,14 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
 
 
 def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
-    """As reduce_body, for contact alone: a matrix of contact size goes without what its fields are recovered from.
+    """As reduce_body, for contact alone: what fields are recovered from is let go where the system can do without.
 
     `recover` reduces the body again when it is first called.
     """
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
-        return system
+        kept = system.kept()
+        return system if kept is None else formulation.restored(body, kept)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 

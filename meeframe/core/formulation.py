@@ -1,15 +1,18 @@
 """Contract of a formulation and of the reduced system it hands over: the seam between discretisation and contact."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.body import Body
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 
+AnyArray = NDArray[Any]
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the fraction of it that is done."""
 
@@ -93,6 +96,11 @@ class ReducedSystem(ABC):
         """The same body on a coarser division of its zone, from which to start; None if there is none."""
         return None
 
+    def kept(self) -> Mapping[str, AnyArray] | None:
+        """Arrays of numbers, by name, of which Formulation.restored makes the same system again; None where there is a
+        matrix, which is kept instead, or where the system is made so fast that it need not be kept."""
+        return None
+
     def edges(self, pressure: Array, rim: "Rim | None" = None) -> "Edges | None":
         """The edge of the contact between the nodes, for formulations that resolve it; None for those that do not.
 
@@ -161,3 +169,11 @@ class Formulation(ABC):
 
         Raises as check, and MaterialError if the formulation does not take the material.
         """
+
+    def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
+        """The reduced system of a body by what ReducedSystem.kept gave of it, bit for bit the same for contact.
+
+        Fields on the whole boundary may need the reduction again. Raises ValueError if these are no such
+        arrays.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has systems that keep arrays, but does not restore them")

@@ -1,6 +1,7 @@
 """Files of reduced systems: what a reduction computes, kept so that it need not be computed again."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -8,10 +9,12 @@ import h5py
 
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.formulation import AnyArray, NodalFields, ReducedSystem
 from meeframe.io.output import replacing
 
 FORMAT: Final = "meeframe-system 1"
+KEPT: Final = "meeframe-kept-system 1"
+"""Of systems without a matrix, in the arrays that their formulation restores them from."""
 
 _UNITS: Final = {
     "points": "m",
@@ -28,12 +31,29 @@ def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> 
     The file is whole or not there. Raises ResultError if it cannot be written.
     """
     arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update({"format": FORMAT, "key": key})
+    with _written(path, FORMAT, key) as file:
         for name, unit in _UNITS.items():
             _put(file, name, arrays[name]).attrs["units"] = unit
         for number, (cell_type, connectivity) in enumerate(system.cells):
             _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
+
+
+def write_kept(path: Path, key: str, kept: Mapping[str, AnyArray]) -> None:
+    """Write what a reduced system without a matrix keeps (ReducedSystem.kept); see write_system."""
+    with _written(path, KEPT, key) as file:
+        for name, array in kept.items():
+            _put(file, name, array)
+
+
+def read_kept(path: Path, key: str) -> dict[str, AnyArray] | None:
+    """What write_kept wrote; None if there is no whole file of this key."""
+    try:
+        with h5py.File(path, "r") as file:
+            if (file.attrs["format"], file.attrs["key"]) != (KEPT, key):
+                return None
+            return {name: file[name][()] for name in file}
+    except (OSError, KeyError, RuntimeError, ValueError):  # as in read_system
+        return None
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
@@ -50,6 +70,14 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
             return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
     except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
         return None
+
+
+@contextmanager
+def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
+    """A file in the making."""
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update({"format": kind, "key": key})
+        yield file
 
 
 def _put(file: Any, name: str, array: Any) -> Any:

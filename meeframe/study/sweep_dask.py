@@ -19,7 +19,7 @@ import numba
 from threadpoolctl import threadpool_limits
 
 from meeframe.case.cache import cached_body, code_key
-from meeframe.case.solve import reduce_body
+from meeframe.case.solve import reduce_body, reduce_for_contact
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.fields import Array
@@ -105,8 +105,10 @@ def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -
     formulation, body = bodies.open()
     try:
         with limited(threads):
-            seen = Path(folder).is_dir()
-            system = cached_body(formulation, body, Path(folder), key=key) if seen else reduce_body(formulation, body)
+            if Path(folder).is_dir():
+                system = cached_body(formulation, body, Path(folder), key=key)
+            else:
+                system = reduce_for_contact(formulation, body)
         return _carried(key, system, bodies)
     except (MeeframeError, MemoryError) as error:
         return Carried(key, instead=Outcome.without_result(error))

@@ -54,6 +54,7 @@ def check_formulation(
         check_form(system, body)
         check_linear(formulation, body, system)
         check_shortcuts(system)
+        check_kept(formulation, body, system)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
         search_for(_LOADS_DRAWN, lambda drawn: check_energy(system, *drawn), examples=60)
@@ -110,6 +111,21 @@ def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) ->
     require(error < ROUND_OFF, "the offset is not zero though all prescribed data are", error)
     error = worst(still.apply(loads[0]), answers[0])
     require(error < ROUND_OFF, "the compliance depends on the prescribed data, so that it is not linear", error)
+
+
+def check_kept(formulation: Formulation, body: Body, system: ReducedSystem) -> None:
+    """What a system keeps gives the same system again, bit for bit."""
+    kept = system.kept()
+    if kept is None:
+        return
+    again = formulation.restored(body, kept)
+    for name in ("points", "frames", "weights", "offset"):
+        require(np.array_equal(getattr(again, name), getattr(system, name)), f"{name} is another when restored", name)
+    load = np.random.default_rng(0).normal(size=system.offset.shape) * typical_load(system)
+    answer, expected = again.apply(load), system.apply(load)
+    require(np.array_equal(answer, expected), "apply is another when restored", worst(answer, expected))
+    same = np.array_equal(again.diagonal_blocks(), system.diagonal_blocks())
+    require(same, "diagonal_blocks are others when restored", len(load))
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:

@@ -1,7 +1,9 @@
 """The hierarchical boundary element formulation: body in, reduced system out."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Annotated, final
 
 import numpy as np
@@ -10,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import N_FIELDS, Array, FieldScaling
-from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.formulation import AnyArray, Formulation, Progress, ReducedSystem, silent
 from meeframe.core.fundamental import FundamentalSolution
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.elements.anisotropy import anisotropy
@@ -22,9 +24,11 @@ from meeframe.fundamental import Tabulated
 from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
 from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
+from meeframe_hmatrix.blocks import Block
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
-from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, diagonal_of, factorise, frames_to_units
+from meeframe_hmatrix.packing import packed
+from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, Whole, diagonal_of, factorise, frames_to_units
 
 LEAF_SIZE = 36
 """Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
@@ -74,29 +78,30 @@ class HierarchicalBEM(Formulation):
         """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
         progress("fundamental solution", 0.0)
         self.check(body)
-        boundary = self.solve(body, progress)
+        boundary, compliance = self.solve(body, progress)
         zone = zone_frames(body.mesh, body.contact_group or "")
         order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
-        own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(boundary.compliance, order), to_load)
+        own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
         values = boundary.layout.value_column[boundary.layout.zone]
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
-        return HierarchicalSystem(
-            zone.points,
-            zone.frames,
-            zone.weights,
-            zone.cells,
-            offset,
-            order,
-            to_load,
-            to_displacement,
-            own,
-            boundary,
-        )
+        whole = Whole(partial(self.boundary, body), [boundary])
+        parts = order, to_load, to_displacement, own, *packed(compliance), whole
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
 
-    def solve(self, body: Body, progress: Progress = silent) -> BoundarySystem:
-        """The system with its factors and the compliance of the contact zone, unchecked."""
+    def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
+        """See Formulation: fields on the whole boundary are found by assembly and elimination anew."""
+        zone = zone_frames(body.mesh, body.contact_group or "")
+        whole = Whole(partial(self.boundary, body))
+        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, whole=whole, **kept)
+
+    def boundary(self, body: Body) -> BoundarySystem:
+        """The system of the whole boundary with its factors, unchecked."""
+        return self.solve(body)[0]
+
+    def solve(self, body: Body, progress: Progress = silent) -> tuple[BoundarySystem, Block]:
+        """The system with its factors, and the compliance of the contact zone, unchecked."""
         stiffness = _scaled(body)
         accuracy = Accuracy(QUADRATURE_SHARE * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
@@ -109,7 +114,7 @@ class HierarchicalBEM(Formulation):
             integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
             system = assemble(integrals, share, progress)
             factors, compliance = factorise(system, share, progress)
-        return BoundarySystem(system, factors, compliance, tree, layout, units, body.mesh, flux_unit(mesh))
+        return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh)), compliance
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

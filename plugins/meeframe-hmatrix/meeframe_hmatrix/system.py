@@ -1,8 +1,9 @@
 """From the hierarchical system to the reduced system: truncated elimination, and the compliance of the contact zone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Final, final
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, gmres
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
+from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solve, solved
@@ -19,6 +20,7 @@ from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
+from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.product import Product, stacked
 from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
 
@@ -39,13 +41,11 @@ Fields = tuple[int, ...]
 class BoundarySystem:
     """The system, in the order of the tree, with its truncated factors.
 
-    compliance: values (5 n) in the contact zone on loads (5 n), both in the order of the tree, units of the system;
     flux_unit: the unit of unknown fluxes.
     """
 
     system: System
     factors: Factors
-    compliance: Block
     tree: ClusterTree
     layout: Layout
     units: Units
@@ -105,7 +105,10 @@ class BoundarySystem:
 
 
 def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Factors, Block]:
-    """Truncated factors, and the compliance of the contact zone as in BoundarySystem."""
+    """Truncated factors, and the compliance of the contact zone.
+
+    That gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
+    """
     with ThreadPoolExecutor(get_num_threads()) as pool:
         progress("elimination", 0.0)
         dtype = np.float32 if tolerance >= SINGLE else np.float64
@@ -148,6 +151,24 @@ def _side_by_side(halves: list[Block]) -> Split:
     return Split(halves[0].rows, columns, tuple(tuple(part for parts in line for part in parts) for line in lines))
 
 
+@dataclass(frozen=True, eq=False)
+class Whole:
+    """The system of the whole boundary. make: gives it; made: it, once it is there. Copies to other processes make it
+    anew."""
+
+    make: Callable[[], BoundarySystem]
+    made: list[BoundarySystem] = field(default_factory=list)
+
+    def __call__(self) -> BoundarySystem:
+        """The system."""
+        if not self.made:
+            self.made.append(self.make())
+        return self.made[0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"make": self.make, "made": []}
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class HierarchicalSystem(ReducedSystem):
@@ -155,20 +176,40 @@ class HierarchicalSystem(ReducedSystem):
 
     order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
     units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; products: those that were asked for last; inverses: those that have been asked for. Copies to other processes
-    make both anew.
+    units; table, numbers: the compliance as in meeframe_hmatrix.packing; whole: what it was condensed from; products:
+    those that were asked for last; inverses: those that have been asked for. Copies to other processes make the last
+    three anew.
     """
 
     order: Indices
     to_load: Array
     to_displacement: Array
     own: Array
-    boundary: BoundarySystem
+    table: Indices
+    numbers: Array
+    whole: "Whole"
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, RoughInverse | None] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "products": {}, "inverses": {}}
+        state = {**self.__dict__, "products": {}, "inverses": {}}
+        state.pop("compliance", None)
+        return state
+
+    @property
+    def boundary(self) -> BoundarySystem:
+        """The system of the whole boundary, made again where it has been let go."""
+        return self.whole()
+
+    @cached_property
+    def compliance(self) -> Block:
+        """As of `factorise`."""
+        return unpacked(self.table, self.numbers)
+
+    def kept(self) -> dict[str, AnyArray]:
+        """See ReducedSystem: all but what the body gives and `whole`."""
+        names = "offset", "order", "to_load", "to_displacement", "own", "table", "numbers"
+        return {name: getattr(self, name) for name in names}
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
@@ -193,7 +234,7 @@ class HierarchicalSystem(ReducedSystem):
     def _between(self, loaded: Fields, fields: Fields) -> Block:
         """The compliance between some of the fields, local frames and SI units, nodes in the order of the tree."""
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
-        return in_fields(self.boundary.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
+        return in_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
 
     def approximate_inverse(self, fields: Sequence[int]) -> RoughInverse | None:
         """Loads (n, k) of k fields that roughly cause displacements (n, k) in them; None if truncation loses them."""
@@ -203,7 +244,7 @@ class HierarchicalSystem(ReducedSystem):
             unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
             to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
             scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
-            self.inverses[key] = rough_inverse(in_fields(self.boundary.compliance, *scaled), unit, self.order)
+            self.inverses[key] = rough_inverse(in_fields(self.compliance, *scaled), unit, self.order)
         return self.inverses[key]
 
     def solved(self, load: Array) -> tuple[Array, int]:

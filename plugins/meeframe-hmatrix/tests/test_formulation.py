@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meeframe_hmatrix import HierarchicalBEM, formulation
 from meeframe_hmatrix.blocks import LowRank, leaves, stored
+from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.system import MOST_PRODUCTS
 
 from meeframe.core.body import Body, BoundaryCondition
@@ -127,6 +128,24 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
     assert not copied.products
     assert not copied.inverses
     assert np.array_equal(copied.apply(load), whole)
+
+
+def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems):
+    system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
+    again = formulation.restored(body, system.kept())
+    load = smooth_load(system)
+    assert np.array_equal(again.apply(load), system.apply(load))
+    assert np.array_equal(again.offset, system.offset)
+    assert not again.whole.made
+    assert np.array_equal(again.recover(load).values, system.recover(load).values)
+
+
+def test_arrays_that_are_no_tree_are_refused(systems):
+    kept = systems[1e-3].kept()
+    with pytest.raises(ValueError, match="reshape"):
+        unpacked(kept["table"], kept["numbers"][:-1])
+    with pytest.raises(ValueError, match="7 columns"):
+        unpacked(kept["table"][:, :5], kept["numbers"])
 
 
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])

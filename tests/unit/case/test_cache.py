@@ -17,7 +17,8 @@ from meeframe.core.mesh import ElementBlock
 from meeframe.elements import Quad8
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import LineIntegral, Tabulated
-from meeframe.geometry import FlatPunch, block_mesh
+from meeframe.geometry import FlatPunch, block_mesh, zone_frames
+from meeframe.io.systems import read_kept
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.materials import library_material
 from meeframe.solvers import Auto, Limits
@@ -239,6 +240,49 @@ class OperatorOnly(ReducedSystem):
 
     def recover(self, load):
         raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Keeping(WithoutMatrix):
+    def reduce(self, body, progress=lambda *_: None):
+        system = super().reduce(body, progress)
+        return KeepingOperator(system.points, system.frames, system.weights, system.cells, system.offset)
+
+    def restored(self, body, kept):
+        zone = zone_frames(body.mesh, body.contact_group)
+        return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, kept["offset"])
+
+
+class KeepingOperator(OperatorOnly):
+    def kept(self):
+        return {"offset": self.offset, "whole": np.arange(3)}
+
+
+def test_what_a_system_without_a_matrix_keeps_is_read_bit_for_bit(case, tmp_path, reductions):
+    case = replace(case, formulation=Keeping(case.formulation))
+    made = cached_reduce(case, tmp_path)
+    found = cached_reduce(case, tmp_path)
+    assert len(reductions) == 1
+    np.testing.assert_array_equal(found.offset, made.offset, strict=True)
+    assert read_kept(tmp_path / f"{key(case)}.h5", key(case))["whole"].dtype == np.arange(3).dtype
+    assert read_kept(tmp_path / f"{key(case)}.h5", "another key") is None
+
+
+@pytest.mark.parametrize("damage", ["shortened", "changed"])
+def test_damaged_arrays_of_a_system_without_a_matrix_are_made_anew(case, tmp_path, reductions, damage):
+    case = replace(case, formulation=Keeping(case.formulation))
+    made = cached_reduce(case, tmp_path)
+    path = tmp_path / f"{key(case)}.h5"
+    content = bytearray(path.read_bytes())
+    if damage == "shortened":
+        del content[len(content) // 2 :]
+    else:
+        place = content.find(made.offset.tobytes()[:64])
+        assert place > 0
+        content[place] ^= 1
+    path.write_bytes(content)
+    np.testing.assert_array_equal(cached_reduce(case, tmp_path).offset, made.offset, strict=True)
+    assert len(reductions) == 2
 
 
 def test_a_system_without_a_matrix_is_computed_each_time(case, tmp_path, reductions):
