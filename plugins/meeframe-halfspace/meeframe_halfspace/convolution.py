@@ -1,21 +1,19 @@
 """Linear maps from loads on a regular grid to displacements on it, by real fast Fourier transforms."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, final
 
-import numba
 import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
 from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.mesh import Indices
 from meeframe_halfspace.cells import share_out
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, add_imaginary, add_real, scale_real
+from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER
 
-Symbol = Callable[[int], Array | None]
-"""One of 25 entries, (px // 2 + 1, py), real; None if it is zero."""
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
@@ -26,7 +24,63 @@ IMAGINARY[STRICT] = IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
 SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
 """... and the sign with which that is so."""
 BLOCK: Final = 2**19
-"""Bytes of spectra that are worked on at once, so that they stay near the processor."""
+"""Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
+LEAST: Final = 8
+"""... and the fewest rows or columns."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Symbol:
+    """The 25 entries of a symbol, made when they are asked for.
+
+    make: one of them, (px // 2 + 1, py), real; None if it is zero. kept: those that have been asked for, by precision:
+    all that are not zero, (px // 2 + 1, m, py), and where each is among them, None if it is zero.
+    """
+
+    make: Callable[[int], Array | None]
+    kept: dict[np.dtype[Any], tuple[Array, dict[int, int | None]]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, entries: Mapping[int, Array]) -> "Symbol":
+        """Of entries that are there, all in one precision; the others are zero."""
+        whole = np.stack(list(entries.values()), axis=1)
+        places: dict[int, int | None] = {number: place for place, number in enumerate(entries)}
+        return cls(
+            lambda number: None if (place := places.get(number)) is None else whole[:, place],
+            {whole.dtype: (whole, places)},
+        )
+
+    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, dict[int, int | None]]:
+        """What is kept in that precision, with at least the entries of these numbers; places do not change later."""
+        kept = [self.kept[precision][0]] if precision in self.kept else []
+        places = dict(self.kept[precision][1]) if kept else {}
+        missing = [number for number in numbers if number not in places]
+        if missing:
+            count = kept[0].shape[1] if kept else 0
+            for number, whole in zip(missing, self._wholes(missing, precision), strict=True):
+                places[number] = None if whole is None else count
+                if whole is not None:
+                    kept.append(whole[:, None].astype(precision, copy=False))
+                    count += 1
+            self.kept[precision] = np.concatenate(kept, axis=1) if kept else np.empty((0, 0, 0), precision), places
+        return self.kept[precision]
+
+    def _wholes(self, numbers: Iterable[int], precision: np.dtype[Any]) -> list[Array | None]:
+        if precision == np.float64:
+            return [self.make(number) for number in numbers]
+        array, places = self.entries(numbers, np.dtype(np.float64))
+        found = [places[number] for number in numbers]
+        return [None if place is None else array[:, place] for place in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Product:
+    """Of the waves of loads: see multiply_waves; answering: the fields that do, by their place among those asked."""
+
+    terms: Indices
+    factors: Array
+    answering: list[int]
 
 
 @final
@@ -34,9 +88,9 @@ BLOCK: Final = 2**19
 class Convolution:
     """response = scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
 
-    symbol: its 25 entries: the symmetric ones are the real part, the antisymmetric ones the imaginary part of a
-    Hermitian matrix (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
-    Padded with zeros to twice its size, the grid stands free. made: entries that have been asked for, by precision.
+    symbol: its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
+    (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
+    Padded with zeros to twice its size, the grid stands free. products: that have been asked for.
 
     The transforms along the second axis and the product between them are done some rows of the spectrum at a time.
     """
@@ -45,67 +99,79 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
-    made: dict[tuple[int, np.dtype[Any]], Array | None] = field(default_factory=dict)
+    products: dict[tuple[Any, ...], _Product] = field(default_factory=dict)
 
     @property
     def periodic(self) -> bool:
         """Whether the grid repeats itself."""
         return self.size == self.padded
 
-    def response(self, load: Mapping[int, Array], fields: Sequence[int]) -> Array:
-        """In k fields alone, (k, nx, ny), to the loads (nx, ny) of some fields; one transform for each of both.
+    def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """In k fields alone, (k, nx, ny), to the loads (l, nx, ny) of l fields; one transform for each of both.
 
-        In single precision if all of the load is.
+        In single precision if the load is.
         """
-        (nx, ny), (px, py) = self.size, self.padded
-        if not load:
-            return np.zeros((len(fields), nx, ny))
-        precision = np.result_type(np.float32, *load.values())
-        workers = numba.get_num_threads()
-        terms = [[term for other in load for term in self._terms(place, other, precision)] for place in fields]
-        answering = [place for place, own in enumerate(terms) if own]
-        alone = bool(answering) and list(load) == list(fields) == [fields[0]]
-        spectra = {one: scipy.fft.rfft(part, px, axis=0, workers=workers) for one, part in load.items()}
-        half = px // 2 + 1
-        complex_ = np.result_type(precision, np.complex64)
-        answers = np.empty((len(answering), half, ny), complex_)
-        height = max(8, BLOCK // (py * complex_.itemsize * len(load)))
+        (nx, ny), (px, py), precision = self.size, self.padded, load.dtype
+        product = self._product(tuple(loaded), tuple(fields), precision)
+        count = len(product.answering)
+        if not count:
+            return np.zeros((len(fields), nx, ny), precision)
+        entries, _ = self.symbol.kept[precision]
+        half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
+        spectra, answers = np.empty((len(load), half, ny), complex_), np.empty((count, half, ny), complex_)
+        answer = np.empty((count, nx, ny), precision)
 
-        def multiply(first: int, last: int) -> None:
-            for begin in range(first, last, height):
-                rows = slice(begin, min(begin + height, last))
-                waves = {one: scipy.fft.fft(part[rows], py, axis=1) for one, part in spectra.items()}
-                for answer, place in zip(answers, answering, strict=True):
-                    if alone:
-                        ((one, entry, factor, _),) = terms[place]
-                        product = waves[one]
-                        scale_real(entry[rows], factor, product)
-                    else:
-                        product = np.zeros((rows.stop - begin, py), complex_)
-                        for one, entry, factor, imaginary in terms[place]:
-                            (add_imaginary if imaginary else add_real)(entry[rows], factor, waves[one], product)
-                    answer[rows] = scipy.fft.ifft(product, axis=1, overwrite_x=True)[:, :ny]
+        def transform(columns: slice) -> None:
+            spectra[:, :, columns] = scipy.fft.rfft(load[:, :, columns], px, axis=1)
 
-        if answering:
-            share_out(multiply, half)
-        if alone:
-            return scipy.fft.irfft(answers[0], px, axis=0, overwrite_x=True, workers=workers)[None, :nx]
+        def multiply(rows: slice) -> None:
+            waves = scipy.fft.fft(spectra[:, rows], py, axis=2)
+            products = np.empty((count, *waves.shape[1:]), complex_)
+            multiply_waves(rows.start, entries, product.terms, product.factors, waves, products)
+            answers[:, rows] = scipy.fft.ifft(products, axis=2, overwrite_x=True)[:, :, :ny]
+
+        def transform_back(columns: slice) -> None:
+            answer[:, :, columns] = scipy.fft.irfft(answers[:, :, columns], px, axis=1)[:, :nx]
+
+        _in_blocks(transform, ny, px * precision.itemsize * len(load))
+        _in_blocks(multiply, half, py * complex_.itemsize * len(load))
+        _in_blocks(transform_back, ny, px * precision.itemsize * count)
+        if count == len(fields):
+            return answer
         response = np.zeros((len(fields), nx, ny), precision)
-        for answer, place in zip(answers, answering, strict=True):
-            response[place] = scipy.fft.irfft(answer, px, axis=0, overwrite_x=True, workers=workers)[:nx]
+        response[product.answering] = answer
         return response
 
-    def _terms(self, place: int, other: int, precision: np.dtype[Any]) -> list[tuple[int, Array, Any, bool]]:
-        """What the response in a field owes to the load of another one: that field, entry, factor, if imaginary."""
-        numbers = [(REAL[place, other], 1.0, False)]
-        if place != other:
-            numbers.append((IMAGINARY[place, other], SIGN[place, other], True))
-        factor = self.scale[place, other]
-        entries = [(self._entry(int(number), precision), factor * sign, kind) for number, sign, kind in numbers]
-        return [(other, entry, precision.type(whole), kind) for entry, whole, kind in entries if entry is not None]
+    def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
+        key = loaded, fields, precision
+        if key not in self.products:
+            parts = [(place, other, *part) for place in fields for other in loaded for part in _parts(place, other)]
+            _, places = self.symbol.entries(dict.fromkeys(number for _, _, number, *_ in parts), precision)
+            terms = [
+                (fields.index(place), loaded.index(other), entry, imaginary, self.scale[place, other] * sign)
+                for place, other, number, imaginary, sign in parts
+                if (entry := places[number]) is not None
+            ]
+            answering = sorted({answer for answer, *_ in terms})
+            rows = [(answering.index(answer), *term) for answer, *term, _ in terms]
+            factors = np.array([factor for *_, factor in terms], precision)
+            self.products[key] = _Product(np.array(rows, np.int64).reshape(-1, 4), factors, answering)
+        return self.products[key]
 
-    def _entry(self, number: int, precision: np.dtype[Any]) -> Array | None:
-        if (number, precision) not in self.made:
-            whole = self.symbol(number) if precision == np.float64 else self._entry(number, np.dtype(np.float64))
-            self.made[number, precision] = None if whole is None else whole.astype(precision, copy=False)
-        return self.made[number, precision]
+
+def _in_blocks(work: Callable[[slice], None], count: int, size: int) -> None:
+    """work(part) on parts of range(count), each of which takes `size` bytes."""
+    height = max(LEAST, BLOCK // size)
+
+    def share(first: int, last: int) -> None:
+        for begin in range(first, last, height):
+            work(slice(begin, min(begin + height, last)))
+
+    share_out(share, count)
+
+
+def _parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:
+    """Entries of the symbol that one of its matrix consists of, whether multiplied by i, and with which sign."""
+    yield int(REAL[place, other]), False, 1.0
+    if place != other:
+        yield int(IMAGINARY[place, other]), True, float(SIGN[place, other])

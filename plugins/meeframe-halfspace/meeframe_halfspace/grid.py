@@ -38,8 +38,12 @@ class Grid:
         return "F" if np.array_equal(self.nodes.ravel("F"), counted) else None
 
     def place(self, values: Array) -> Array:
-        """Nodal values (n,) on the grid, (nx, ny)."""
-        return values[self.nodes] if self._order is None else values.reshape(self.size, order=self._order)
+        """Nodal values (k, n) on the grid, (k, nx, ny), in the same memory if it can be."""
+        if self._order is None:
+            return values[:, self.nodes]
+        if self._order == "C":
+            return values.reshape(-1, *self.size)
+        return values.reshape(-1, *self.size[::-1]).swapaxes(1, 2)
 
     def scatter(self, values: Array) -> Array:
         """Values on the grid, (k, nx, ny), at the nodes, (n, k), in the same memory if it can be.

@@ -6,7 +6,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.core.fields import N_FIELDS, Array
-from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum
+from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol
 
 
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
@@ -18,34 +18,38 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     """
     size, k = convolution.size, len(fields)
     middle = size[0] // 2, size[1] // 2
-    load = np.zeros(size)
-    load[middle] = 1.0
-    unscaled = Convolution(
-        convolution.symbol, size, convolution.padded, np.ones((N_FIELDS, N_FIELDS)), convolution.made
-    )
+    load = np.zeros((1, *size))
+    load[0, *middle] = 1.0
+    unscaled = Convolution(convolution.symbol, size, convolution.padded, np.ones((N_FIELDS, N_FIELDS)))
     matrix = np.empty((k, k, size[0] // 2 + 1, size[1]), complex)
     for column, loaded in enumerate(fields):
-        kernel = np.roll(unscaled.response({loaded: load}, fields), (-middle[0], -middle[1]), axis=(1, 2))
+        kernel = np.roll(unscaled.response(load, [loaded], fields[column:]), (-middle[0], -middle[1]), axis=(1, 2))
         if not convolution.periodic:
             along, across = (np.cos(np.pi * scipy.fft.fftfreq(n)) for n in size)
             kernel *= np.outer(along, across)
-        matrix[:, column] = scipy.fft.rfftn(kernel, axes=(2, 1), overwrite_x=True)
-    inverse = _inverse(matrix)
+        matrix[column:, column] = scipy.fft.rfftn(kernel, axes=(2, 1), overwrite_x=True)
+        matrix[column, column:] = matrix[column:, column].conj()
+    _invert(matrix)
     entries: dict[int, Array] = {}
     for row, field in enumerate(fields):
         for column, other in enumerate(fields):
-            entries[int(REAL[field, other])] = inverse[row, column].real.astype(np.float32)
+            entries[int(REAL[field, other])] = matrix[row, column].real.astype(np.float32)
             if SIGN[field, other] > 0.0:
-                entries[int(IMAGINARY[field, other])] = inverse[row, column].imag.astype(np.float32)
-    return Convolution(entries.get, size, size, 1.0 / convolution.scale.T)
+                entries[int(IMAGINARY[field, other])] = matrix[row, column].imag.astype(np.float32)
+    return Convolution(Symbol.of(entries), size, size, 1.0 / convolution.scale.T)
 
 
-def _inverse(matrix: Spectrum) -> Spectrum:
-    """Of matrices (k, k, px, py)."""
-    if len(matrix) == 1:
-        return 1.0 / matrix
-    if len(matrix) == 2:
-        (a, b), (c, d) = matrix
-        return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-    inverse: Spectrum = np.moveaxis(np.linalg.inv(np.moveaxis(matrix, (0, 1), (2, 3))), (2, 3), (0, 1))
-    return inverse
+def _invert(matrix: Spectrum) -> None:
+    """Matrices (k, k, px, py) in place, by elimination of one field after another.
+
+    Without pivots: in scaled fields they are nearly definite in loads and fluxes each, with opposite signs.
+    """
+    for i, pivot in enumerate(matrix):
+        inverse = 1.0 / pivot[i]
+        pivot[i] = 1.0
+        pivot *= inverse
+        for j, row in enumerate(matrix):
+            if j != i:
+                share = row[i].copy()
+                row[i] = 0.0
+                row -= share * pivot

@@ -209,27 +209,35 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
 
 
 @njit(cache=True, nogil=True)
-def scale_real(real, factor, spectrum):
-    """spectrum *= factor real, entry by entry."""
-    for row in range(len(spectrum)):
-        for column in range(spectrum.shape[1]):
-            k, wave = factor * real[row, column], spectrum[row, column]
-            spectrum[row, column] = complex(k * wave.real, k * wave.imag)
+def multiply_waves(first, entries, terms, factors, waves, products):
+    """products[a] = sum of factor entry waves[b], wave by wave, in rows first, first + 1, ... of the spectrum.
+
+    entries: (all rows, m, py), real; terms: (t, 4) rows (a, b, entry, 1 if it is to be multiplied by i, else 0);
+    factors: (t,); waves: (l, rows, py), products: (k, rows, py), complex. Row by row, so that waves and products stay
+    in the nearest cache while the entries, which are stored in this order, pass by.
+    """
+    for row in range(products.shape[1]):
+        for a in range(len(products)):
+            products[a, row] = 0.0
+        for term in range(len(terms)):
+            a, b, entry, imaginary = terms[term, 0], terms[term, 1], terms[term, 2], terms[term, 3]
+            if imaginary:
+                _add_imaginary(entries[first + row, entry], factors[term], waves[b, row], products[a, row])
+            else:
+                _add_real(entries[first + row, entry], factors[term], waves[b, row], products[a, row])
 
 
 @njit(cache=True, nogil=True)
-def add_real(real, factor, spectrum, product):
-    """product += factor real spectrum, entry by entry."""
-    for row in range(len(product)):
-        for column in range(product.shape[1]):
-            k, wave = factor * real[row, column], spectrum[row, column]
-            product[row, column] += complex(k * wave.real, k * wave.imag)
+def _add_real(real, factor, waves, products):
+    """products += factor real waves, entry by entry."""
+    for j in range(len(products)):
+        k = factor * real[j]
+        products[j] += complex(k * waves[j].real, k * waves[j].imag)
 
 
 @njit(cache=True, nogil=True)
-def add_imaginary(imaginary, factor, spectrum, product):
-    """product += i factor imaginary spectrum, entry by entry."""
-    for row in range(len(product)):
-        for column in range(product.shape[1]):
-            k, wave = factor * imaginary[row, column], spectrum[row, column]
-            product[row, column] += complex(-k * wave.imag, k * wave.real)
+def _add_imaginary(imaginary, factor, waves, products):
+    """products += i factor imaginary waves, entry by entry."""
+    for j in range(len(products)):
+        k = factor * imaginary[j]
+        products[j] += complex(-k * waves[j].imag, k * waves[j].real)

@@ -10,7 +10,7 @@ import numpy as np
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
 from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_grid
-from meeframe_halfspace.convolution import Convolution
+from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
@@ -40,7 +40,7 @@ class HalfSpaceSystem(ReducedSystem):
     def convolution(self) -> Convolution:
         """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
         response = self.grid_response
-        return Convolution(response.symbol, response.size, response.padded, self.scale)
+        return Convolution(Symbol(response.symbol), response.size, response.padded, self.scale)
 
     @property
     def scale(self) -> Array:
@@ -59,20 +59,20 @@ class HalfSpaceSystem(ReducedSystem):
         Columns of the load may be stored one after another: it then takes the shortest time.
         """
         loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
-        return self._response({field: load[:, field] for field in loaded}, fields)
+        return self._response(load.T if len(loaded) == N_FIELDS else load.T[loaded], loaded, fields)
 
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """See ReducedSystem."""
-        return self._response(dict(zip(loaded, load.T, strict=True)), fields)
+        return self._response(load.T, loaded, fields)
 
-    def _response(self, load: dict[int, Array], fields: Sequence[int]) -> Array:
-        if not self.convolution.periodic:
-            load = {
-                field: np.multiply(part, self.shares, dtype=np.result_type(part, np.float32))
-                for field, part in load.items()
-            }
-        placed = {field: self.grid.place(part) for field, part in load.items()}
-        return self.grid.scatter(self.convolution.response(placed, fields))
+    def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """To the load (l, n) of l fields."""
+        precision = np.result_type(load, np.float32)
+        if self.convolution.periodic:
+            load = load.astype(precision, copy=False)
+        else:
+            load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
+        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
@@ -100,11 +100,8 @@ class HalfSpaceSystem(ReducedSystem):
         waves, chosen = wave_inverse(self.convolution, fields), list(fields)
 
         def inverse(displacement: Array) -> Array:
-            parts = {
-                field: self.grid.place(part.astype(np.float32))
-                for field, part in zip(chosen, displacement.T, strict=True)
-            }
-            load = self.grid.scatter(waves.response(parts, chosen)).astype(displacement.dtype, copy=False)
+            placed = self.grid.place(displacement.T.astype(np.float32, copy=False))
+            load = self.grid.scatter(waves.response(placed, chosen, chosen)).astype(displacement.dtype, copy=False)
             return load if waves.size == self.convolution.padded else load / self.shares[:, None]
 
         return inverse
@@ -155,9 +152,9 @@ def dense_matrix(system: HalfSpaceSystem) -> Array:
     wide = replace(system.convolution, size=system.convolution.padded)
     kernel = np.empty((N_FIELDS, N_FIELDS, *wide.size))
     for field in range(N_FIELDS):
-        load = np.zeros(wide.size)
-        load[0, 0] = 1.0
-        kernel[:, field] = wide.response({field: load}, range(N_FIELDS))
+        load = np.zeros((1, *wide.size))
+        load[0, 0, 0] = 1.0
+        kernel[:, field] = wide.response(load, [field], range(N_FIELDS))
     place = np.empty((n, 2), np.int64)
     place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
     i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end
