@@ -11,12 +11,13 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import Progress
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import NONE
-from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, recompress
+from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split
 from meeframe_hmatrix.clusters import Cluster, diameter, distance
-from meeframe_hmatrix.cross_approximation import far_block, reachable
+from meeframe_hmatrix.cross_approximation import far_rows, reachable
 from meeframe_hmatrix.integrals import Integrals
 from meeframe_hmatrix.kernels import Rows
 from meeframe_hmatrix.rows import column_window, near_rows
+from meeframe_hmatrix.truncation import truncated
 
 ADMISSIBLE = 3.0
 """Clusters are far from each other if the smaller of their diameters is less than so many times their distance."""
@@ -39,6 +40,9 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     far: list[Pair] = []
     near: list[Pair] = []
     _partition(integrals, tree.root, tree.root, far, near)
+    partners: dict[Cluster, list[Cluster]] = {}
+    for row, column in far:
+        partners.setdefault(row, []).append(column)
     neighbours: dict[int, list[Cluster]] = {}
     for row, column in near:
         neighbours.setdefault(row.sites.start, []).append(column)
@@ -46,17 +50,18 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     values: dict[tuple[int, int, int, int], Block] = {}
     loads: dict[tuple[int, int, int, int], Block] = {}
     rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
-    n_tasks = len(far) + len(rows)
+    n_tasks = len(partners) + len(rows)
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        blocks = pool.map(lambda pair: _far(integrals, pair[0], pair[1], tolerance), far)
-        for done, (pair, (value, load, share)) in enumerate(zip(far, blocks, strict=True), 1):
-            values[_key(pair)], loads[_key(pair)] = value, load
-            rest[pair[0].unknowns] += share
+        found = pool.map(lambda item: _far(integrals, *item, tolerance), partners.items())
+        for done, (row, (blocks, share)) in enumerate(zip(partners, found, strict=True), 1):
+            for column, (value, load) in zip(partners[row], blocks, strict=True):
+                values[_key((row, column))], loads[_key((row, column))] = value, load
+            rest[row.unknowns] += share
             progress("assembly", done / n_tasks)
         lines = []
         for line in pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows):
             lines.append(line)
-            progress("assembly", (len(far) + len(lines)) / n_tasks)
+            progress("assembly", (len(partners) + len(lines)) / n_tasks)
     for row, line in zip(rows, lines, strict=True):
         rest[row.unknowns] += line.rest
     rhs = rest[:, 0].copy()
@@ -85,11 +90,25 @@ def _key(pair: Pair) -> tuple[int, int, int, int]:
     return row.sites.start, row.sites.stop, column.sites.start, column.sites.stop
 
 
-def _far(integrals: Integrals, row: Cluster, column: Cluster, tolerance: float) -> tuple[Block, Block, Array]:
-    left, chosen = far_block(integrals, row, column, tolerance)
-    value = LowRank(row.unknowns, column.unknowns, *recompress(left, chosen.unknown, tolerance))
-    load = LowRank(row.unknowns, column.loads, *recompress(left, chosen.load, tolerance))
-    return value, load, left @ chosen.rest
+def _far(
+    integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tolerance: float
+) -> tuple[list[tuple[Block, Block]], Array]:
+    """A cluster's equations in the columns of others: blocks of unknowns and loads, and the share of the rest."""
+    left, chosen = far_rows(integrals, row, columns, tolerance)
+    q, r = np.linalg.qr(left)
+
+    def part(whole: Array, first: int, place: slice) -> tuple[LowRank, int]:
+        last = first + place.stop - place.start
+        factor, right = truncated(r @ whole[:, first:last], tolerance)
+        return LowRank(row.unknowns, place, q @ factor, right), last
+
+    blocks: list[tuple[Block, Block]] = []
+    unknown = load = 0
+    for column in columns:
+        value, unknown = part(chosen.unknown, unknown, column.unknowns)
+        loads, load = part(chosen.load, load, column.loads)
+        blocks.append((value, loads))
+    return blocks, left @ chosen.rest
 
 
 def _subtract_constants(

@@ -41,7 +41,8 @@ class Integrals:
     """What every task reads; sources, rows and columns in the order of the tree.
 
     positions: (s, 3) of the collocation points; rows: (s, 5) of their equations, NONE where there is none; sources: the
-    rest of them, in the order of `tree.sources`; touching: elements at each site, starts (sites + 1,) and elements.
+    rest of them, in the order of `tree.sources`; patch_sites: (p,) of the patches; touching: elements at each site,
+    starts (sites + 1,) and elements.
     """
 
     mesh: SurfaceMesh
@@ -53,6 +54,7 @@ class Integrals:
     rows: Indices
     columns: Columns
     kinds: tuple[Kind, ...]
+    patch_sites: Indices
     touching: tuple[Indices, Indices]
 
     def elements(self, clusters: Sequence[Cluster]) -> Iterator[tuple[Kind, Indices]]:
@@ -87,6 +89,7 @@ def prepare(
         rows,
         _columns(mesh, layout, tree),
         kinds,
+        tree.rank[layout.patches.point],
         (starts, element[order]),
     )
 

@@ -53,11 +53,22 @@ class Columns(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The columns that are wanted: place of each unknown and load in the output, and of the sites, negative if not."""
+    """The columns that are wanted: place of each unknown, load, site and patch, negative if it is not, and the numbers
+    of sites and patches in the order of their places."""
 
     unknown: np.ndarray
     load: np.ndarray
     site: np.ndarray
+    patch: np.ndarray
+    sites: np.ndarray
+    patches: np.ndarray
+
+
+class Sums(NamedTuple):
+    """Integrals over the elements at each site (s, 25) and patch (p, 25) of a window, seen from one source."""
+
+    values: np.ndarray
+    fluxes: np.ndarray
 
 
 class Rows(NamedTuple):
@@ -158,7 +169,8 @@ def spread_out(places, low, high, count):
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def skeleton_rows(rest, source, limit):
-    """Sources whose rows of a matrix (m, n) span all of it, and an orthonormal basis (r, n) of these; overwrites it.
+    """Sources whose rows of a matrix (m, n) span all of it, and all rows in an orthonormal basis of these, (m, r);
+    overwrites the matrix.
 
     source: (m,) of each row, rising. All rows of a source are taken together, because they cost as much as one; the
     next source is the one whose rows are farthest from what is spanned, until the Frobenius norm of all that is left
@@ -167,8 +179,8 @@ def skeleton_rows(rest, source, limit):
     m, n = rest.shape
     n_sources = source[-1] + 1
     basis, left = np.empty((min(m, n), n)), np.zeros(n_sources)
+    parts, projected = np.zeros((m, len(basis))), np.empty((m, n))
     taken = np.zeros(n_sources, np.bool_)
-    dots = np.empty(len(basis))
     for i in range(m):
         left[source[i]] += (rest[i] ** 2).sum()
     rank = 0
@@ -177,33 +189,27 @@ def skeleton_rows(rest, source, limit):
         taken[worst] = True
         first = rank
         for i in range(np.searchsorted(source, worst), np.searchsorted(source, worst, side="right")):
-            norm = sqrt((rest[i] ** 2).sum())
+            row = rest[i].copy()
+            norm = sqrt((row**2).sum())
             for _ in range(2):  # twice is enough
                 for b in range(first, rank):
-                    rest[i] -= (rest[i] * basis[b]).sum() * basis[b]
-            remains = sqrt((rest[i] ** 2).sum())
+                    row -= (row * basis[b]).sum() * basis[b]
+            remains = sqrt((row**2).sum())
             if rank < len(basis) and remains > 1e-13 * norm:
-                basis[rank] = rest[i] / remains
+                basis[rank] = row / remains
                 rank += 1
-            rest[i] = 0.0
+        dots = np.dot(rest, basis[first:rank].T)
+        parts[:, first:rank] = dots
+        np.dot(dots, basis[first:rank], projected)
         left[:] = 0.0
         for i in range(m):
-            if taken[source[i]]:
-                continue
-            for b in range(first, rank):
-                dot = 0.0
-                for q in range(n):
-                    dot += rest[i, q] * basis[b, q]
-                dots[b] = dot
-            for b in range(first, rank):
-                dot = dots[b]
-                for q in range(n):
-                    rest[i, q] -= dot * basis[b, q]
             square = 0.0
             for q in range(n):
+                rest[i, q] -= projected[i, q]
                 square += rest[i, q] ** 2
-            left[source[i]] += square
-    return np.flatnonzero(taken), basis[:rank]
+            if not taken[source[i]]:
+                left[source[i]] += square
+    return np.flatnonzero(taken), parts[:, :rank].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -221,47 +227,52 @@ def sums_by_element(u, t, flux_weights, value_weights, starts, sum_u, sum_t):
 
 
 @njit(cache=True, nogil=True)
-def enter(u, t, sites, patches, rows, columns, window, out):
-    """Add integrals u, t (m, k, 25) over elements to the rows (5,) of one source, where those are not negative.
-
-    sites, patches: (m, k) of their nodes; entry 5 J + K of an integral belongs to the field J in the equation K.
-    """
+def accumulate(u, t, sites, patches, window, sums):
+    """Add integrals u, t (m, k, 25) over elements to the sums of their nodes; sites, patches: (m, k) of these."""
     for element in range(len(sites)):
         for a in range(sites.shape[1]):
-            site = sites[element, a]
-            if window.site[site] >= 0:
-                _enter_values(t[element, a], site, rows, columns, window, out)
-                _enter_fluxes(u[element, a], patches[element, a], rows, columns, window, out)
+            place = window.site[sites[element, a]]
+            if place >= 0:
+                value, flux = sums.values[place], sums.fluxes[window.patch[patches[element, a]]]
+                for i in range(25):
+                    value[i] += t[element, a, i]
+                    flux[i] += u[element, a, i]
 
 
 @njit(cache=True, nogil=True)
-def _enter_values(t, site, rows, columns, window, out):
-    for j in range(5):
-        column = columns.value_column[site, j]
-        for k in range(5):
-            row = rows[k]
-            if row < 0:
-                continue
-            coefficient = t[5 * j + k]
+def enter(sums, rows, columns, window, out):
+    """Add the sums of one source to its rows (5,), where those are not negative.
+
+    Entry 5 J + K of an integral belongs to the field J in the equation K.
+    """
+    constants = np.zeros(25)
+    for place in range(len(window.sites)):
+        site, t = window.sites[place], sums.values[place]
+        for i in range(25):
+            constants[i] += t[i]
+        for j in range(5):
+            column = columns.value_column[site, j]
             if column >= 0:
-                out.unknown[row, window.unknown[column]] += coefficient
+                _add_column(t[5 * j :], 1.0, rows, out.unknown, window.unknown[column])
             else:
-                out.rest[row, 0] -= coefficient * columns.value_data[site, j]
-            out.rest[row, 1 + j] += coefficient
-
-
-@njit(cache=True, nogil=True)
-def _enter_fluxes(u, patch, rows, columns, window, out):
+                _add_column(t[5 * j :], -columns.value_data[site, j], rows, out.rest, 0)
     for j in range(5):
-        column, load = columns.flux_column[patch, j], columns.load_column[patch, j]
-        for k in range(5):
-            row = rows[k]
-            if row < 0:
-                continue
-            coefficient = u[5 * j + k]
+        _add_column(constants[5 * j :], 1.0, rows, out.rest, 1 + j)
+    for place in range(len(window.patches)):
+        patch, u = window.patches[place], sums.fluxes[place]
+        for j in range(5):
+            column, load = columns.flux_column[patch, j], columns.load_column[patch, j]
             if column >= 0:
-                out.unknown[row, window.unknown[column]] -= coefficient * columns.flux_unit
+                _add_column(u[5 * j :], -columns.flux_unit, rows, out.unknown, window.unknown[column])
             elif load >= 0:
-                out.load[row, window.load[load]] += coefficient
+                _add_column(u[5 * j :], 1.0, rows, out.load, window.load[load])
             else:
-                out.rest[row, 0] += coefficient * columns.flux_data[patch, j]
+                _add_column(u[5 * j :], columns.flux_data[patch, j], rows, out.rest, 0)
+
+
+@njit(cache=True, nogil=True)
+def _add_column(coefficients, factor, rows, out, column):
+    """Add factor times five coefficients to a column of out in the rows (5,) that are not negative."""
+    for k in range(5):
+        if rows[k] >= 0:
+            out[rows[k], column] += factor * coefficients[k]

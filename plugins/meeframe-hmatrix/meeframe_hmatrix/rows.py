@@ -13,7 +13,17 @@ from meeframe.formulations.dense_bem.layout import NONE
 from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals, Kind
-from meeframe_hmatrix.kernels import Points, Rows, Window, element_points, enter, orders_from_box, sums_by_element
+from meeframe_hmatrix.kernels import (
+    Points,
+    Rows,
+    Sums,
+    Window,
+    accumulate,
+    element_points,
+    enter,
+    orders_from_box,
+    sums_by_element,
+)
 
 ELEMENTS_PER_CALL = 128
 """Their sums fit the second-level cache."""
@@ -24,20 +34,25 @@ ADAPTIVE = 128
 def near_rows(integrals: Integrals, row: Cluster, near: Sequence[Cluster]) -> Rows:
     """The equations of a leaf in the columns of near leaves, side by side, by the rules of dense-bem."""
     window, out = column_window(integrals, near), output(row.unknowns.stop - row.unknowns.start, near)
-    for kind, numbers in integrals.elements(near):
-        room = None
-        for source in range(row.sources.start, row.sources.stop):
-            rows = local(integrals.rows[source], row)
+    sums, kinds = no_sums(window), list(integrals.elements(near))
+    rooms: dict[Kind, Points] = {}
+    for source in range(row.sources.start, row.sources.stop):
+        position = integrals.positions[source]
+        for part in sums:
+            part[:] = 0.0
+        for kind, numbers in kinds:
             own, places = _own(integrals, source, kind)
-            position = integrals.positions[source]
             others = numbers[~np.isin(numbers, own)]
             orders = orders_from(integrals, np.stack([position, position]), kind, others)
+            room = rooms.get(kind)
             points, room = placed(integrals, position, kind, others, orders, np.full(orders.shape, np.nan), room)
-            add(integrals, kind, others, points, rows, window, out)
+            add(integrals, kind, others, points, window, sums)
             if len(own):
                 adaptive = np.zeros((len(own), 2), np.int64)
                 points, room = placed(integrals, position, kind, own, adaptive, places, room)
-                _add_own(integrals, kind, own, places, points, rows, window, out)
+                _add_own(integrals, kind, own, places, points, window, sums)
+            rooms[kind] = room
+        enter(sums, local(integrals.rows[source], row), integrals.columns, window, out)
     return out
 
 
@@ -85,35 +100,26 @@ def _room(capacity: int, n_elements: int, kind: Kind) -> Points:
     return Points(starts, offsets, normals, weights, measures, np.empty((capacity, 2)), reference_weights)
 
 
-def add(
-    integrals: Integrals, kind: Kind, numbers: Indices, points: Points, rows: Indices, window: Window, out: Rows
-) -> None:
-    """Add the integrals over elements to the rows (5,) of a source that none of them holds."""
+def add(integrals: Integrals, kind: Kind, numbers: Indices, points: Points, window: Window, sums: Sums) -> None:
+    """Add the integrals over elements to the sums of a source that none of them holds."""
     for first in range(0, len(numbers), ELEMENTS_PER_CALL):
         part = numbers[first : first + ELEMENTS_PER_CALL]
         starts = points.starts[first : first + len(part) + 1]
-        sums = None
+        found = None
         if kind.planes is not None:
-            sums = integrals.kernel.integrate(points.offsets, points.weights, starts, kind.planes[part])
-        if sums is None:
-            sums = _summed(integrals, points, starts, points.weights)
-        enter(*sums, kind.sites[part], kind.patches[part], rows, integrals.columns, window, out)
+            found = integrals.kernel.integrate(points.offsets, points.weights, starts, kind.planes[part])
+        if found is None:
+            found = _summed(integrals, points, starts, points.weights)
+        accumulate(*found, kind.sites[part], kind.patches[part], window, sums)
 
 
 def _add_own(
-    integrals: Integrals,
-    kind: Kind,
-    own: Indices,
-    places: Array,
-    points: Points,
-    rows: Indices,
-    window: Window,
-    out: Rows,
+    integrals: Integrals, kind: Kind, own: Indices, places: Array, points: Points, window: Window, sums: Sums
 ) -> None:
     """As add for elements that hold the source at places (n, 2): t times N_a(x) - N_a(source), which is integrable."""
     at_source = np.repeat(shape_functions(kind.element, places), np.diff(points.starts), axis=0)
-    sums = _summed(integrals, points, points.starts, points.weights - points.measures[:, None] * at_source)
-    enter(*sums, kind.sites[own], kind.patches[own], rows, integrals.columns, window, out)
+    found = _summed(integrals, points, points.starts, points.weights - points.measures[:, None] * at_source)
+    accumulate(*found, kind.sites[own], kind.patches[own], window, sums)
 
 
 def _summed(integrals: Integrals, points: Points, starts: Indices, value_weights: Array) -> tuple[Array, Array]:
@@ -141,15 +147,29 @@ def local(rows: Indices, cluster: Cluster) -> Indices:
 
 def column_window(integrals: Integrals, clusters: Sequence[Cluster]) -> Window:
     """The columns of some clusters, side by side."""
+
+    def side_by_side(parts: list[slice], count: int) -> tuple[Indices, Indices]:
+        numbers = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+        return numbers, _places(numbers, count)
+
     tree = integrals.tree
-    window = Window(*(np.full(len(part), NONE) for part in (tree.unknowns, tree.loads, tree.points)))
-    for number, name in enumerate(("unknowns", "loads", "sites")):
-        size = 0
-        for cluster in clusters:
-            part = getattr(cluster, name)
-            window[number][part] = size + np.arange(part.stop - part.start)
-            size += part.stop - part.start
-    return window
+    _, unknown = side_by_side([cluster.unknowns for cluster in clusters], len(tree.unknowns))
+    _, load = side_by_side([cluster.loads for cluster in clusters], len(tree.loads))
+    sites, site = side_by_side([cluster.sites for cluster in clusters], len(tree.points))
+    patches = np.flatnonzero(site[integrals.patch_sites] >= 0)
+    return Window(unknown, load, site, _places(patches, len(integrals.patch_sites)), sites, patches)
+
+
+def _places(numbers: Indices, count: int) -> Indices:
+    """The place of each of count numbers among some of them, NONE for the others."""
+    places = np.full(count, NONE)
+    places[numbers] = np.arange(len(numbers))
+    return places
+
+
+def no_sums(window: Window) -> Sums:
+    """Room for the sums of a source, zero."""
+    return Sums(np.zeros((len(window.sites), N_FIELDS**2)), np.zeros((len(window.patches), N_FIELDS**2)))
 
 
 def output(n_rows: int, clusters: Sequence[Cluster]) -> Rows:

@@ -22,6 +22,8 @@ def truncated(rest, tolerance):
     m, n = rest.shape
     room = min(m, n)
     left, right = np.empty((room, m), rest.dtype), np.empty((room, n), rest.dtype)
+    if room == 0:
+        return left.copy().T, right
     squares = np.empty(m, rest.dtype)
     for i in range(m):
         squares[i] = (rest[i] * rest[i]).sum()
