@@ -206,14 +206,23 @@ def traction_tangents(
 
     untouched: nodes (n,) whose contact bears nothing, whatever the trial says.
     """
-    by_trial, by_gap = law.tangents(trial, gap, r)
-    if untouched is not None:
-        by_trial, by_gap = (np.where(untouched[:, None, None], 0.0, part) for part in (by_trial, by_gap))
+    by_trial, alone = law.tangents(trial, gap, r)
     step = r[0] * np.eye(3)
     step[:2, :2] = r[1] * law.tangential_scaling()
-    pulled = np.zeros_like(by_trial)
-    pulled[:, 2, 2] = attraction_slope(law, gap[:, 2])
-    return by_trial, by_trial @ (step - pulled) + by_gap + pulled
+    by_gap = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)  # entry by entry: products of small matrices are slow
+    for row, k, column in np.ndindex(3, 3, 3):
+        if step[k, column]:
+            by_gap[:, row, column] += by_trial[:, row, k] * step[k, column]
+    if alone.any():
+        by_gap += alone
+    if untouched is not None and untouched.any():
+        by_trial = by_trial.copy(order="K")
+        by_trial[untouched] = by_gap[untouched] = 0.0
+    if attracts(law):
+        slope = attraction_slope(law, gap[:, 2])
+        by_gap[:, :, 2] -= by_trial[:, :, 2] * slope[:, None]
+        by_gap[:, 2, 2] += slope
+    return by_trial, by_gap
 
 
 def lawful_traction(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> Array:

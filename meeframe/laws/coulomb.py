@@ -127,7 +127,7 @@ def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
     inverse = np.divide(1.0, mu, out=np.zeros(2), where=bounded)
     factor, unit = _slip(trial, closed, inverse[:, None] * axes)
     along, across = (axes.T * np.where(bounded, mu, 0.0)) @ unit, (axes.T * inverse) @ unit
-    tangent = np.zeros((len(trial), 3, 3))
+    tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
     tangent[:, 2, 2] = closed
     tangent[:, :2, 2] = -along.T
     along *= factor

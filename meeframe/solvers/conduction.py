@@ -48,7 +48,7 @@ def resistances(
         _resistance(law, normal_traction, closed, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
         for k, law in enumerate((problem.electric_law, problem.magnetic_law))
     ]
-    found = np.where(np.isfinite(problem.gap)[:, None], np.stack(columns, axis=1), np.inf)
+    found = np.where(np.isfinite(problem.gap), columns, np.inf).T
     return found if problem.covered is None else _at_edge(problem, problem.covered, normal_traction, found)
 
 
@@ -58,7 +58,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
     The conductivity of a drop is looked for together with it, node by node, from there: a law that conducts steeply
     above some drop would throw iterations on the drop itself to and fro.
     """
-    moved = ahead.copy()
+    moved = ahead.copy(order="K")
     moved[:, ELECTRIC:] += own * flux
     return moved
 
@@ -115,12 +115,16 @@ def _resistance(
     law: ConductivityLaw, normal_traction: Array, closed: Array, own: Array, gap: Array, drop: Array
 ) -> Array:
     nothing = np.zeros_like(normal_traction)
-    kappa = _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
-    kappa_open = _alone(law, nothing, gap, drop, own)
+    shut, apart = closed == 1.0, closed == 0.0
     with np.errstate(divide="ignore", over="ignore"):
-        transmissivity = closed * _transmissivity(kappa, own) + (1.0 - closed) * _transmissivity(kappa_open, own)
-        between = own * (1.0 / transmissivity - 1.0)
-        return np.where(closed == 1.0, 1.0 / kappa, np.where(closed == 0.0, 1.0 / kappa_open, between))
+        # a law that follows the drop is looked for at many drops: not where no node asks for it
+        kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
+        kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
+        found = np.where(shut, 1.0 / kappa, 1.0 / kappa_open)
+        at = np.flatnonzero(~(shut | apart))
+        conducting, insulating = (_transmissivity(part[at], own[at]) for part in (kappa, kappa_open))
+        found[at] = own[at] * (1.0 / (closed[at] * conducting + (1.0 - closed[at]) * insulating) - 1.0)
+    return np.asarray(found)
 
 
 def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array, own: Array) -> Array:

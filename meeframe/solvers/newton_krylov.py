@@ -52,14 +52,15 @@ def krylov_step(
         amounts = (values[size:] / weight - border.totals @ loads) / border.stiffness
         return np.concatenate([loads + amounts @ border.responses, amounts])
 
-    found = gmres(multiply, solve, np.concatenate([right, weight * border.turned(balance)]), tolerance)
+    whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
+    found = gmres(multiply, solve, whole, tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
         amounts *= blocks.farthest / farthest
         moved = (amounts @ rows.lifted(equation.modes)).astype(rows.precision)
         found = gmres(multiplication, precondition, right + moved, tolerance)
-    return given + rows.step(found[:size]), amounts
+    return rows.step(found[:size], given), amounts
 
 
 def _right(rows: Rows, blocks: Blocks, given: Array, tolerance: float) -> Array:
@@ -89,11 +90,11 @@ class _Border:
 
     @classmethod
     def of(cls, rows: Rows, precondition: Linear) -> "_Border":
-        columns = rows.lifted(rows.equation.modes).astype(rows.precision)
+        columns = rows.lifted(rows.equation.modes)
         responses = np.empty_like(columns)
         for response, column in zip(responses, columns, strict=True):
             response[:] = precondition(column)
-        totals = rows.combined(rows.equation.measures).astype(rows.precision)
+        totals = rows.combined(rows.equation.measures)
         left, stiffness, right = np.linalg.svd(totals @ responses.T)
         smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)
         resisted = stiffness > smallest * stiffness.max(initial=0.0)

@@ -10,7 +10,7 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.newton_krylov import UNRESISTED, krylov_step
-from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
+from meeframe.solvers.nonsmooth import CLOSED, OF_DISPLACEMENT, OF_UNKNOWNS, Blocks, Equation
 
 ACCURATE: Final = 1e-10
 """Fraction of the residual that iterations leave unless they are told otherwise."""
@@ -83,11 +83,12 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
 def _coupled(blocks: Blocks) -> Mask:
     """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
     fraction's: one goes with the other."""
-    others = blocks.a != 0.0
-    others[:, np.arange(6), np.arange(6)] = False
-    coupled: Mask = np.asarray(blocks.b.any(axis=2) | others.any(axis=2))
-    coupled[:, 2] |= coupled[:, CLOSED]
-    return coupled
+    coupled = np.zeros((CLOSED + 1, len(blocks.a)), bool)
+    beside = [(row, blocks.a[:, row, column]) for row, column in OF_UNKNOWNS if row != column]
+    for row, entry in [*beside, *((row, blocks.b[:, row, column]) for row, column in OF_DISPLACEMENT)]:
+        coupled[row] |= entry != 0.0
+    coupled[2] |= coupled[CLOSED]
+    return coupled.T
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:

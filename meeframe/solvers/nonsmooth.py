@@ -47,6 +47,10 @@ NEAREST: Final = 1e-4
 """Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
+FRICTION: Final = tuple((row, column) for row in range(3) for column in range(3))
+OF_UNKNOWNS: Final = (*FRICTION, (3, 3), (3, 2), (3, CLOSED), (4, 4), (4, 2), (4, CLOSED), (CLOSED, CLOSED))
+OF_DISPLACEMENT: Final = (*FRICTION, (3, 3), (3, 2), (4, 4), (4, 2), (CLOSED, 2))
+"""Rows and columns of the entries of the blocks that are not zero everywhere."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
 
@@ -56,15 +60,19 @@ class Equation:
     """The nonsmooth equation of a problem.
 
     scales: of its data; blocks: (n, 5, 5) response of each node to its own load; own: (n, 2) of its potentials to their
-    flux; r: [Pa/m]; modes: (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free
-    motions; measures: (m, n, 5) of the loads by characteristic totals; loaded: the fields that the laws load, and
-    inverse: the system's approximate one in them, None if it has none or is held as a matrix.
+    flux, and lifted: (n, 2) [m/V], [m/A] how far flux that changes them moves it along the normal; r: [Pa/m]; modes:
+    (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free motions; measures:
+    (m, n, 5) of the loads by characteristic totals; loaded: the fields that the laws load, and inverse: the system's
+    approximate one in them, None if it has none or is held as a matrix.
+
+    Here and in what follows components are stored one after another: numpy is much faster along the longer axis.
     """
 
     problem: ContactProblem
     scales: Scales
     blocks: Array
     own: Array
+    lifted: Array
     r: float
     modes: Array
     units: Array
@@ -76,27 +84,33 @@ class Equation:
     def of(cls, problem: ContactProblem) -> "Equation":
         """Of a problem."""
         scales = problem_scales(problem)
-        blocks, own = problem.system.diagonal_blocks(), own_response(problem)
+        blocks, own = problem.system.diagonal_blocks(), np.asfortranarray(own_response(problem))
+        lifted = np.abs(np.asfortranarray(blocks[:, 2, POTENTIALS]) / own)
         units = motion_scales(problem, scales)
-        modes, measures = np.zeros((2, len(units), len(problem.gap), N_FIELDS))
+        modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
         for k, freedom in enumerate(problem.freedoms):
-            modes[k], measures[k] = units[k] * freedom.mode, freedom.measure / scales.totals[k]
-        modes = np.moveaxis(modes, 0, 2)
+            for field in freedom.moved:
+                modes[k, field] = units[k] * freedom.mode[:, field]
+            for field in freedom.measured:
+                measures[k, field] = freedom.measure[:, field] / scales.totals[k]
+        modes, measures = modes.transpose(2, 1, 0), measures.transpose(0, 2, 1)
         rubs = bool(problem.contact_law.tangential_scaling().any())
         flows = [conducts(law) for law in (problem.electric_law, problem.magnetic_law)]
         loaded = np.flatnonzero([rubs, rubs, True, *flows]).tolist()
         system = problem.system
         inverse = system.approximate_inverse(loaded) if system.dense() is None else None
         r = 1.0 / scales.normal_compliance
-        return cls(problem, scales, blocks, own, r, modes, units, measures, loaded, inverse)
+        return cls(problem, scales, blocks, own, lifted, r, modes, units, measures, loaded, inverse)
 
     def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """The equation at a load (n, 5) and motion (m,) of the freedoms.
 
         closed: (n,) what grazing nodes (n,) have, that of the others follows.
         """
-        displacement = self.problem.system.offset + self.problem.system.apply(load)
-        ahead = indenter_position(self.problem, motion) - displacement
+        load = np.asfortranarray(load)
+        ahead = indenter_position(self.problem, motion)
+        ahead -= self.problem.system.offset
+        ahead -= self.problem.system.apply(load)
         return self.beside(load, ahead, closed, grazing, motion)
 
     def beside(self, load: Array, ahead: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
@@ -113,9 +127,9 @@ class Equation:
         flux = self.own * load[:, POTENTIALS]
         drive = -alone[:, POTENTIALS]
         # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
-        switched = np.abs(self.blocks[:, 2, POTENTIALS] * jump * drive / self.own).sum(axis=1)
+        switched = np.abs(self.lifted * jump * drive).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
-        residual = np.zeros((len(load), 6))
+        residual = np.zeros((CLOSED + 1, len(load))).T
         residual[:, MECHANICAL] = (
             load[:, MECHANICAL] - lawful_traction(law, trial, gap, (self.r, self.r))
         ) / self.scales.pressure
@@ -129,7 +143,8 @@ class Equation:
     def transmissivity(self, pressing: Array, ahead: Array, closed: float) -> Array:
         """T, (n, 2), at contact tractions (n,) and (n, 5) ahead if all nodes have one closed fraction."""
         fraction = np.full_like(pressing, closed)
-        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, ahead)))
+        across = ahead if follows_gap(self.problem) else None
+        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
     def transmissivity_slope(self, pressing: Array, ahead: Array) -> Array:
         """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences."""
@@ -165,8 +180,8 @@ class Equation:
 class Blocks:
     """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
-    a: (n, 6, 6), b: (n, 6, 5), residual: (n, 6), balance: (m,); modes and measures are the equation's; farthest: how
-    many characteristic amounts the motions may go in one step.
+    a: (n, 6, 6) and b: (n, 6, 5), zero but for OF_UNKNOWNS and OF_DISPLACEMENT, residual: (n, 6), balance: (m,); modes
+    and measures are the equation's; farthest: how many characteristic amounts the motions may go in one step.
     """
 
     a: Array
@@ -222,9 +237,9 @@ class Point:
         law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
         moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
-        # stored by entries: most of them are zero everywhere and never touched
+        # most entries are zero everywhere and never touched
         a, b = (np.zeros((6, columns, len(self.load))).transpose(2, 0, 1) for columns in (6, 5))
-        residual = self.residual.copy()
+        residual = self.residual.copy(order="K")
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
@@ -232,8 +247,9 @@ class Point:
         by_trial, by_gap = traction_tangents(
             law, self.trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between
         )
-        a[:, MECHANICAL, MECHANICAL] = (np.eye(3) - by_trial) / scales.pressure
-        b[:, MECHANICAL, MECHANICAL] = by_gap / scales.pressure
+        for i, j in FRICTION:
+            a[:, i, j] = (float(i == j) - by_trial[:, i, j]) / scales.pressure
+            b[:, i, j] = by_gap[:, i, j] / scales.pressure
         a[:, CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
         b[between, CLOSED, 2] = -equation.r / scales.pressure
         closed = np.clip(self.closed, 0.0, 1.0)

@@ -1,0 +1,105 @@
+"""Small matrices at many nodes, by their entries."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import Mask
+
+SINGULAR: Final = 1e12
+"""Condition of a node's block from which on its pseudo-inverse is meant."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodeBlocks:
+    """Blocks of c nodes. entries: (c,) by row and column, without those that are zero at all nodes; shape: (rows, c) of
+    products with vectors."""
+
+    entries: Mapping[tuple[int, int], Array]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, entries: Mapping[tuple[int, int], Array], shape: tuple[int, int]) -> "NodeBlocks":
+        """Of entries (c,) that may be zero."""
+        return cls({place: entry for place, entry in entries.items() if entry.any()}, shape)
+
+    def entry(self, row: int, column: int) -> Array:
+        """An entry (c,)."""
+        found = self.entries.get((row, column))
+        return np.zeros(self.shape[1]) if found is None else found
+
+    def astype(self, precision: np.dtype[Any]) -> "NodeBlocks":
+        """Rounded to a precision."""
+        return NodeBlocks({place: entry.astype(precision) for place, entry in self.entries.items()}, self.shape)
+
+    def add(self, vectors: Array, to: Array) -> None:
+        """Add the products with vectors (columns, c) to other ones (rows, c)."""
+        for (row, column), entry in self.entries.items():
+            to[row] += entry * vectors[column]
+
+    def times(self, vectors: Array) -> Array:
+        """Products (rows, c) with vectors (columns, c)."""
+        product = np.zeros(self.shape, vectors.dtype)
+        self.add(vectors, product)
+        return product
+
+    def changed(self, row: int, column: int, nodes: Indices, values: Array | float) -> "NodeBlocks":
+        """The same with other values (k,) of an entry at k nodes."""
+        entry = self.entry(row, column).copy()
+        entry[nodes] = values
+        return NodeBlocks.of({**self.entries, (row, column): entry}, self.shape)
+
+    def exchanged(self, one: int, other: int, nodes: Indices) -> "NodeBlocks":
+        """The same with two rows exchanged at k nodes (k,)."""
+        blocks = self
+        for column in {column for row, column in self.entries if row in (one, other)}:
+            for row, from_row in ((one, other), (other, one)):
+                blocks = blocks.changed(row, column, nodes, self.entry(from_row, column)[nodes])
+        return blocks
+
+    def inverses(self, which: Mask) -> "NodeBlocks":
+        """Inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
+        found, beside = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
+        for row, some in enumerate(which):
+            diagonal = self.entry(row, row)
+            found[row, row] = np.divide(1.0, diagonal, out=np.zeros(len(diagonal)), where=some & (diagonal != 0.0))
+        for i, j in permutations(range(len(which)), 2):
+            if (i, j) in self.entries:
+                linked = which[i] & which[j] & (self.entries[i, j] != 0.0)
+                beside[i] |= linked
+                beside[j] |= linked
+        nodes, rows = np.flatnonzero(beside.any(axis=0)), np.flatnonzero(beside.any(axis=1)).tolist()
+        blocks = np.empty((len(rows), len(rows), len(nodes)))
+        for place in np.ndindex(blocks.shape[:2]):
+            i, j = (rows[k] for k in place)
+            both = which[i, nodes] & which[j, nodes]
+            blocks[place] = np.where(both, self.entry(i, j)[nodes], float(i == j))
+        inverse = _inverse(blocks) if nodes.size else blocks
+        for place in np.ndindex(blocks.shape[:2]):
+            i, j = (rows[k] for k in place)
+            entry = found.setdefault((i, j), np.zeros(self.shape[1]))
+            entry[nodes] = np.where(which[i, nodes] & which[j, nodes], inverse[place], 0.0)
+        return NodeBlocks.of(found, self.shape)
+
+
+def _inverse(blocks: Array) -> Array:
+    """Inverses of blocks (s, s, c), pseudo-inverses of those that are singular."""
+    turned = blocks.transpose(2, 0, 1)
+    with np.errstate(all="ignore"):
+        if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
+            (a, b), (c, d) = blocks
+            found = (np.array([[d, -b], [-c, a]]) / (a * d - b * c)).transpose(2, 0, 1)
+        else:
+            try:
+                found = np.asarray(np.linalg.inv(turned), float)
+            except np.linalg.LinAlgError:
+                return np.asarray(np.linalg.pinv(turned).transpose(1, 2, 0))
+        size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (turned, found))
+        singular = ~(size * bound < SINGULAR)
+    found[singular] = np.linalg.pinv(turned[singular])
+    return np.asarray(found.transpose(1, 2, 0))
