@@ -15,7 +15,7 @@ from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.fundamental.line_integral import LineIntegral, line_modulation
 from meeframe.fundamental.modulated import checked_stiffness
 from meeframe.kernels.modulation import triads
-from meeframe.kernels.tabulated import DEGREE, WIDTH, evaluate, gradient
+from meeframe.kernels.tabulated import DEGREE, LINE, WIDTH, evaluate, gradient
 from meeframe.kernels.tabulated_sums import integrate
 
 MOST_CELLS = 64
@@ -145,9 +145,16 @@ def _table(stiffness: Array, cells: int) -> Array:
     # Two steps: a round-off in the first is a Chebyshev polynomial and stays small inside the cell.
     to_series, to_powers = np.kron(in_basis, in_basis)[rows], np.kron(powers, powers)[np.ix_(rows, rows)]
     n_cells = 3 * cells**2
-    table = np.zeros((n_cells, len(row), WIDTH))
+    table = _zeros_on_lines(n_cells * len(row) * WIDTH).reshape(n_cells, len(row), WIDTH)
     table[..., : values.shape[1]] = to_powers @ (to_series @ values.reshape(n_cells, count**2, -1))
     return table.reshape(n_cells, -1)
+
+
+def _zeros_on_lines(count: int) -> Array:
+    """Zeros that begin with a line of the caches: no vector of eight is spread over two, as it would be else."""
+    room = np.zeros(count + LINE)
+    first = -(room.ctypes.data // room.itemsize) % LINE
+    return room[first : first + count]
 
 
 def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:

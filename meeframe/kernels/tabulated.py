@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from meeframe.kernels.modulation import PACKED
+from meeframe.kernels.prefetch import prefetch
 
 DEGREE = 8
 WIDTH = 16
@@ -23,11 +24,13 @@ LANES, BLOCK = 8, 32
 # From so many points of one cell on it pays to interpolate them together, though some lanes stay idle.
 FEW = 5
 WIDE = BLOCK + LANES
-# Points sorted together, in calls of more than an assembly makes (POINTS_PER_CALL there): enough for several in each
-# cell, few enough for their results to stay in third-level cache.
-CHUNK = 20480
+# Points sorted together: enough for a few in each cell, few enough for their packed results to stay in a second-level
+# cache of 1 MiB until they are written out in order.
+CHUNK = 2048
 FLAT = PACKED.ravel()
 N_PACKED = 15
+# Doubles of one point's U, packed, and T: five lines of cache. Those of so many points ahead are fetched.
+ROW, LINE, AHEAD = N_PACKED + 25, 8, 8
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -188,6 +191,14 @@ def tractions(coefficients, place, values, traction):
             out[4 * BLOCK + p] = _entry(4, values, p, scale, slope, a, b, c)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _prefetch_cell(table, cell):
+    """Fetch the coefficients of a cell while others are in use; sorted points seldom find theirs near the processor."""
+    begin = cell * table.shape[1]
+    for entry in range(begin, begin + table.shape[1], LINE):
+        prefetch(table, entry)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _block(table, cells, points, place, key, normal, work):
     """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see sort_by_cell) and normal.
@@ -213,6 +224,8 @@ def _block(table, cells, points, place, key, normal, work):
         end = p + 1
         while end < min(p + LANES, len(points)) and key[points[end]] == cell:
             end += 1
+        if end < len(points):
+            _prefetch_cell(table, key[points[end]])
         if end - p >= FEW:
             # Idle lanes fill columns of points that follow, before these do.
             _interpolate_lanes(table, cell, local[0, p : p + LANES], local[1, p : p + LANES], p, values)
@@ -227,29 +240,56 @@ def _block(table, cells, points, place, key, normal, work):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _pack(points, place, values, traction, packed):
+    """Results of a block of points (see _block, tractions) as rows of packed (b, 40): U, packed, and T."""
+    for p in range(len(points)):
+        scale = 0.25 / (math.pi * abs(place[0, points[p]]))
+        for q in range(N_PACKED):
+            packed[p, q] = scale * values[q, p]
+        for q in range(25):
+            packed[p, N_PACKED + q] = traction[q // 5, BLOCK * (q % 5) + p]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _write_in_order(packed, order, row_of, u_out, t_out):
+    """Write U and T (n, 25) from rows of packed of the points in that order (n,); fills row_of (n,), its inverse.
+
+    Written in the order of the points, whole lines one after the other: memory takes those much faster than rows here
+    and there, which it would have to read first.
+    """
+    n = len(order)
+    for row in range(n):
+        row_of[order[row]] = row
+    for point in range(n):
+        ahead = ROW * row_of[min(point + AHEAD, n - 1)]
+        for q in range(0, ROW, LINE):
+            prefetch(packed, ahead + q)
+        found = packed[row_of[point]]
+        for q in range(25):
+            u_out[point, q] = found[FLAT[q]]
+        for q in range(25):
+            t_out[point, q] = found[N_PACKED + q]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     """Write U and T (n, 25) for offset (n, 3), normal (n, 3); coefficients (3, 225) per face as in tractions."""
     n = offset.shape[0]
     room = min(n, CHUNK)
-    place, key, order = np.empty((3, room)), np.empty(room, np.int32), np.empty(room, np.int32)
+    place, key, packed = np.empty((3, room)), np.empty(room, np.int32), np.empty((room, ROW))
+    order, row_of = np.empty((2, room), np.int32)
     near, values, traction = np.zeros((7, BLOCK)), np.zeros((WIDTH, 3 * WIDE)), np.empty((5, 5 * BLOCK))
     work = np.zeros((2, WIDE)), near, values, np.empty(3 * WIDTH)
     for begin in range(0, n, CHUNK):
         part = slice(begin, min(begin + CHUNK, n))
         bounds = sort_by_cell(offset[part], cells, place, key, order)
-        u_part, t_part = u_out[part], t_out[part]
         for face in range(3):
             for first in range(bounds[face], bounds[face + 1], BLOCK):
                 points = order[first : min(first + BLOCK, bounds[face + 1])]
                 _block(table, cells, points, place, key, normal[part], work)
                 tractions(coefficients[face], near, values, traction)
-                for p in range(len(points)):
-                    point = points[p]
-                    scale = 0.25 / (math.pi * abs(place[0, point]))
-                    for q in range(25):
-                        u_part[point, q] = scale * values[FLAT[q], p]
-                    for q in range(25):
-                        t_part[point, q] = traction[q // 5, BLOCK * (q % 5) + p]
+                _pack(points, place, values, traction, packed[first:])
+        _write_in_order(packed, order[: part.stop - part.start], row_of, u_out[part], t_out[part])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
