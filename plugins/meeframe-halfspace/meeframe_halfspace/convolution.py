@@ -14,6 +14,7 @@ from meeframe_halfspace.cells import share_out
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER
 
+Share = Callable[[Callable[[int, int], None], int], None]
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
@@ -27,6 +28,8 @@ BLOCK: Final = 2**19
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
 """... and the fewest rows or columns."""
+SHARED: Final = 2**23
+"""Bytes of all spectra from which on several threads are faster than one."""
 
 
 @final
@@ -133,9 +136,10 @@ class Convolution:
         def transform_back(columns: slice) -> None:
             answer[:, :, columns] = scipy.fft.irfft(answers[:, :, columns], px, axis=1)[:, :nx]
 
-        _in_blocks(transform, ny, px * precision.itemsize * len(load))
-        _in_blocks(multiply, half, py * complex_.itemsize * len(load))
-        _in_blocks(transform_back, ny, px * precision.itemsize * count)
+        share = share_out if spectra.nbytes >= SHARED else _alone
+        _in_blocks(share, transform, ny, px * precision.itemsize * len(load))
+        _in_blocks(share, multiply, half, py * complex_.itemsize * len(load))
+        _in_blocks(share, transform_back, ny, px * precision.itemsize * count)
         if count == len(fields):
             return answer
         response = np.zeros((len(fields), nx, ny), precision)
@@ -159,15 +163,19 @@ class Convolution:
         return self.products[key]
 
 
-def _in_blocks(work: Callable[[slice], None], count: int, size: int) -> None:
+def _in_blocks(share: Share, work: Callable[[slice], None], count: int, size: int) -> None:
     """work(part) on parts of range(count), each of which takes `size` bytes."""
     height = max(LEAST, BLOCK // size)
 
-    def share(first: int, last: int) -> None:
+    def some(first: int, last: int) -> None:
         for begin in range(first, last, height):
             work(slice(begin, min(begin + height, last)))
 
-    share_out(share, count)
+    share(some, count)
+
+
+def _alone(work: Callable[[int, int], None], count: int) -> None:
+    work(0, count)
 
 
 def _parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:

@@ -48,9 +48,10 @@ class GridResponse(ABC):
 @final
 @dataclass(frozen=True, eq=False)
 class FreeGrid(GridResponse):
-    """The grid stands free. shape: of the density around a node."""
+    """The grid stands free. shape: of the density around a node; near: all entries near it, None if not known."""
 
     shape: Shape
+    near: Array | None = None
 
     @property
     def padded(self) -> tuple[int, int]:
@@ -61,6 +62,8 @@ class FreeGrid(GridResponse):
     @cached_property
     def _near(self) -> Array:
         """All entries near the node, see cell_table."""
+        if self.near is not None:
+            return self.near
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def symbol(self, number: int) -> Array | None:
@@ -85,8 +88,11 @@ class FreeGrid(GridResponse):
         return values
 
     def coarser(self) -> "FreeGrid":
-        """See GridResponse."""
-        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+        """See GridResponse. The response falls like 1/r: as many spacings away it is twice that of the finer grid."""
+        spacing, size = _doubled(self.spacing), _halved(self.size)
+        (nx, ny), middle = near_size(spacing, size), self._near.shape[2] // 2
+        near = 2.0 * self._near[:, :nx, middle - ny + 1 : middle + ny]
+        return replace(self, spacing=spacing, size=size, near=near)
 
 
 @final

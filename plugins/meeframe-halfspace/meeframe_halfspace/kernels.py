@@ -141,15 +141,39 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule,
 
 
 @njit(cache=True, nogil=True)
-def series_value(c, s, coefficients, odd):
-    """Series (n, 2) in an angle whose cos and sin are given: of harmonics 1, 3, ... if `odd`, 0, 2, ... if not."""
-    step_c, step_s = c * c - s * s, 2.0 * s * c
-    cn, sn = (c, s) if odd else (1.0, 0.0)
-    value = 0.0
-    for n in range(coefficients.shape[0]):
-        value += coefficients[n, 0] * cn + coefficients[n, 1] * sn
-        cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
-    return value
+def series_values(c, s, coefficients, odd, work, values):
+    """values[j] = series (n, 2) in the angle of cos c[j] and sin s[j]: harmonics 1, 3, ... if `odd`, 0, 2, ... if not.
+
+    work: (4, len(values)). Loops over many angles, with few arrays each, are what the compiler makes wide.
+    """
+    step_c, step_s, cn, sn = work[0], work[1], work[2], work[3]
+    step_c[:], step_s[:] = c, s
+    _turn(step_c, step_s, c, s)
+    if odd:
+        cn[:], sn[:] = c, s
+    else:
+        cn[:], sn[:] = 1.0, 0.0
+    values[:] = 0.0
+    for n in range(len(coefficients)):
+        _add(coefficients[n, 0], cn, values)
+        _add(coefficients[n, 1], sn, values)
+        _turn(cn, sn, step_c, step_s)
+
+
+@njit(cache=True, nogil=True)
+def _turn(c, s, by_c, by_s):
+    """cos and sin of angles, added to in place those whose cos and sin are by_c and by_s."""
+    for j in range(len(c)):
+        turned = c[j] * by_c[j] - s[j] * by_s[j]
+        s[j] = s[j] * by_c[j] + c[j] * by_s[j]
+        c[j] = turned
+
+
+@njit(cache=True, nogil=True)
+def _add(factor, part, whole):
+    """whole += factor part."""
+    for j in range(len(whole)):
+        whole[j] += factor * part[j]
 
 
 @njit(cache=True, nogil=True)
@@ -158,32 +182,33 @@ def fill_far(first, last, spacing, coefficients, odd, weights, out):
 
     weights: (2 m + 1,) with which samples at the places around add up to the integral over a density.
     """
-    reach, middle = len(weights) // 2, (out.shape[1] - 1) // 2
-    samples = np.empty((len(weights), out.shape[1] + 2 * reach))  # of row i in place i modulo their number
-    across = np.empty(samples.shape[1])
+    reach, width = len(weights) // 2, out.shape[1]
+    samples = np.empty((len(weights), width + 2 * reach))  # of row i in place i modulo their number
+    across, inverse, c, s = np.empty((4, samples.shape[1]))
+    work = np.empty((4, samples.shape[1]))
+    y = (np.arange(samples.shape[1]) - (reach + (width - 1) // 2)) * spacing[1]
     area = spacing[0] * spacing[1]
     for ahead in range(first - reach, last + reach):
-        row = samples[ahead % len(weights)]
+        row, x = samples[ahead % len(weights)], ahead * spacing[0]
         for j in range(len(row)):
-            x, y = ahead * spacing[0], (j - reach - middle) * spacing[1]
-            distance = np.sqrt(x * x + y * y)
-            if distance > 0.0:
-                row[j] = area / distance * series_value(x / distance, y / distance, coefficients, odd)
-            else:
-                row[j] = 0.0
+            distance = np.sqrt(x * x + y[j] * y[j])
+            inverse[j] = 1.0 / distance if distance > 0.0 else 0.0
+        for j in range(len(row)):
+            c[j] = x * inverse[j]
+        for j in range(len(row)):
+            s[j] = y[j] * inverse[j]
+        series_values(c, s, coefficients, odd, work, row)
+        for j in range(len(row)):
+            row[j] *= area * inverse[j]
         i = ahead - reach
         if i < first:
             continue
         across[:] = 0.0
         for k in range(len(weights)):
-            row = samples[(i + k - reach) % len(weights)]
-            for j in range(len(row)):
-                across[j] += weights[k] * row[j]
-        for j in range(out.shape[1]):
-            value = 0.0
-            for k in range(len(weights)):
-                value += weights[k] * across[j + k]
-            out[i, j] = value
+            _add(weights[k], samples[(i + k - reach) % len(weights)], across)
+        out[i] = 0.0
+        for k in range(len(weights)):
+            _add(weights[k], across[k : k + width], out[i])
 
 
 @njit(cache=True, nogil=True)
@@ -193,19 +218,27 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
     along, across: wave numbers (nx // 2 + 1,), (ny,); coefficients: series of the entry in the angle of q. The highest
     wave number of an even count stands for both signs: the mean of the two is real where it must be.
     """
+    inverse, c, s, values = np.empty((4, symbol.shape[1]))
+    work, work_one, one = np.empty((4, symbol.shape[1])), np.empty((4, 1)), np.empty(1)
     for i in range(first, last):
-        for j in range(symbol.shape[1]):
-            value = 0.0
-            k = np.sqrt(along[i] ** 2 + across[j] ** 2)
-            if k > 0.0:
-                both_x, both_y = 2 * i == nx, 2 * j == ny
-                share = window_x[i] * window_y[j] / k / ((2.0 if both_x else 1.0) * (2.0 if both_y else 1.0))
-                for sign_x in (1.0, -1.0):
-                    for sign_y in (1.0, -1.0):
-                        if (sign_x > 0.0 or both_x) and (sign_y > 0.0 or both_y):
-                            c, s = sign_x * along[i] / k, sign_y * across[j] / k
-                            value += share * series_value(c, s, coefficients, odd)
-            symbol[i, j] = value
+        symbol[i] = 0.0
+        for j in range(len(values)):
+            k = np.sqrt(along[i] * along[i] + across[j] * across[j])
+            inverse[j] = 1.0 / k if k > 0.0 else 0.0
+        for j in range(len(values)):
+            s[j] = across[j] * inverse[j]
+        passes = 2 if 2 * i == nx else 1
+        for turn in range(passes):
+            for j in range(len(values)):
+                c[j] = (1.0 - 2.0 * turn) * along[i] * inverse[j]
+            series_values(c, s, coefficients, odd, work, values)
+            if ny % 2 == 0:
+                last_y = slice(ny // 2, ny // 2 + 1)
+                series_values(c[last_y], -s[last_y], coefficients, odd, work_one, one)
+                values[ny // 2] = 0.5 * (values[ny // 2] + one[0])
+            _add(window_x[i] / passes, values, symbol[i])
+        for j in range(len(values)):
+            symbol[i, j] *= window_y[j] * inverse[j]
 
 
 @njit(cache=True, nogil=True)

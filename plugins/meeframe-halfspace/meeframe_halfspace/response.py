@@ -52,13 +52,17 @@ class PointResponse:
         """
         factors = FieldScaling.of(stiffness).factors
         count = _FIRST_ANGLES
-        while count <= _MOST_ANGLES:
-            harmonics = _harmonics(scaled_compliance(stiffness, frame, 2.0 * np.pi * np.arange(count) / count))
+        y = _over_half(stiffness, frame, count // 2, 0.0)
+        while True:
+            harmonics = _harmonics(np.concatenate([y, y.conj()]))
             size = np.abs(harmonics).max(axis=(1, 2))
             half = count // 2  # rows 0 .. half are the harmonics from zero on
             if size[half // 2 : half + 1].max() <= _CONVERGED * size.max():
                 kept = int(np.flatnonzero(size[: half // 2] > _NEGLIGIBLE * size.max()).max())
                 return cls(*_series(harmonics[: kept + 1]), factors)
+            if count == _MOST_ANGLES:
+                break
+            y = np.stack([y, _over_half(stiffness, frame, half, 0.5)], axis=1).reshape(-1, N_FIELDS, N_FIELDS)
             count *= 2
         raise MaterialError(f"the surface compliance needs more than {_MOST_ANGLES} directions: nearly inadmissible")
 
@@ -132,6 +136,11 @@ def entries_to_matrix(values: Array) -> Array:
     matrix[..., STRICT[0], STRICT[1]] += antisymmetric
     matrix[..., STRICT[1], STRICT[0]] -= antisymmetric
     return matrix
+
+
+def _over_half(stiffness: Array, frame: Array, count: int, start: float) -> NDArray[np.complex128]:
+    """Y(m) at equal steps over half a circle, the first one `start` steps from e1; over the other it is conjugate."""
+    return scaled_compliance(stiffness, frame, np.pi * (np.arange(count) + start) / count)
 
 
 def _harmonics(y: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -1,0 +1,118 @@
+"""Products on a grid against sums over its nodes: all sizes, fields, precisions and numbers of threads."""
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+from meeframe_halfspace import convolution
+from meeframe_halfspace.cells import cell_table
+from meeframe_halfspace.convolution import Convolution, Symbol
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length
+from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
+
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.materials import Material, library_material, rotation_about
+
+TURNED = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
+RESPONSE = PointResponse.of(TURNED, np.eye(3))
+SPACING = (1.0, 0.8)
+SIZES = [(9, 14), (16, 7), (5, 5), (12, 6)]
+ALL = (0, 1, 2, 3, 4)
+CHOICES = [((2,), (2,)), (ALL, ALL), ((4, 2), (0, 2, 3)), ((1,), (4, 0, 1, 2)), ((3, 4), (4, 3))]
+
+
+@pytest.fixture(params=[1, 2])
+def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Small grids too are shared among them, in blocks of a few rows."""
+    for name, value in (("SHARED", 0), ("BLOCK", 4096), ("LEAST", 3)):
+        monkeypatch.setattr(convolution, name, value)
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(request.param, numba.config.NUMBA_NUM_THREADS))
+    yield request.param
+    numba.set_num_threads(before)
+
+
+def convolution_of(grid: GridResponse) -> Convolution:
+    return Convolution(Symbol(grid.symbol), grid.size, grid.padded, np.ones((N_FIELDS, N_FIELDS)))
+
+
+def free(size: tuple[int, int]) -> tuple[Convolution, Array]:
+    """With the response (2 nx - 1, 2 ny - 1, 5, 5) of each node to one load, from its most negative offset on."""
+    ahead = entries_to_matrix(np.moveaxis(cell_table(RESPONSE, SPACING, "bilinear", size), 0, -1))
+    behind = ahead[:0:-1, ::-1].swapaxes(2, 3)  # reciprocity
+    return convolution_of(FreeGrid(RESPONSE, SPACING, size, "bilinear")), np.concatenate([behind, ahead])
+
+
+def periodic(size: tuple[int, int]) -> tuple[Convolution, Array]:
+    """The same of a surface that repeats itself, wave by wave; the highest of an even count go both ways, half each."""
+    kernel = np.zeros((2 * size[0] - 1, 2 * size[1] - 1, N_FIELDS, N_FIELDS))
+    waves, shares = [], []
+    for n in size:
+        number = np.arange(-(n // 2), n // 2 + 1)
+        waves.append(2.0 * np.pi * number / n)
+        shares.append(np.where(2 * np.abs(number) == n, 0.5, 1.0))
+    offsets = [np.arange(1 - n, n) for n in size]
+    for p, share_p in zip(waves[0], shares[0], strict=True):
+        for q, share_q in zip(waves[1], shares[1], strict=True):
+            if p == q == 0.0:
+                circle = np.linspace(0.0, 2.0 * np.pi, 128, endpoint=False)
+                kernel += mean_length(size, SPACING) * scaled_compliance(TURNED, np.eye(3), circle).mean(axis=0).real
+                continue
+            k = p / SPACING[0], q / SPACING[1]
+            y = scaled_compliance(TURNED, np.eye(3), np.array([np.arctan2(k[1], k[0])]))[0] / np.hypot(*k)
+            window = share_p * share_q * np.sinc(p / (2.0 * np.pi)) * np.sinc(q / (2.0 * np.pi))
+            wave = np.exp(1j * np.add.outer(p * offsets[0], q * offsets[1]))
+            kernel += window * (wave[:, :, None, None] * y).real
+    return convolution_of(PeriodicGrid(RESPONSE, SPACING, size, "constant")), kernel / (size[0] * size[1])
+
+
+def summed(kernel: Array, load: Array, loaded: tuple[int, ...], fields: tuple[int, ...]) -> Array:
+    """Response (k, nx, ny) as a sum over loaded nodes."""
+    _, nx, ny = load.shape
+    chosen = kernel[:, :, fields][:, :, :, loaded]
+    found = np.zeros((len(fields), nx, ny))
+    for i in range(nx):
+        for j in range(ny):
+            near = chosen[nx - 1 - i : 2 * nx - 1 - i, ny - 1 - j : 2 * ny - 1 - j]
+            found += np.moveaxis(near @ load[:, i, j], -1, 0)
+    return found
+
+
+@pytest.mark.parametrize("kind", [free, periodic])
+@pytest.mark.parametrize("size", SIZES)
+def test_products_are_sums_over_nodes(kind, size, threads) -> None:
+    """One after another by one convolution, which makes entries as it needs them; odd sizes and even ones."""
+    made, kernel = kind(size)
+    for loaded, fields in (*CHOICES, CHOICES[0]):
+        load = np.random.default_rng(1).normal(size=(len(loaded), *size))
+        expected = summed(kernel, load, loaded, fields)
+        scale = np.abs(expected).max()  # in scaled fields, where couplings may be small
+        found = made.response(load, loaded, fields)
+        assert np.abs(found - expected).max() < 1e-13 * scale
+        single = made.response(load.astype(np.float32), loaded, fields)
+        assert single.dtype == np.float32
+        assert 1e-9 * scale < np.abs(single - expected).max() < 1e-6 * scale
+
+
+def test_single_precision_before_double() -> None:
+    """What is kept in one precision does not spoil the other."""
+    made, kernel = free((9, 14))
+    load = np.random.default_rng(2).normal(size=(5, 9, 14))
+    made.response(load.astype(np.float32), ALL, ALL)
+    expected = summed(kernel, load, ALL, ALL)
+    assert np.abs(made.response(load, ALL, ALL) - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+def test_fields_that_are_not_coupled_do_not_answer() -> None:
+    """Charges on an isotropic medium; among fields that answer, and alone."""
+    response = PointResponse.of(Material.isotropic(2e11, 0.3).stiffness, np.eye(3))
+    made = convolution_of(FreeGrid(response, SPACING, (8, 6), "constant"))
+    load = np.random.default_rng(3).normal(size=(1, 8, 6))
+    found = made.response(load, (3,), (0, 3, 2))
+    assert not found[[0, 2]].any()
+    np.testing.assert_array_equal(found[1:2], made.response(load, (3,), (3,)))
+    assert found[1].all()
+    assert made.response(load, (3,), (1, 4)).shape == (2, 8, 6)
+    assert not made.response(load, (3,), (1, 4)).any()
+    assert not made.response(np.empty((0, 8, 6)), (), (2,)).any()
