@@ -100,6 +100,12 @@ class Case:
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the formulations know that may come out wrong, in words; nothing that stops a run."""
+        own = self.formulation.warnings(self.body)
+        return own if self.counter is None else (*own, *self.counter.formulation.warnings(self.counter.body))
+
+    @property
     def n_increments(self) -> int:
         """Increments of all load steps together."""
         return sum(step.increments for step in self.steps)

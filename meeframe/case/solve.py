@@ -126,6 +126,8 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             planned = mechanism.increment(controls, here, step.increment_duration)
             here, result = _solve(mechanism, planned, here, (number, increment), share)
+            if number == 1 and increment == step.increments:
+                result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)

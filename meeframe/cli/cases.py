@@ -1,5 +1,6 @@
 """Commands on one case: run, check, show."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -47,6 +48,8 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
             f"{case}: ok: material {checked.material.name}, {checked.mesh.n_elements} elements, "
             f"contact zone {checked.zone}, {steps} step{'s' * (steps > 1)}"
         )
+        for warning in checked.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
 
 
 @app.command()

@@ -163,6 +163,10 @@ class Formulation(ABC):
     def check(self, body: Body) -> None:
         """Raises MeshError or CaseError if the body does not fit the formulation, before anything is computed."""
 
+    def warnings(self, body: Body) -> tuple[str, ...]:
+        """What may come out wrong for a body that check lets pass, and what to do, each in words."""
+        return ()
+
     @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.

@@ -36,6 +36,20 @@ def test_check(case_file):
     assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact, 2 steps\n"
 
 
+def test_slender_bodies_are_warned_of(case_file, tmp_path):
+    """A block of 0.1 x 0.1 x 2 m on its base: by check, and by run at the end of the first step."""
+    case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
+    status, out, err = meeframe_command("check", case_file)
+    assert status == 0
+    assert "ok: material" in out
+    assert err.startswith("warning: the body reaches 2 m from its supports")
+    assert err.count("\n") == 1
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
+    first, second = json.loads((tmp_path / "out" / "summary.json").read_text())["steps"]
+    assert first["message"].endswith(err.removeprefix("warning: ").strip())
+    assert "its bending" not in second["message"]
+
+
 def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
     folder = tmp_path / "out"
     status, out, err = meeframe_command("run", case_file, "--out", folder)

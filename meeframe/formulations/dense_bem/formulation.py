@@ -22,6 +22,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.fundamental import Tabulated
 from meeframe.geometry import check_mesh, zone_frames
+from meeframe.geometry.slenderness import bending_warnings
 from meeframe.kernels.assembly import Accuracy
 
 
@@ -52,6 +53,10 @@ class DenseBEM(Formulation):
         check_mesh(body.mesh)
         self._layout(body)
         _bound(self.fundamental_solution, _scaled(body).tobytes())
+
+    def warnings(self, body: Body) -> tuple[str, ...]:
+        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, factorise once, condense to the contact zone.

@@ -22,6 +22,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.fundamental import Tabulated
 from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
+from meeframe.geometry.slenderness import bending_warnings
 from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import Block
@@ -73,6 +74,10 @@ class HierarchicalBEM(Formulation):
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
         self.fundamental_solution.bind(_scaled(body))
+
+    def warnings(self, body: Body) -> tuple[str, ...]:
+        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
