@@ -33,12 +33,11 @@ def check_mesh(mesh: SurfaceMesh) -> None:
     _check_numbers(mesh)
     _check_points(mesh)
     _check_elements(mesh)
-    edges = find_edges(mesh)
-    _check_edges(mesh, edges)
+    _check_edges(mesh, find_edges(mesh))
     if mesh.semi_infinite:
         _check_plane(mesh)
         return
-    parts, inverted = _inverted_parts(mesh, edges)
+    parts, inverted = _inverted_parts(mesh)
     if inverted.any():
         middles = _middles(mesh)[inverted[parts]]
         how = "is" if inverted.all() else f"has {inverted.sum()} of {len(inverted)} closed parts"
@@ -49,9 +48,8 @@ def check_mesh(mesh: SurfaceMesh) -> None:
 def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
     """The mesh with every closed surface that is inside out flipped. Raises MeshError if not closed or inconsistent."""
     _check_numbers(mesh)
-    edges = find_edges(mesh)
-    _check_edges(mesh, edges)
-    parts, inverted = _inverted_parts(mesh, edges)
+    _check_edges(mesh, find_edges(mesh))
+    parts, inverted = _inverted_parts(mesh)
     blocks, first = [], 0
     for block in mesh.blocks:
         flip = inverted[parts[first : first + len(block.groups)]]
@@ -218,11 +216,11 @@ def _check_plane(mesh: SurfaceMesh) -> None:
         _refuse("the boundary of a half space is not plane", _middles(mesh)[tilted], "element")
 
 
-def _inverted_parts(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, Flags]:
+def _inverted_parts(mesh: SurfaceMesh) -> tuple[Indices, Flags]:
     """Closed surface that each element belongs to, (n_elements,), and whether each surface is inside out, (parts,).
 
     A surface inside an odd number of others bounds a cavity: its elements must look inwards.
     """
-    parts, inside = connected_surfaces(mesh, edges)
+    parts, inside = connected_surfaces(mesh)
     signed = np.bincount(parts, weights=volume_shares(mesh, mesh.points.mean(axis=0)))
     return parts, np.where(inside.sum(axis=1) % 2 == 0, signed, -signed) <= 0

@@ -1,5 +1,7 @@
 """Closed surfaces of a mesh, and the separate parts of the body that they bound."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -7,14 +9,17 @@ from scipy.sparse.csgraph import connected_components
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.geometry.topology import Edges, corner_count, find_edges
+from meeframe.geometry.topology import corner_count, find_edges
 
 
-def connected_surfaces(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, NDArray[np.bool_]]:
+@lru_cache(maxsize=4)
+def connected_surfaces(mesh: SurfaceMesh) -> tuple[Indices, NDArray[np.bool_]]:
     """Surface that each element belongs to, (n_elements,), and whether surface i lies inside surface j, (s, s).
 
     Elements that share edges are of one surface. What lies inside an open surface has no meaning.
+    Found once, as find_edges.
     """
+    edges = find_edges(mesh)
     n, sides = mesh.n_elements, len(edges.number)
     graph = coo_array((np.ones(sides), (edges.elements, n + edges.number)), shape=(n + sides, n + sides))
     surface = np.unique(connected_components(graph, directed=False)[1][:n], return_inverse=True)[1]
@@ -27,12 +32,15 @@ def connected_surfaces(mesh: SurfaceMesh, edges: Edges) -> tuple[Indices, NDArra
             angles = np.bincount(surface[owner], weights=_solid_angles(triangles - probe), minlength=count)
             inside[number] = np.abs(angles) > 2 * np.pi
             inside[number, number] = False
-    return surface.astype(np.int64), inside
+    surface = surface.astype(np.int64)
+    surface.setflags(write=False)
+    inside.setflags(write=False)
+    return surface, inside
 
 
 def body_parts(mesh: SurfaceMesh) -> Indices:
     """Separate part of the body that each point bounds, (p,), counting from 0; a cavity is of the part around it."""
-    surface, inside = connected_surfaces(mesh, find_edges(mesh))
+    surface, inside = connected_surfaces(mesh)
     depth = inside.sum(axis=1)
     around = np.argmax(inside & (depth == depth[:, None] - 1), axis=1)
     part = np.unique(np.where(depth % 2 == 0, np.arange(len(depth)), around), return_inverse=True)[1][surface]

@@ -1,6 +1,7 @@
 """Which elements share which edges."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -42,8 +43,9 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
     return edges
 
 
+@lru_cache(maxsize=4)
 def find_edges(mesh: SurfaceMesh) -> Edges:
-    """The edges of a mesh whose connectivity is within range."""
+    """The edges of a mesh whose connectivity is within range; found once, as several checks ask for them."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))
@@ -58,7 +60,10 @@ def find_edges(mesh: SurfaceMesh) -> Edges:
     all_ends = np.concatenate(ends)
     inside = np.concatenate(padded) if padded else np.empty((0, 0), np.int64)
     _, number = np.unique(np.sort(all_ends, axis=1), axis=0, return_inverse=True)
-    return Edges(all_ends, inside, np.concatenate(elements), number.ravel())
+    found = Edges(all_ends, inside, np.concatenate(elements), number.ravel())
+    for part in (found.ends, found.between, found.elements, found.number):
+        part.setflags(write=False)
+    return found
 
 
 def reflection(element: SurfaceElement) -> Indices:
