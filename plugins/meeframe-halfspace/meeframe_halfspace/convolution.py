@@ -121,20 +121,20 @@ class Convolution:
             return np.zeros((len(fields), nx, ny), precision)
         entries, _ = self.symbol.kept[precision]
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
-        spectra, answers = np.empty((len(load), half, ny), complex_), np.empty((count, half, ny), complex_)
+        spectra = np.empty((max(len(load), count), half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)
 
         def transform(columns: slice) -> None:
-            spectra[:, :, columns] = scipy.fft.rfft(load[:, :, columns], px, axis=1)
+            spectra[: len(load), :, columns] = scipy.fft.rfft(load[:, :, columns], px, axis=1)
 
         def multiply(rows: slice) -> None:
-            waves = scipy.fft.fft(spectra[:, rows], py, axis=2)
+            waves = scipy.fft.fft(spectra[: len(load), rows], py, axis=2)
             products = np.empty((count, *waves.shape[1:]), complex_)
             multiply_waves(rows.start, entries, product.terms, product.factors, waves, products)
-            answers[:, rows] = scipy.fft.ifft(products, axis=2, overwrite_x=True)[:, :, :ny]
+            spectra[:count, rows] = scipy.fft.ifft(products, axis=2, overwrite_x=True)[:, :, :ny]
 
         def transform_back(columns: slice) -> None:
-            answer[:, :, columns] = scipy.fft.irfft(answers[:, :, columns], px, axis=1)[:, :nx]
+            answer[:, :, columns] = scipy.fft.irfft(spectra[:count, :, columns], px, axis=1)[:, :nx]
 
         share = share_out if spectra.nbytes >= SHARED else _alone
         _in_blocks(share, transform, ny, px * precision.itemsize * len(load))

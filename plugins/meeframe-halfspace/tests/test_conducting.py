@@ -32,12 +32,13 @@ def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions()
     assert len(problem.system.products) <= 4 * solution.iterations
 
 
-def test_few_grazing_nodes_cost_few_steps():
-    """Held without pressure; free to touch they enter and leave the contact at each step, three times as many."""
-    solution = solve(sphere(128, np.inf, (5.0, 1.0), "orthotropic-mee"), ProjectedCG(), Limits(tolerance=1e-8))
+@pytest.mark.parametrize(("n", "potentials", "most"), [(128, (5.0, 1.0), 20), (80, (50.0, 5.0), 40)])
+def test_grazing_nodes_cost_hardly_more_steps(n: int, potentials: tuple[float, float], most: int):
+    """Held without pressure, and each fraction with regard to the others: by secants node by node, 33 and over 100."""
+    solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), Limits(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
-    assert ((solution.state.closed > 0.0) & (solution.state.closed < 1.0)).any()
-    assert solution.iterations <= 50
+    assert ((solution.state.closed > 0.0) & (solution.state.closed < 1.0)).sum() >= 32
+    assert solution.iterations <= most
 
 
 @pytest.mark.parametrize(
@@ -47,6 +48,7 @@ def test_few_grazing_nodes_cost_few_steps():
         (1e-5, (2e4, 0.0), "batio3-cofe2o4", True),
         (np.inf, (2e4, 0.0), "batio3-cofe2o4", True),
         (np.inf, (50.0, 5.0), "orthotropic-mee", True),
+        (np.inf, (0.0, 30.0), "orthotropic-mee", True),
     ],
 )
 def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, graze):
