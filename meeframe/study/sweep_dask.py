@@ -15,11 +15,9 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final, final
 from uuid import uuid4
 
-import numba
-from threadpoolctl import threadpool_limits
-
 from meeframe.case.cache import cached_body, code_key
 from meeframe.case.solve import reduce_body, reduce_for_contact
+from meeframe.case.threads import limited
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.fields import Array
@@ -87,17 +85,6 @@ class Carried:
     key: str
     sealed: Sealed | None = field(default=None, compare=False, repr=False)
     instead: Outcome | None = field(default=None, compare=False)
-
-
-@contextmanager
-def limited(threads: int | None) -> Iterator[None]:
-    """With so many threads of numba, of the libraries under numpy and scipy, and of meeframe's own; None: as it is."""
-    if threads is None:
-        yield
-        return
-    numba.set_num_threads(threads)  # of this thread alone, whose later tasks set theirs
-    with threadpool_limits(threads):
-        yield
 
 
 def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:

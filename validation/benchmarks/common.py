@@ -13,15 +13,18 @@ import statistics
 import tempfile
 import textwrap
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from meeframe.case.threads import limited
+
 Record = dict[str, Any]
 WIDTH = 119
+threads = limited
+"""with threads(2): as many threads of everything that has some."""
 
 
 def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -> dict[str, float]:
@@ -35,21 +38,6 @@ def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -
         walls.append(time.perf_counter() - wall)
         processors.append(time.process_time() - processor)
     return {"wall": statistics.median(walls), "processor": statistics.median(processors)}
-
-
-@contextmanager
-def threads(count: int) -> Iterator[None]:
-    """Lets numba, BLAS and meeframe's transforms use so many threads."""
-    import numba
-    from threadpoolctl import threadpool_limits
-
-    before = numba.get_num_threads()
-    numba.set_num_threads(count)
-    try:
-        with threadpool_limits(count):
-            yield
-    finally:
-        numba.set_num_threads(before)
 
 
 def users_environment(caches: Path) -> dict[str, str]:

@@ -1,0 +1,25 @@
+"""How many threads a computation takes."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numba
+from threadpoolctl import threadpool_limits
+
+
+@contextmanager
+def limited(threads: int | None) -> Iterator[None]:
+    """With so many threads of numba, of the libraries under numpy and scipy, and of meeframe's own; None: as it is.
+
+    numba's are those of the calling thread alone.
+    """
+    if threads is None:
+        yield
+        return
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    try:
+        with threadpool_limits(threads):
+            yield
+    finally:
+        numba.set_num_threads(before)

@@ -1,0 +1,22 @@
+"""Threads of numba and BLAS within limits, and as before afterwards."""
+
+import numba
+import pytest
+from threadpoolctl import threadpool_info
+
+from meeframe.case.threads import limited
+
+
+def counts() -> tuple[int, ...]:
+    return numba.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())
+
+
+def test_limits_end_with_the_block():
+    before = counts()
+    with limited(1):
+        assert set(counts()) == {1}
+        with limited(None):
+            assert set(counts()) == {1}
+    with pytest.raises(ZeroDivisionError), limited(1):
+        raise ZeroDivisionError
+    assert counts() == before
