@@ -10,8 +10,8 @@ from meeframe.study.validate import known_cases, validate
 FOLDER = Path(__file__).parents[2] / "validation"
 AT_LEAST = {
     "cone", "elliptic_hertz", "exact_friction", "fclib", "flat_punch", "hertz", "indentation_moduli", "load_histories",
-    "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "sliding_hertz", "spence",
-    "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies", "verification",
+    "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "slender_rods",
+    "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies", "verification",
 }  # fmt: skip
 
 
