@@ -69,7 +69,7 @@ class Symbol:
             self.kept[precision] = np.concatenate(kept, axis=1) if kept else np.empty((0, 0, 0), precision), places
         return self.kept[precision]
 
-    def _wholes(self, numbers: Iterable[int], precision: np.dtype[Any]) -> list[Array | None]:
+    def _wholes(self, numbers: Sequence[int], precision: np.dtype[Any]) -> list[Array | None]:
         if precision == np.float64:
             return [self.make(number) for number in numbers]
         array, places = self.entries(numbers, np.dtype(np.float64))
@@ -95,7 +95,8 @@ class Convolution:
     (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
     Padded with zeros to twice its size, the grid stands free. products: that have been asked for.
 
-    The transforms along the second axis and the product between them are done some rows of the spectrum at a time.
+    Loads are transformed along the first axis some columns at a time; along the second one, multiplied and transformed
+    back some rows of the spectrum at a time.
     """
 
     symbol: Symbol

@@ -102,7 +102,9 @@ class HalfSpaceSystem(ReducedSystem):
         def inverse(displacement: Array) -> Array:
             placed = self.grid.place(displacement.T.astype(np.float32, copy=False))
             load = self.grid.scatter(waves.response(placed, chosen, chosen)).astype(displacement.dtype, copy=False)
-            return load if waves.size == self.convolution.padded else load / self.shares[:, None]
+            if waves.size != self.convolution.padded:
+                load /= self.shares.astype(load.dtype, copy=False)[:, None]
+            return load
 
         return inverse
 

@@ -72,6 +72,17 @@ def test_inverse_of_a_load(periodic) -> None:
     assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_inverse_answers_in_the_precision_of_the_question(periodic) -> None:
+    """So that what is done with it stays in single precision, and is the same."""
+    system = reduced(24, periodic=periodic)
+    moved = system.apply(np.random.default_rng(5).normal(size=system.offset.shape))
+    inverse = system.approximate_inverse([0, 1, 2, 3, 4])
+    found, single = inverse(moved), inverse(moved.astype(np.float32))
+    assert (found.dtype, single.dtype) == (np.float64, np.float32)
+    assert (np.abs(found - single) / np.abs(found).max(axis=0)).max() < 1e-5
+
+
 def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
     """Not a block of the inverse: the inverse of a block."""
     system = reduced(32, periodic=True)
