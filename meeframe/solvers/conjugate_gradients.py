@@ -11,6 +11,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.law import ContactLaw, attracts
 from meeframe.core.mesh import Indices
+from meeframe.solvers.conduction import switch
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start
@@ -22,6 +23,10 @@ RENEWAL: Final = 50
 """Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
 COARSE, MOST_COARSE = 1e-2, 100
 """Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
+SETTLED: Final = 0.3
+"""Of the gaps that closed fractions are to close: those that pressures are to close need be no smaller before."""
+LOOKS: Final = 3
+"""At the conduction, one after another: what it opened may touch again, gaps of nodes that graze be the largest."""
 OUTDATED: Final = 0.1
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
 
@@ -76,8 +81,8 @@ class ProjectedCG(Solver):
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
     nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
     in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a tenth the conduction follows, of a few nodes that graze by secants;
-    where nothing conducts, gaps change in single precision and are found anew when it has fallen to a ten-thousandth.
+    and Ribiere. When the violation has fallen to a tenth the conduction follows, of nodes that graze by
+    Broyden's method; where nothing conducts, gaps change in single precision and are found anew when it has fallen to a ten-thousandth.
 
     If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
     hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.
@@ -145,7 +150,8 @@ class ProjectedCG(Solver):
             pressure = _spread(moved, free, len(memory.pressure))
             there = memory.response.after(pressure, pressure - memory.pressure, memory.effect)
             memory = _placed(memory, pressure, there)
-        due = _violation(memory) <= memory.response.lasting * memory.start
+        violation = _violation(memory)
+        due = violation <= memory.response.lasting * memory.start or violation <= SETTLED * _grazing_violation(memory)
         return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
 
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
@@ -216,17 +222,19 @@ def _guides(memory: _Memory, inverse: Inverse, free: Indices) -> _Guides:
 
 def _refreshed(memory: _Memory) -> _Memory:
     """Memory at its pressure, balanced anew, with the conduction that belongs to it."""
-    pressure, n = memory.pressure, len(memory.pressure)
+    pressure, n, before = memory.pressure, len(memory.pressure), memory.response
     if memory.modes.numbers.size:
         free = np.flatnonzero(pressure > 0.0)
-        pressure = _spread(memory.modes.on(free).balanced(pressure[free]), free, n)
-    response = memory.response.updated(pressure, memory.effect)
-    if response.held is not None:
-        pressure = np.where(response.held, 0.0, pressure)
-    kept = response is memory.response or (
-        isinstance(response, Conducting) and response.same_conductors(memory.response)
-    )
-    memory = _renewed(replace(memory, response=response, age=0), pressure)
+        memory = replace(memory, pressure=_spread(memory.modes.on(free).balanced(pressure[free]), free, n))
+    for _ in range(LOOKS):
+        response = memory.response.updated(memory.pressure, memory.effect)
+        pressure = memory.pressure if response.held is None else np.where(response.held, 0.0, memory.pressure)
+        memory = _renewed(replace(memory, response=response, age=0), pressure)
+        again = response.touched_again(memory.effect.gap).size > 0
+        if not again and _grazing_violation(memory) <= _violation(memory):
+            break
+    response = memory.response
+    kept = response is before or (isinstance(response, Conducting) and response.same_conductors(before))
     if not kept:
         still = np.zeros(len(memory.free))
         memory = replace(memory, residual=still, direction=still, product=0.0)
@@ -270,6 +278,11 @@ def _iterate(memory: _Memory) -> Iterate:
     wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
     estimate = float(wrong.max(initial=0.0)) / scales.pressure
     closed = memory.response.closed(memory.pressure)
+    # where a node conducts and bears no pressure, or the contrary
+    apart = np.flatnonzero((closed > 0.0) != (memory.pressure > 0.0))
+    trial = effect.gap[apart] / scales.normal_compliance - memory.pressure[apart]
+    graph = np.abs(closed[apart] - switch(closed[apart], trial, scales.pressure))
+    estimate = max(estimate, float(graph.max(initial=0.0)))
     return Iterate(load_of(memory.pressure, effect.flux), closed, memory, effect.motion, estimate)
 
 
@@ -293,5 +306,14 @@ def _placed(memory: _Memory, pressure: Array, effect: Effect) -> _Memory:
 
 def _violation(memory: _Memory) -> float:
     """Norm of the gap where there is pressure or overlap [m]."""
-    free = memory.here.nodes
-    return float(np.sqrt(memory.weight[free] @ memory.effect.gap[free] ** 2))
+    return _norm(memory, memory.here.nodes)
+
+
+def _grazing_violation(memory: _Memory) -> float:
+    """Norm of the gap that closed fractions are to close [m]."""
+    held = memory.response.held
+    return 0.0 if held is None else _norm(memory, np.flatnonzero(held))
+
+
+def _norm(memory: _Memory, nodes: Indices) -> float:
+    return float(np.sqrt(memory.weight[nodes] @ memory.effect.gap[nodes] ** 2))

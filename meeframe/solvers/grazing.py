@@ -6,12 +6,17 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 
 LEAST_MOVE: Final = 1e-8
 """Of a closed fraction, from which the slope of its trial is measured."""
-FEW: Final = 0.05
-"""Of the nodes that touch: more that graze are neighbours and know of each other."""
+FEW: Final = 0.5
+"""Of the nodes that touch: where more graze, hardly anything else tells where they are."""
+WORSE: Final = 3.0
+"""Times as large trials: what was found of their derivatives does not hold there."""
+ROUNDS: Final = 3
+"""Of the search for the nodes that graze: at those that leave the others, the equations are solved without them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,16 +24,19 @@ class Grazing:
     """How the trial tractions of nodes follow their closed fractions; for iterations that know the contact at each.
 
     A node conducts when it has traction. Where that has made it lift off, and not conducting touch, its trial traction
-    grows with the fraction between, nearly linearly: a secant tells where it vanishes. That serves where few nodes
-    graze, which hardly know of each other.
+    grows with the fraction between, nearly linearly. A first secant tells how, node by node, while all around it do the
+    same; Broyden's updates tell what each of those that graze has to do with the others.
+
+    Source: Broyden, Math. Comput. 19 (1965) 577.
 
     closed, trial: (n,) when last looked at, no number at first; slope: (n,) of the trial over the fraction, where it
-    was found to grow.
+    was found to grow; changes: of these derivatives, (n,) by (n,) vectors, one pair for each look.
     """
 
     closed: Array
     trial: Array
     slope: Array
+    changes: tuple[tuple[Array, Array], ...] = ()
 
     @classmethod
     def unknown(cls, n: int) -> "Grazing":
@@ -36,17 +44,55 @@ class Grazing:
         return cls(*np.full((3, n), np.nan))
 
     def next(self, closed: Array, trial: Array) -> "Grazing":
-        """After the trial tractions (n,) at closed fractions (n,)."""
-        moved = closed - self.closed
+        """After the trial tractions (n,) at closed fractions (n,): anew if these grew."""
+        moved, rise = closed - self.closed, trial - self.trial
+        known = self.slope > 0.0
+        nodes = np.flatnonzero(known & (_between(closed) | _between(self.closed)))
+        astray = float(np.linalg.norm(trial[nodes])) > WORSE * float(np.linalg.norm(self.trial[nodes]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = (trial - self.trial) / moved
-        slope = np.where((np.abs(moved) > LEAST_MOVE) & (found > 0.0), found, self.slope)
-        return Grazing(closed, trial, slope)
+            found = rise / moved
+        grows = (np.abs(moved) > LEAST_MOVE) & (found > 0.0)
+        slope = np.where(grows & (astray | ~known), found, self.slope)
+        size = float(moved[nodes] @ moved[nodes])
+        if astray or size <= LEAST_MOVE**2:
+            return Grazing(closed, trial, slope, () if astray else self.changes)
+        by, along = np.zeros((2, len(closed)))
+        by[nodes], along[nodes] = rise[nodes] - self._rise(moved, nodes), moved[nodes] / size
+        return Grazing(closed, trial, slope, (*self.changes, (by, along)))
 
     def fractions(self, touching: Mask) -> Array | None:
         """Closed fractions (n,) to go on with, of nodes that touch or not (n,); None where more than a few graze."""
+        known = self.slope > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.clip(self.closed - self.trial / self.slope, 0.0, 1.0)
-        fraction = np.where(self.slope > 0.0, root, touching)
-        graze = (fraction > 0.0) & (fraction < 1.0)
-        return fraction if graze.sum() <= FEW * touching.sum() else None
+            fraction = np.where(known, np.clip(self.closed - self.trial / self.slope, 0.0, 1.0), touching)
+        for _ in range(ROUNDS):
+            nodes = np.flatnonzero(known & _between(fraction))
+            if len(nodes) > FEW * touching.sum():
+                return None
+            if not len(nodes) or not self.changes:
+                break
+            moved = fraction - self.closed
+            moved[nodes] = 0.0
+            # the slopes, and a matrix of low rank beside them (Sherman, Morrison and Woodbury)
+            by, along = (np.array(parts)[:, nodes] for parts in zip(*self.changes, strict=True))
+            step = (self.trial[nodes] + self._rise(moved, nodes)) / self.slope[nodes]
+            by = by / self.slope[nodes]
+            step -= np.linalg.lstsq(np.eye(len(by)) + along @ by.T, along @ step, rcond=None)[0] @ by
+            found = np.clip(self.closed[nodes] - step, 0.0, 1.0)
+            # what its own trial drives away from where it is does not stay
+            stays = (found == self.closed[nodes]) & ~_between(found)
+            fraction[nodes] = np.where(stays, fraction[nodes], found)
+            if _between(found).all() or stays.any():
+                break
+        return fraction
+
+    def _rise(self, moved: Array, nodes: Indices) -> Array:
+        """Of the trials of nodes (k,) with known slopes, when fractions move (n,)."""
+        rise = self.slope[nodes] * moved[nodes]
+        for by, along in self.changes:
+            rise += by[nodes] * float(along @ moved)
+        return rise
+
+
+def _between(closed: Array) -> Mask:
+    return np.asarray((closed > 0.0) & (closed < 1.0))

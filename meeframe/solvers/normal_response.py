@@ -9,6 +9,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, ContactState, Iterate
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.law import conducts
+from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.floating import POTENTIALS
@@ -69,6 +70,10 @@ class NormalResponse(ABC):
     @abstractmethod
     def held(self) -> Mask | None:
         """Nodes (n,) that are to bear no pressure and may overlap meanwhile: those that graze; None if none do."""
+
+    @abstractmethod
+    def touched_again(self, gap: Array) -> Indices:
+        """Nodes (k,) that overlap, by their gap (n,), since they ceased to conduct as the conduction last followed."""
 
     @abstractmethod
     def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
@@ -139,6 +144,10 @@ class Insulated(NormalResponse):
         """See NormalResponse: none grazes."""
         return None
 
+    def touched_again(self, gap: Array) -> Indices:
+        """See NormalResponse: none conducts."""
+        return np.zeros(0, np.int64)
+
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""
         return self
@@ -152,7 +161,8 @@ class Insulated(NormalResponse):
 class Conducting(NormalResponse):
     """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
     following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there, the
-    nodes that do are held: their fraction, not a pressure, is to close their gap."""
+    nodes that do are held: their fraction, not a pressure, is to close their gap; opened: (n,) those that conducted
+    before the conduction last followed."""
 
     ground: Ground
     own: Array
@@ -161,6 +171,7 @@ class Conducting(NormalResponse):
     conductors: Conductors
     grazing: Grazing
     held: Mask | None = None
+    opened: Mask | None = None
 
     def at(self, pressure: Array, near: Effect) -> Effect:
         """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves, and not
@@ -195,6 +206,10 @@ class Conducting(NormalResponse):
         """See NormalResponse: as the conduction has it."""
         return self.conduction.closed
 
+    def touched_again(self, gap: Array) -> Indices:
+        """See NormalResponse."""
+        return np.zeros(0, np.int64) if self.opened is None else np.flatnonzero(self.opened & (gap < 0.0))
+
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""
         trial = -pressure + effect.gap / self.scales.normal_compliance
@@ -206,9 +221,11 @@ class Conducting(NormalResponse):
         if closed is not None:
             # flips that the secants make are no node's own
             conduction, held = replace(self.conduction, closed=closed), (closed > 0.0) & (closed < 1.0)
+        opened = (conduction.closed == 0.0) & (self.conduction.closed > 0.0)
         iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held)
+        followed = replace(self, conduction=conduction, conductors=conductors, grazing=grazing)
+        return replace(followed, held=held, opened=opened)
 
     def same_conductors(self, other: NormalResponse) -> bool:
         """Whether it responds as another one does."""

@@ -1,6 +1,7 @@
 """Closed fractions of grazing nodes by secants, on nodes whose trial tractions are known functions of them."""
 
 import numpy as np
+import pytest
 
 from meeframe.solvers.grazing import Grazing
 
@@ -21,6 +22,36 @@ def test_nodes_go_where_their_trials_vanish() -> None:
         assert found is not None
         closed = found
     assert np.abs(closed - np.clip(root, 0.0, 1.0)).max() <= 1e-9
+
+
+def test_rows_of_nodes_that_press_each_other_apart() -> None:
+    """Slopes alone, of all together, are off by the coupling: what each look tells of it is used."""
+    n, row = 200, np.arange(60, 100)
+    stiffness = 0.5 ** np.abs(row[:, None] - row)
+    root = np.random.default_rng(0).uniform(0.2, 0.8, len(row))
+    closed, grazing = np.ones(n), Grazing.unknown(n)
+    for _ in range(24):
+        trial = np.full(n, -1.0)
+        trial[row] = stiffness @ (closed[row] - root)
+        grazing = grazing.next(closed, trial)
+        found = grazing.fractions(trial < 0.0)
+        assert found is not None
+        closed = found
+    assert np.abs(closed[row] - root).max() <= 1e-4
+
+
+def test_slopes_that_no_longer_hold_are_found_anew() -> None:
+    """Two nodes of twenty become ten times stiffer: the trials grow, and from there the two slopes are others."""
+    two = np.arange(20) < 2
+    closed, grazing = np.ones(20), Grazing.unknown(20)
+    for stiffness, root in ((1.0, 0.5), (1.0, 0.5), (1.0, 0.6), *[(10.0, 0.5)] * 4):
+        trial = np.where(two, stiffness * (closed - root), -1.0)
+        grazing = grazing.next(closed, trial)
+        found = grazing.fractions(trial < 0.0)
+        assert found is not None
+        closed = found
+    assert (grazing.slope[:2] > 5.0).all()
+    assert closed[:2] == pytest.approx(0.5, abs=1e-9)
 
 
 def test_many_that_graze_are_left_to_others() -> None:
