@@ -102,20 +102,21 @@ def _solution_of_loads(rows: Rows) -> Linear:
     known = [(place, loaded.index(field)) for place, field in enumerate(rows.fields) if field in loaded]
     ask = _asked(rows, asking).astype(rows.precision)
     answering = (asking / rows.units[loads, None]).astype(rows.precision)
-    own, opposed = (blocks.astype(rows.precision) for blocks in _apart(rows, rows.coupled[loads] & ~asking))
+    apart = _apart(rows, rows.coupled[loads] & ~asking, asking)
+    own, by_loads, by_displacement = (blocks.astype(rows.precision) for blocks in apart)
     asked = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
 
     def solve(right: Array) -> Array:
-        found = np.zeros_like(right)
+        found, rest = np.zeros_like(right), own.times(right)
         if inverse is not None:
             displacement = ask.times(right)
+            by_displacement.add(displacement, rest)
             for place, number in known:
                 asked[number, rows.nodes] = displacement[place]
             load = inverse(asked.T).T
             for place, number in known:
                 np.multiply(load[number].take(rows.nodes), answering[place], out=found[place])
-        rest = own.times(right)
-        opposed.add(found, rest)
+        by_loads.add(found, rest)
         found[loads] += rest
         return found
 
@@ -153,20 +154,27 @@ def _asked(rows: Rows, asking: Mask) -> NodeBlocks:
     )
 
 
-def _apart(rows: Rows, marked: Mask) -> tuple[NodeBlocks, NodeBlocks]:
-    """Blocks (l, l) by which right-hand sides of the marked rows (l, c), and the loads of the other rows, say what the
-    loads of the marked rows are: inverses of the equations of single nodes with their own response."""
-    equations = defaultdict[tuple[int, int], Array](partial(np.zeros, marked.shape[1]))
-    opposed = defaultdict[tuple[int, int], Array](partial(np.zeros, marked.shape[1]))
+def _apart(rows: Rows, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
+    """Blocks (l, l) by which the right-hand sides of marked rows (l, c), the loads of other rows and the displacements
+    that are asked for (l, c) say what the loads of the marked rows are: inverses of the equations of single nodes with
+    their own response, where it is not known what they are moved by."""
+    equations, by_loads, by_displacement = (
+        defaultdict[tuple[int, int], Array](partial(np.zeros, marked.shape[1])) for _ in range(3)
+    )
+    places = {rows.asked.index(field): place for place, field in enumerate(rows.fields)}
     for row, column in np.ndindex(len(marked), len(marked)):
         if (marked[row] & marked[column]).any():
             equations[row, column] += rows.a.entry(row, column)
             for asked, field in enumerate(rows.asked):
                 if (row, asked) in rows.b.entries:
-                    equations[row, column] += rows.b.entries[row, asked] * _response(rows, field, column)
+                    moved = rows.b.entries[row, asked] * _response(rows, field, column)
+                    equations[row, column] += np.where(asking[places[asked]], 0.0, moved) if asked in places else moved
     own = NodeBlocks.of(equations, marked.shape).inverses(marked)
     for (row, through), inverse in own.entries.items():
-        for column in range(len(marked)):
+        for asked, column in places.items():
             if (through, column) in rows.a.entries:
-                opposed[row, column] -= np.where(marked[column], 0.0, inverse * rows.a.entries[through, column])
-    return own, NodeBlocks.of(opposed, marked.shape)
+                by_loads[row, column] -= np.where(marked[column], 0.0, inverse * rows.a.entries[through, column])
+            if (through, asked) in rows.b.entries:
+                known = np.where(asking[column], inverse * rows.b.entries[through, asked], 0.0)
+                by_displacement[row, column] -= known
+    return own, NodeBlocks.of(by_loads, marked.shape), NodeBlocks.of(by_displacement, marked.shape)

@@ -24,7 +24,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, indenter_position, unbalance
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import (
     attraction_slope,
     augmented_traction,
@@ -33,7 +33,7 @@ from meeframe.core.law import (
     lawful_traction,
     traction_tangents,
 )
-from meeframe.solvers.conduction import Mask, follows_gap, own_response, resistances, unloaded
+from meeframe.solvers.conduction import Mask, follows_gap, resistances, unloaded
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
@@ -84,8 +84,9 @@ class Equation:
     def of(cls, problem: ContactProblem) -> "Equation":
         """Of a problem."""
         scales = problem_scales(problem)
-        blocks, own = problem.system.diagonal_blocks(), np.asfortranarray(own_response(problem))
-        lifted = np.abs(np.asfortranarray(blocks[:, 2, POTENTIALS]) / own)
+        blocks = problem.system.diagonal_blocks()
+        own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
+        lifted = np.abs(blocks[:, 2, POTENTIALS].copy(order="F") / own)
         units = motion_scales(problem, scales)
         modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
         for k, freedom in enumerate(problem.freedoms):
