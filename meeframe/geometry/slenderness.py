@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from meeframe.core.body import Body
 from meeframe.core.element import shape_functions
@@ -48,13 +47,13 @@ def slender_parts(body: Body) -> tuple[Slender, ...]:
     found = []
     for number, width in enumerate(4.0 * volumes / areas):
         here = part == number
-        if not (held & here).any():
-            continue
-        distances, _ = KDTree(mesh.points[held & here]).query(mesh.points[here])
-        length = float(distances.max())
-        if length > (WIDTHS_OF_LINEAR if linear else WIDTHS) * width:
-            x, y, z = mesh.points[here][distances.argmax()].tolist()
-            found.append(Slender(length, float(width), (x, y, z)))
+        points, supports = mesh.points[here], mesh.points[held & here]
+        longest = (WIDTHS_OF_LINEAR if linear else WIDTHS) * width
+        if len(supports) and np.linalg.norm(np.ptp(points, axis=0)) > longest:
+            distances = _nearest(points, supports)
+            if (length := float(distances.max())) > longest:
+                x, y, z = points[distances.argmax()].tolist()
+                found.append(Slender(length, float(width), (x, y, z)))
     return tuple(found)
 
 
@@ -66,6 +65,14 @@ def bending_warnings(body: Body) -> tuple[str, ...]:
         "with a mesh twice as fine, or use finite elements (formulation skfem)"
         for part in slender_parts(body)
     )
+
+
+def _nearest(points: Array, others: Array) -> Array:
+    """Distance of each point from the nearest of the others."""
+    from scipy.spatial import cKDTree
+
+    distances: Array = cKDTree(others).query(points)[0]
+    return distances
 
 
 def _measures(mesh: SurfaceMesh, part: Indices) -> tuple[Array, Array]:
