@@ -8,6 +8,7 @@ from weakref import WeakSet
 import numpy as np
 import pytest
 
+from meeframe.case import solve
 from meeframe.case.cache import case_key, code_key, system_key
 from meeframe.case.load import load_case
 from meeframe.case.solve import bodies_of, reduce, solve_case
@@ -159,7 +160,8 @@ def test_a_system_without_a_matrix_travels_or_is_made_again(point, monkeypatch, 
     case = replace(point().case, formulation=Hidden(portable))
     made = []
     original = sweep_dask.reduce_body
-    monkeypatch.setattr(sweep_dask, "reduce_body", lambda *given: made.append(1) or original(*given))
+    for module in (sweep_dask, solve):
+        monkeypatch.setattr(module, "reduce_body", lambda *given: made.append(1) or original(*given))
     (body,) = bodies_of(case)
     carried = reduced(f"key {portable}", Sealed.of(body, ()), str(tmp_path / "absent"))
     for _ in range(2):
