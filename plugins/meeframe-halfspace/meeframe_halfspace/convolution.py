@@ -24,7 +24,7 @@ REAL[UPPER] = REAL[UPPER[::-1]] = np.arange(N_SYMMETRIC)
 IMAGINARY[STRICT] = IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
 SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
 """... and the sign with which that is so."""
-BLOCK: Final = 2**19
+BLOCK: Final = 5 * 2**17
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
 """... and the fewest rows or columns."""
