@@ -7,8 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 from meeframe_hmatrix import HierarchicalBEM, formulation
-from meeframe_hmatrix.blocks import LowRank, leaves, stored
+from meeframe_hmatrix.assembly import assemble
+from meeframe_hmatrix.blocks import LowRank, leaves, stored, to_dense
 from meeframe_hmatrix.packing import unpacked
+from meeframe_hmatrix.rows import near_rows
 from meeframe_hmatrix.system import MOST_PRODUCTS
 
 from meeframe.core.body import Body, BoundaryCondition
@@ -66,6 +68,28 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
         assert (relative(solved - dense.offset, expected) < 5 * tolerance).all()
     kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
     assert kept[0] < 0.9 * kept[1] < 0.9 * kept[2]
+
+
+def clusters(cluster):
+    """A cluster and all below."""
+    return [cluster, *(below for child in cluster.children for below in clusters(child))]
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypatch, tolerance):
+    seen = []
+    monkeypatch.setattr(formulation, "assemble", lambda *given: seen.append(given) or assemble(*given))
+    boundary = HierarchicalBEM(tolerance=tolerance).boundary(make_block(8))
+    ((integrals, share, _),) = seen
+    found = {(one.unknowns.start, one.unknowns.stop): one for one in clusters(integrals.tree.root)}
+    checked = 0
+    for leaf in leaves(boundary.system.matrix):
+        if isinstance(leaf, LowRank):
+            row, column = (found[part.start, part.stop] for part in (leaf.rows, leaf.columns))
+            expected = near_rows(integrals, row, [column]).unknown
+            assert error(to_dense(leaf), expected) < 5 * share
+            checked += 1
+    assert checked > 50
 
 
 def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
