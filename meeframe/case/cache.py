@@ -5,6 +5,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -17,7 +18,7 @@ from meeframe.case.case import Case
 from meeframe.case.solve import bodies_of, joined, recovery_of, reduce_for_contact
 from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
-from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
+from meeframe.core.formulation import Formulation, Progress, ReducedSystem, kept_of, silent
 from meeframe.io.systems import read_kept, read_system, write_kept, write_system
 from meeframe.plugin.sources import LOCAL
 
@@ -50,9 +51,10 @@ def cached_body(
         return found
     arrays = read_kept(path, key)
     if arrays is not None:
-        return formulation.restored(body, arrays)
+        with suppress(ValueError):  # not what this formulation kept
+            return formulation.restored(body, arrays)
     system = reduce_for_contact(formulation, body, progress)
-    matrix, kept = system.dense(), system.kept()
+    matrix, kept = system.dense(), kept_of(formulation, system)
     if matrix is not None or kept is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -20,7 +20,7 @@ from meeframe.core.contact import ContactSolution, ContactState, Status, indente
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import TooLargeError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
+from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, kept_of, silent
 from meeframe.core.mesh import Indices
 from meeframe.core.pair import PairSystem, pair
 from meeframe.core.result import (
@@ -53,8 +53,8 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
     """The reduced system of a case: of its body, or of its two bodies in contact.
 
-    Of two, the counter body keeps its matrix alone, as reduce_for_contact. Raises MeshError, CaseError or MaterialError
-    if a formulation does not take its body, TooLargeError if its matrices do not fit into memory.
+    Of two, the counter body keeps what contact needs alone, as reduce_for_contact. Raises MeshError, CaseError or
+    MaterialError if a formulation does not take its body, TooLargeError if its matrices do not fit into memory.
     """
     *counter, own = bodies_of(case)
     return joined(case, [*(reduce_for_contact(*body, progress) for body in counter), reduce_body(*own, progress)])
@@ -95,7 +95,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
     """
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
-        kept = system.kept()
+        kept = kept_of(formulation, system)
         return system if kept is None else formulation.restored(body, kept)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 

@@ -177,7 +177,12 @@ class Formulation(ABC):
     def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
         """The reduced system of a body by what ReducedSystem.kept gave of it, bit for bit the same for contact.
 
-        Fields on the whole boundary may need the reduction again. Raises ValueError if these are no such
-        arrays.
+        Fields on the whole boundary may need the reduction again. Raises ValueError if these are no such arrays.
+        Where a formulation does not say how, nothing is kept of its systems.
         """
-        raise NotImplementedError(f"{type(self).__name__} has systems that keep arrays, but does not restore them")
+        raise NotImplementedError(f"{type(self).__name__} does not restore systems")
+
+
+def kept_of(formulation: Formulation, system: ReducedSystem) -> Mapping[str, AnyArray] | None:
+    """What is kept of a system: nothing if its formulation, which may wrap another one, does not restore it."""
+    return None if type(formulation).restored is Formulation.restored else system.kept()

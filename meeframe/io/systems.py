@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import h5py
+import numpy as np
 
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
@@ -81,5 +82,6 @@ def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
 
 
 def _put(file: Any, name: str, array: Any) -> Any:
-    """A dataset with a check sum, so that a change on the disk shows when it is read."""
-    return file.create_dataset(name, data=array, chunks=True, fletcher32=True)
+    """A dataset with a check sum, so that a change on the disk shows when it is read; single numbers have none."""
+    checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
+    return file.create_dataset(name, data=array, **checked)

@@ -123,7 +123,7 @@ def _opened(carried: Carried) -> ReducedSystem:
     """The system, unpacked once in each process."""
     assert carried.sealed is not None
     content = carried.sealed.open()
-    return content if isinstance(content, ReducedSystem) else reduce_body(*content)
+    return content if isinstance(content, ReducedSystem) else reduce_for_contact(*content)
 
 
 def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:

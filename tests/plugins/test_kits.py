@@ -226,6 +226,56 @@ def test_wrong_formulations_are_caught(layer, fault):
 
 
 @dataclass(frozen=True)
+class Keeping(Formulation):
+    """A right formulation whose systems are kept, and restored with an error."""
+
+    inner: Formulation
+    fault: str
+
+    def check(self, body):
+        self.inner.check(body)
+
+    def reduce(self, body, progress=silent):
+        system = self.inner.reduce(body, progress)
+        return Kept(system.points, system.frames, system.weights, system.cells, system.offset, system)
+
+    def restored(self, body, kept):
+        inner = self.inner.reduce(body)
+        weights, offset = inner.weights * (1 + (self.fault == "weights")), kept["offset"]
+        matrix = inner.matrix * (1 + (self.fault == "apply"))
+        inner = replace(inner, matrix=matrix, weights=weights, offset=offset)
+        return Kept(inner.points, inner.frames, weights, inner.cells, offset, inner)
+
+
+@dataclass(frozen=True, eq=False)
+class Kept(ReducedSystem):
+    inner: DenseSystem
+
+    def apply(self, load):
+        return self.inner.apply(load)
+
+    def diagonal_blocks(self):
+        return self.inner.diagonal_blocks()
+
+    def dense(self):
+        return None
+
+    def recover(self, load):
+        return self.inner.recover(load)
+
+    def kept(self):
+        return {"offset": self.offset}
+
+
+@pytest.mark.parametrize("fault", ["weights", "apply"])
+def test_wrongly_restored_systems_are_caught(layer, fault):
+    formulation, body, field = layer
+    kits.check_formulation(Keeping(formulation, "none"), body, field, tolerance=1e-9)
+    with pytest.raises(AssertionError, match=f"{fault} is another when restored"):
+        kits.check_formulation(Keeping(formulation, fault), body, field, tolerance=1e-9)
+
+
+@dataclass(frozen=True)
 class Careless(Formulation):
     """Accepts whatever it is given."""
 

@@ -28,8 +28,16 @@ from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import Block
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
-from meeframe_hmatrix.packing import packed
-from meeframe_hmatrix.system import BoundarySystem, HierarchicalSystem, Whole, diagonal_of, factorise, frames_to_units
+from meeframe_hmatrix.packing import packed, unpacked
+from meeframe_hmatrix.system import (
+    OWN,
+    BoundarySystem,
+    HierarchicalSystem,
+    Whole,
+    diagonal_of,
+    factorise,
+    frames_to_units,
+)
 
 LEAF_SIZE = 36
 """Mesh points in a leaf of the cluster tree: fewer cost more calls, more cost more storage (measured)."""
@@ -92,14 +100,21 @@ class HierarchicalBEM(Formulation):
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         whole = Whole(partial(self.boundary, body), [boundary])
-        parts = order, to_load, to_displacement, own, *packed(compliance), whole
+        laid_out = unpacked(*packed(compliance))  # in memory as one that is restored
+        parts = order, to_load, to_displacement, own, laid_out, whole
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
 
     def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
         """See Formulation: fields on the whole boundary are found by assembly and elimination anew."""
+        names = (*OWN, "table", "numbers")
+        if set(kept) != set(names):
+            raise ValueError(f"a hierarchical system kept {', '.join(names)}, not {', '.join(kept) or 'nothing'}")
         zone = zone_frames(body.mesh, body.contact_group or "")
-        whole = Whole(partial(self.boundary, body))
-        return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, whole=whole, **kept)
+        own = {name: kept[name] for name in OWN}
+        compliance, whole = unpacked(kept["table"], kept["numbers"]), Whole(partial(self.boundary, body))
+        return HierarchicalSystem(
+            zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
+        )
 
     def boundary(self, body: Body) -> BoundarySystem:
         """The system of the whole boundary with its factors, unchecked."""

@@ -24,7 +24,7 @@ def packed(block: Block) -> tuple[Indices, Array]:
 
 
 def unpacked(table: Indices, numbers: Array) -> Block:
-    """The tree again; its arrays are parts of `numbers`. Raises ValueError if there are too few."""
+    """The tree again; its arrays are parts of `numbers`. Raises ValueError unless they fit the table."""
     if table.ndim != 2 or table.shape[1] != COLUMNS:
         raise ValueError(f"a table of blocks has {COLUMNS} columns, not the shape {table.shape}")
     rows = iter(table.tolist())
@@ -39,12 +39,18 @@ def unpacked(table: Indices, numbers: Array) -> Block:
         first, last, left, right, kind, lines, columns = next(rows)
         here, there = slice(first, last), slice(left, right)
         if kind == DIVIDED:
-            return Split(here, there, tuple(tuple(block() for _ in range(columns)) for _ in range(lines)))
+            return Split(here, there, tuple([tuple([block() for _ in range(columns)]) for _ in range(lines)]))
         if kind == FULL:
             return Dense(here, there, take(last - first, right - left))
         return LowRank(here, there, take(last - first, kind), take(kind, right - left))
 
-    return block()
+    try:
+        tree = block()
+    except StopIteration:
+        raise ValueError(f"a table of {len(table)} blocks ends before its tree") from None
+    if place != numbers.size or next(rows, None) is not None:
+        raise ValueError(f"{numbers.size} numbers and {len(table)} blocks are more than one tree has")
+    return tree
 
 
 def _rows(block: Block) -> Iterator[tuple[int, ...]]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, Final, final
 
 import numpy as np
@@ -20,7 +19,7 @@ from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
-from meeframe_hmatrix.packing import unpacked
+from meeframe_hmatrix.packing import packed
 from meeframe_hmatrix.product import Product, stacked
 from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
 
@@ -33,6 +32,9 @@ MOST_ITERATIONS: Final = 200
 MOST_PRODUCTS: Final = 8
 """Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
+
+OWN: Final = ("offset", "order", "to_load", "to_displacement", "own")
+"""Arrays of a system beside those that the body gives, and its compliance."""
 
 Fields = tuple[int, ...]
 
@@ -176,7 +178,7 @@ class HierarchicalSystem(ReducedSystem):
 
     order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
     units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; table, numbers: the compliance as in meeframe_hmatrix.packing; whole: what it was condensed from; products:
+    units; compliance: as of `factorise`; whole: what it was condensed from; products:
     those that were asked for last; inverses: those that have been asked for. Copies to other processes make the last
     three anew.
     """
@@ -185,31 +187,23 @@ class HierarchicalSystem(ReducedSystem):
     to_load: Array
     to_displacement: Array
     own: Array
-    table: Indices
-    numbers: Array
-    whole: "Whole"
+    compliance: Block
+    whole: Whole
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
     inverses: dict[Fields, RoughInverse | None] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
-        state = {**self.__dict__, "products": {}, "inverses": {}}
-        state.pop("compliance", None)
-        return state
+        return {**self.__dict__, "products": {}, "inverses": {}}
 
     @property
     def boundary(self) -> BoundarySystem:
         """The system of the whole boundary, made again where it has been let go."""
         return self.whole()
 
-    @cached_property
-    def compliance(self) -> Block:
-        """As of `factorise`."""
-        return unpacked(self.table, self.numbers)
-
     def kept(self) -> dict[str, AnyArray]:
-        """See ReducedSystem: all but what the body gives and `whole`."""
-        names = "offset", "order", "to_load", "to_displacement", "own", "table", "numbers"
-        return {name: getattr(self, name) for name in names}
+        """See ReducedSystem."""
+        table, numbers = packed(self.compliance)
+        return {name: getattr(self, name) for name in OWN} | {"table": table, "numbers": numbers}
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""

@@ -18,6 +18,7 @@ from meeframe.core.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import block_mesh, half_space_mesh
+from meeframe.io.systems import read_kept, write_kept
 from meeframe.laws import IsotropicCoulomb
 from meeframe.materials import library_material
 from meeframe.plugin.registry import Kind, load
@@ -154,22 +155,36 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
     assert np.array_equal(copied.apply(load), whole)
 
 
-def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems):
+def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems, tmp_path):
     system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
-    again = formulation.restored(body, system.kept())
+    write_kept(tmp_path / "system.h5", "its key", system.kept())
+    again = formulation.restored(body, read_kept(tmp_path / "system.h5", "its key"))
     load = smooth_load(system)
     assert np.array_equal(again.apply(load), system.apply(load))
     assert np.array_equal(again.offset, system.offset)
+    inverses = (one.approximate_inverse((0, 1, 2))(load[:, :3]) for one in (again, system))
+    assert np.array_equal(*inverses)
     assert not again.whole.made
     assert np.array_equal(again.recover(load).values, system.recover(load).values)
 
 
-def test_arrays_that_are_no_tree_are_refused(systems):
+def test_arrays_that_are_no_tree_are_refused(make_block, systems):
     kept = systems[1e-3].kept()
     with pytest.raises(ValueError, match="reshape"):
         unpacked(kept["table"], kept["numbers"][:-1])
     with pytest.raises(ValueError, match="7 columns"):
         unpacked(kept["table"][:, :5], kept["numbers"])
+    for table, numbers in (
+        (kept["table"][:-1], kept["numbers"]),
+        (kept["table"][:0], kept["numbers"]),
+        (kept["table"], np.append(kept["numbers"], 0.0)),
+        (np.append(kept["table"], kept["table"][-1:], axis=0), kept["numbers"]),
+    ):
+        with pytest.raises(ValueError, match="tree"):
+            unpacked(table, numbers)
+    for arrays in ({}, {**kept, "more": kept["own"]}, {**kept, "numbers": kept["numbers"][1:]}):
+        with pytest.raises(ValueError, match=r"kept|reshape"):
+            HierarchicalBEM().restored(make_block(8), arrays)
 
 
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])

@@ -18,7 +18,7 @@ from meeframe.elements import Quad8
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import LineIntegral, Tabulated
 from meeframe.geometry import FlatPunch, block_mesh, zone_frames
-from meeframe.io.systems import read_kept
+from meeframe.io.systems import read_kept, write_kept
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.materials import library_material
 from meeframe.solvers import Auto, Limits
@@ -249,6 +249,8 @@ class Keeping(WithoutMatrix):
         return KeepingOperator(system.points, system.frames, system.weights, system.cells, system.offset)
 
     def restored(self, body, kept):
+        if kept["whole"].shape != (3,):
+            raise ValueError("another system")
         zone = zone_frames(body.mesh, body.contact_group)
         return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, kept["offset"])
 
@@ -283,6 +285,29 @@ def test_damaged_arrays_of_a_system_without_a_matrix_are_made_anew(case, tmp_pat
     path.write_bytes(content)
     np.testing.assert_array_equal(cached_reduce(case, tmp_path).offset, made.offset, strict=True)
     assert len(reductions) == 2
+
+
+def test_arrays_that_are_refused_are_replaced(case, tmp_path, reductions):
+    case = replace(case, formulation=Keeping(case.formulation))
+    path = tmp_path / f"{key(case)}.h5"
+    write_kept(path, key(case), {"whole": np.array(1.0)})
+    cached_reduce(case, tmp_path)
+    assert len(reductions) == 1
+    assert read_kept(path, key(case))["whole"].shape == (3,)
+
+
+def test_what_a_formulation_does_not_restore_is_not_kept(case, tmp_path, reductions):
+    case = replace(case, formulation=Wrapping(Keeping(case.formulation)))
+    for _ in range(2):
+        assert isinstance(cached_reduce(case, tmp_path / "cache"), KeepingOperator)
+    assert len(reductions) == 2
+    assert not list(tmp_path.glob("cache/*"))
+
+
+@dataclass(frozen=True)
+class Wrapping(WithoutMatrix):
+    def reduce(self, body, progress=lambda *_: None):
+        return self.inner.reduce(body, progress)
 
 
 def test_a_system_without_a_matrix_is_computed_each_time(case, tmp_path, reductions):
