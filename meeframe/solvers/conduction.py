@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.law import ConductivityLaw, contact_conductivity
+from meeframe.solvers.once import once_for_each
 
 Mask = NDArray[np.bool_]
 
@@ -63,6 +64,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
     return moved
 
 
+@once_for_each
 def own_response(problem: ContactProblem) -> Array:
     """Response of each node's two potentials to their own flux density, (n, 2)."""
     blocks = problem.system.diagonal_blocks()

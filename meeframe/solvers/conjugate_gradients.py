@@ -81,8 +81,9 @@ class ProjectedCG(Solver):
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
     nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
     in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a tenth the conduction follows, of nodes that graze by
-    Broyden's method; where nothing conducts, gaps change in single precision and are found anew when it has fallen to a ten-thousandth.
+    and Ribiere. When the violation has fallen to a tenth the conduction follows, of nodes that graze by Broyden's
+    method; where nothing conducts, gaps change in single precision and are found anew when it has fallen to a
+    ten-thousandth.
 
     If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
     hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.

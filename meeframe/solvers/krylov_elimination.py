@@ -190,7 +190,7 @@ class KrylovElimination(Elimination):
         start = guess[equations.conducting]
         moved = unloaded + self._moved(traction, start, equations, self.mechanical + self.conducting)
         left, where = equations.left(moved, start), equations.conducting.any(axis=1)
-        felt = moved[where][:, self.mechanical] / np.sqrt(self.own[where][:, self.mechanical])
+        felt = moved[:, self.mechanical][where] / np.sqrt(self.own[:, self.mechanical][where])
         norms = float(np.linalg.norm(left)), float(np.linalg.norm(felt)), 1.0
         flux = start + equations.solve(left, max(part * norm for part, norm in zip(enough, norms, strict=True)))
         balanced, potential = conductors.floating.balance(flux, totals)
