@@ -1,20 +1,21 @@
 """Linear maps from loads on a regular grid to displacements on it, by real fast Fourier transforms."""
 
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Final, final
 
+import numba
 import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
-from meeframe_halfspace.cells import share_out
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER
 
-Share = Callable[[Callable[[int, int], None], int], None]
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
 REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
@@ -27,54 +28,62 @@ SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIE
 BLOCK: Final = 5 * 2**17
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
-"""... and the fewest rows or columns."""
+"""... and a number of rows or columns of which they have a multiple: a line of the cache."""
 SHARED: Final = 2**23
-"""Bytes of all spectra from which on several threads are faster than one."""
+"""Bytes of all spectra of a product from which on threads share it."""
+_MAKING: Final = threading.RLock()
+"""Held while entries of a symbol are made: of all symbols at once, so that each can be pickled."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """The 25 entries of a symbol, made when they are asked for.
+    """The 25 entries of a symbol, made when they are asked for; threads may share it.
 
-    make: one of them, (px // 2 + 1, py), real; None if it is zero. kept: those that have been asked for, by precision:
-    all that are not zero, (px // 2 + 1, m, py), and where each is among them, None if it is zero.
+    make: one of them, (px // 2 + 1, py), real; None if it is zero. What was made is not pickled.
     """
 
     make: Callable[[int], Array | None]
-    kept: dict[np.dtype[Any], tuple[Array, dict[int, int | None]]] = field(default_factory=dict)
+    _kept: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
+    _known: dict[np.dtype[Any], dict[int, bool]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, entries: Mapping[int, Array]) -> "Symbol":
-        """Of entries that are there, all in one precision; the others are zero."""
-        whole = np.stack(list(entries.values()), axis=1)
-        places: dict[int, int | None] = {number: place for place, number in enumerate(entries)}
-        return cls(
-            lambda number: None if (place := places.get(number)) is None else whole[:, place],
-            {whole.dtype: (whole, places)},
-        )
+    def of(cls, entries: Array, numbers: Iterable[int]) -> "Symbol":
+        """Of entries (25, px // 2 + 1, py) that are there, in their precision; those not in numbers are zero."""
+        known = {number: number in set(numbers) for number in range(N_VALUES)}
+        symbol = cls(lambda number: entries[number] if known[number] else None)
+        symbol._kept[entries.dtype], symbol._known[entries.dtype] = entries, known
+        return symbol
 
-    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, dict[int, int | None]]:
-        """What is kept in that precision, with at least the entries of these numbers; places do not change later."""
-        kept = [self.kept[precision][0]] if precision in self.kept else []
-        places = dict(self.kept[precision][1]) if kept else {}
-        missing = [number for number in numbers if number not in places]
-        if missing:
-            count = kept[0].shape[1] if kept else 0
-            for number, whole in zip(missing, self._wholes(missing, precision), strict=True):
-                places[number] = None if whole is None else count
-                if whole is not None:
-                    kept.append(whole[:, None].astype(precision, copy=False))
-                    count += 1
-            self.kept[precision] = np.concatenate(kept, axis=1) if kept else np.empty((0, 0, 0), precision), places
-        return self.kept[precision]
+    def __getstate__(self) -> dict[str, Any]:
+        return {"make": self.make, "_kept": {}, "_known": {}}
 
-    def _wholes(self, numbers: Sequence[int], precision: np.dtype[Any]) -> list[Array | None]:
+    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, bool]]:
+        """Entries (25, px // 2 + 1, py) of which these are made, and which of them are not zero.
+
+        The array stays where it is: there is room for all from the first one on, and the system gives no memory to
+        those that are never written. So others may be made while some are in use.
+        """
+        with _MAKING:
+            known = self._known.setdefault(precision, {})
+            for number in numbers:
+                if number not in known:
+                    known[number] = self._enter(number, precision)
+            return self._kept.get(precision, np.empty((N_VALUES, 0, 0), precision)), known
+
+    def _enter(self, number: int, precision: np.dtype[Any]) -> bool:
+        """Make one entry; whether it is not zero."""
         if precision == np.float64:
-            return [self.make(number) for number in numbers]
-        array, places = self.entries(numbers, np.dtype(np.float64))
-        found = [places[number] for number in numbers]
-        return [None if place is None else array[:, place] for place in found]
+            whole = self.make(number)
+        else:
+            double, known = self.entries([number], np.dtype(np.float64))
+            whole = double[number] if known[number] else None
+        if whole is None:
+            return False
+        if precision not in self._kept:
+            self._kept[precision] = np.empty((N_VALUES, *whole.shape), precision)
+        self._kept[precision][number] = whole
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +102,7 @@ class Convolution:
 
     symbol: its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
     (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
-    Padded with zeros to twice its size, the grid stands free. products: that have been asked for.
+    Padded with zeros to twice its size, the grid stands free.
 
     Loads are transformed along the first axis some columns at a time; along the second one, multiplied and transformed
     back some rows of the spectrum at a time.
@@ -103,7 +112,7 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
-    products: dict[tuple[Any, ...], _Product] = field(default_factory=dict)
+    _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def periodic(self) -> bool:
@@ -113,16 +122,18 @@ class Convolution:
     def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """In k fields alone, (k, nx, ny), to the loads (l, nx, ny) of l fields; one transform for each of both.
 
-        In single precision if the load is.
+        In single precision if the load is. Raises ValueError unless there is a load for each loaded field.
         """
+        if len(load) != len(loaded):
+            raise ValueError(f"loads of {len(load)} fields are given for the {len(loaded)} fields {list(loaded)}")
         (nx, ny), (px, py), precision = self.size, self.padded, load.dtype
         product = self._product(tuple(loaded), tuple(fields), precision)
-        count = len(product.answering)
+        count, most = len(product.answering), max(len(load), len(product.answering))
         if not count:
             return np.zeros((len(fields), nx, ny), precision)
-        entries, _ = self.symbol.kept[precision]
+        entries, _ = self.symbol.entries(product.terms[:, 2].tolist(), precision)
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
-        spectra = np.empty((max(len(load), count), half, ny), complex_)  # of loads, then row by row of their responses
+        spectra = np.empty((most, half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)
 
         def transform(columns: slice) -> None:
@@ -137,10 +148,12 @@ class Convolution:
         def transform_back(columns: slice) -> None:
             answer[:, :, columns] = scipy.fft.irfft(spectra[:count, :, columns], px, axis=1)[:, :nx]
 
-        share = share_out if spectra.nbytes >= SHARED else _alone
-        _in_blocks(share, transform, ny, px * precision.itemsize * len(load))
-        _in_blocks(share, multiply, half, py * complex_.itemsize * len(load))
-        _in_blocks(share, transform_back, ny, px * precision.itemsize * count)
+        stages = [
+            (transform, _blocks(ny, px * precision.itemsize * len(load))),
+            (multiply, _blocks(half, py * complex_.itemsize * most)),
+            (transform_back, _blocks(ny, px * precision.itemsize * count)),
+        ]
+        _work(stages, numba.get_num_threads() if spectra.nbytes >= SHARED else 1)
         if count == len(fields):
             return answer
         response = np.zeros((len(fields), nx, ny), precision)
@@ -149,34 +162,38 @@ class Convolution:
 
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision
-        if key not in self.products:
-            parts = [(place, other, *part) for place in fields for other in loaded for part in _parts(place, other)]
-            _, places = self.symbol.entries(dict.fromkeys(number for _, _, number, *_ in parts), precision)
-            terms = [
-                (fields.index(place), loaded.index(other), entry, imaginary, self.scale[place, other] * sign)
-                for place, other, number, imaginary, sign in parts
-                if (entry := places[number]) is not None
+        if key not in self._products:
+            parts = [
+                (answer, load, number, imaginary, self.scale[place, other] * sign)
+                for answer, place in enumerate(fields)
+                for load, other in enumerate(loaded)
+                for number, imaginary, sign in _parts(place, other)
             ]
+            _, known = self.symbol.entries([number for _, _, number, *_ in parts], precision)
+            terms = [part for part in parts if known[part[2]]]
             answering = sorted({answer for answer, *_ in terms})
             rows = [(answering.index(answer), *term) for answer, *term, _ in terms]
             factors = np.array([factor for *_, factor in terms], precision)
-            self.products[key] = _Product(np.array(rows, np.int64).reshape(-1, 4), factors, answering)
-        return self.products[key]
+            self._products[key] = _Product(np.array(rows, np.int64).reshape(-1, 4), factors, answering)
+        return self._products[key]
 
 
-def _in_blocks(share: Share, work: Callable[[slice], None], count: int, size: int) -> None:
-    """work(part) on parts of range(count), each of which takes `size` bytes."""
-    height = max(LEAST, BLOCK // size)
-
-    def some(first: int, last: int) -> None:
-        for begin in range(first, last, height):
-            work(slice(begin, min(begin + height, last)))
-
-    share(some, count)
+def _blocks(count: int, size: int) -> list[slice]:
+    """Parts of range(count), each of which takes `size` bytes."""
+    height = LEAST * max(1, BLOCK // (size * LEAST))
+    return [slice(first, min(first + height, count)) for first in range(0, count, height)]
 
 
-def _alone(work: Callable[[int, int], None], count: int) -> None:
-    work(0, count)
+def _work(stages: Sequence[tuple[Callable[[slice], None], list[slice]]], threads: int) -> None:
+    """One after another, each on all of its parts, which threads share."""
+    if threads == 1:
+        for work, parts in stages:
+            for part in parts:
+                work(part)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        for work, parts in stages:
+            list(pool.map(work, parts))
 
 
 def _parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:

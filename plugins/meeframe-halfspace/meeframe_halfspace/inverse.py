@@ -7,6 +7,7 @@ import scipy  # its parts load where they are used
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol
+from meeframe_halfspace.kernels import N_VALUES
 
 
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
@@ -30,13 +31,17 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
         matrix[column:, column] = scipy.fft.rfftn(kernel, axes=(2, 1), overwrite_x=True)
         matrix[column, column:] = matrix[column:, column].conj()
     _invert(matrix)
-    entries: dict[int, Array] = {}
+    entries: Array = np.empty((N_VALUES, *matrix.shape[2:]), np.float32)
+    numbers: list[int] = []
     for row, field in enumerate(fields):
         for column, other in enumerate(fields):
-            entries[int(REAL[field, other])] = matrix[row, column].real.astype(np.float32)
+            if SIGN[field, other] >= 0.0:
+                numbers.append(int(REAL[field, other]))
+                entries[numbers[-1]] = matrix[row, column].real
             if SIGN[field, other] > 0.0:
-                entries[int(IMAGINARY[field, other])] = matrix[row, column].imag.astype(np.float32)
-    return Convolution(Symbol.of(entries), size, size, 1.0 / convolution.scale.T)
+                numbers.append(int(IMAGINARY[field, other]))
+                entries[numbers[-1]] = matrix[row, column].imag
+    return Convolution(Symbol.of(entries, numbers), size, size, 1.0 / convolution.scale.T)
 
 
 def _invert(matrix: Spectrum) -> None:

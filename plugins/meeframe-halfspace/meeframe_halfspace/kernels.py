@@ -245,9 +245,9 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
 def multiply_waves(first, entries, terms, factors, waves, products):
     """products[a] = sum of factor entry waves[b], wave by wave, in rows first, first + 1, ... of the spectrum.
 
-    entries: (all rows, m, py), real; terms: (t, 4) rows (a, b, entry, 1 if it is to be multiplied by i, else 0);
+    entries: (25, all rows, py), real; terms: (t, 4) rows (a, b, entry, 1 if it is to be multiplied by i, else 0);
     factors: (t,); waves: (l, rows, py), products: (k, rows, py), complex. Row by row, so that waves and products stay
-    in the nearest cache while the entries, which are stored in this order, pass by.
+    in the nearest cache while the entries pass by.
     """
     for row in range(products.shape[1]):
         for a in range(len(products)):
@@ -255,9 +255,9 @@ def multiply_waves(first, entries, terms, factors, waves, products):
         for term in range(len(terms)):
             a, b, entry, imaginary = terms[term, 0], terms[term, 1], terms[term, 2], terms[term, 3]
             if imaginary:
-                _add_imaginary(entries[first + row, entry], factors[term], waves[b, row], products[a, row])
+                _add_imaginary(entries[entry, first + row], factors[term], waves[b, row], products[a, row])
             else:
-                _add_real(entries[first + row, entry], factors[term], waves[b, row], products[a, row])
+                _add_real(entries[entry, first + row], factors[term], waves[b, row], products[a, row])
 
 
 @njit(cache=True, nogil=True)

@@ -1,6 +1,8 @@
 """Products on a grid against sums over its nodes: all sizes, fields, precisions and numbers of threads."""
 
+import pickle
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -13,6 +15,7 @@ from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.materials import Material, library_material, rotation_about
+from meeframe.testing.elastic_half_space import cell_response
 
 TURNED = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 RESPONSE = PointResponse.of(TURNED, np.eye(3))
@@ -115,4 +118,93 @@ def test_fields_that_are_not_coupled_do_not_answer() -> None:
     assert found[1].all()
     assert made.response(load, (3,), (1, 4)).shape == (2, 8, 6)
     assert not made.response(load, (3,), (1, 4)).any()
-    assert not made.response(np.empty((0, 8, 6)), (), (2,)).any()
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_no_load_at_all(precision) -> None:
+    """As the first question of all: nothing has been made yet."""
+    made, _ = free((8, 6))
+    found = made.response(np.empty((0, 8, 6), precision), (), (2, 0))
+    assert (found.shape, found.dtype) == ((2, 8, 6), precision)
+    assert not found.any()
+    assert not made.response(np.zeros((1, 8, 6), precision), (1,), (2, 0)).any()
+
+
+def test_loads_must_be_as_many_as_fields_that_are_loaded() -> None:
+    made, _ = free((5, 5))
+    for count in (0, 1, 3):
+        with pytest.raises(ValueError, match=rf"loads of {count} fields are given for the 2 fields \[2, 4\]"):
+            made.response(np.ones((count, 5, 5)), [2, 4], [0])
+
+
+def test_fields_that_are_asked_for_twice() -> None:
+    """Loads of one field add up; it answers as often as it is asked."""
+    made, kernel = free((9, 14))
+    load = np.random.default_rng(4).normal(size=(3, 9, 14))
+    expected = summed(kernel, load, (1, 4, 1), (2, 0, 2))
+    assert np.abs(made.response(load, (1, 4, 1), (2, 0, 2)) - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+def test_another_scale_after_products() -> None:
+    made, _ = free((9, 14))
+    load = np.random.default_rng(5).normal(size=(5, 9, 14))
+    before = made.response(load, ALL, ALL)
+    scale = np.arange(1.0, 6.0)[:, None] * np.ones(5)
+    after = replace(made, scale=scale).response(load, ALL, ALL)
+    np.testing.assert_allclose(after, before * np.arange(1.0, 6.0)[:, None, None], rtol=1e-12)
+
+
+def test_what_was_made_is_made_again_from_a_pickle() -> None:
+    made, _ = free((9, 14))
+    load = np.random.default_rng(6).normal(size=(5, 9, 14))
+    expected = made.response(load, ALL, ALL)
+    again = pickle.loads(pickle.dumps(made))
+    assert not again.symbol._kept
+    np.testing.assert_array_equal(again.response(load, ALL, ALL), expected)
+
+
+LONG = [(40, 3), (3, 70)]
+
+
+@pytest.mark.parametrize("size", LONG)
+def test_long_grids_against_boussinesq_and_cerruti(size, threads) -> None:
+    """Loads on cells in a corner, in the middle and beside, where the response reaches beyond what is integrated."""
+    young, poisson, h = 2e11, 0.27, 1e-3
+    response = PointResponse.of(Material.isotropic(young, poisson).stiffness, np.eye(3))
+    made = replace(
+        convolution_of(FreeGrid(response, (h, h), size, "constant")), scale=np.outer(response.factors, response.factors)
+    )
+    i, j = np.indices(size)
+    for place in ((0, 0), (size[0] - 1, 0), (size[0] // 2, 1)):
+        exact = cell_response(young, poisson, (i - place[0]) * h, (j - place[1]) * h, h / 2)
+        for loaded in range(3):
+            load = np.zeros((1, *size))
+            load[0, *place] = 1.0
+            found = made.response(load, [loaded], [0, 1, 2])
+            expected = np.moveaxis(exact[..., :3, loaded], -1, 0)
+            # the closed form is a difference of numbers that grow with the distance
+            assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("size", LONG)
+def test_long_grids_against_integration(size) -> None:
+    """Anisotropic, all fields: nodes off the loaded cell, near and far, by Gauss rules in its quarters."""
+    made, (nx, ny) = convolution_of(FreeGrid(RESPONSE, SPACING, size, "bilinear")), size
+    points, weights = np.polynomial.legendre.leggauss(16)
+    points, weights = (1.0 + points) / 2.0, weights / 2.0
+    s = np.concatenate([points - 1.0, points])  # the density is 1 - |s| in spacings
+    w = np.concatenate([weights, weights]) * (1.0 - np.abs(s))
+    across = np.outer(w, w).ravel() * SPACING[0] * SPACING[1]
+    for place in ((0, 0), (nx - 1, ny - 1)):
+        load = np.zeros((1, *size))
+        load[0, *place] = 1.0
+        found = np.stack([made.response(load, [field], ALL) for field in ALL], axis=-1)  # (5, nx, ny, 5)
+        for node in {(nx // 5, ny // 5), (nx // 2, ny // 2), (nx - 1 - place[0], ny - 1 - place[1]), (0, ny - 1)}:
+            steps = np.subtract(node, place)
+            if np.abs(steps).max() < 3:
+                continue
+            x, y = ((step - s) * h for step, h in zip(steps, SPACING, strict=True))
+            offsets = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+            scaled = RESPONSE.evaluate(offsets) / np.outer(RESPONSE.factors, RESPONSE.factors)
+            expected = np.einsum("p,pij->ij", across, scaled)
+            assert np.abs(found[:, *node] - expected).max() < 1e-12 * np.abs(expected).max()

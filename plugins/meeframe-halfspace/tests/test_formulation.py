@@ -1,12 +1,18 @@
 """The reduced system of a half space: conformance, order of convergence, matrix, refusals, periodic surfaces."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
 from meeframe_halfspace import GaussianLoad, HalfSpace
 from meeframe_halfspace.response import scaled_compliance
 
+import meeframe
+from meeframe.case.load import load_case
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeshError
 from meeframe.core.fields import FieldScaling
@@ -84,6 +90,57 @@ def test_blocks_in_double_and_in_single_precision(formulation):
     single = system.block_response(load[:, loaded].astype(np.float32), loaded, fields)
     assert single.dtype == np.float32
     assert 1e-9 < (np.abs(single - expected) / size).max() < 1e-5
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_threads_that_share_a_system(precision):
+    """Each asks for another field at once, of a system that has been asked for nothing yet."""
+    whole = HalfSpace(matrix_up_to=0).reduce(body((40, 31)))
+    load = random_load(whole)
+    expected = [whole.block_response(load.astype(precision), range(5), [field]) for field in range(5)]
+    for _ in range(3):
+        system, barrier = HalfSpace(matrix_up_to=0).reduce(body((40, 31))), Barrier(5)
+
+        def ask(field, system=system, barrier=barrier):
+            barrier.wait()
+            return system.block_response(load.astype(precision), range(5), [field])
+
+        with ThreadPoolExecutor(5) as pool:
+            for found, right in zip(pool.map(ask, range(5)), expected, strict=True):
+                np.testing.assert_array_equal(found, right)
+
+
+def test_a_pickled_system_answers_as_before():
+    system = HalfSpace(matrix_up_to=0).reduce(body((24, 21)))
+    load = random_load(system)
+    expected = system.apply(load)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(system)).apply(load), expected)
+
+
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_no_load_on_a_system_that_has_been_asked_for_nothing(precision):
+    system = HalfSpace(matrix_up_to=0).reduce(body((9, 6)))
+    found = system.apply(np.zeros((len(system.points), 5), precision))
+    assert (found.shape, found.dtype) == (system.offset.shape, precision)
+    assert not found.any()
+
+
+def test_a_run_is_continued_where_nothing_touched(tmp_path):
+    """Lifted by 5 um, then pressed: as if the indenter had been put down at once."""
+    text = Path(__file__).parents[3].joinpath("validation/hertz/sphere.toml").read_text()
+    path = tmp_path / "case.toml"
+
+    def case(approach, more=""):
+        small = text.replace("divisions = 76", "divisions = 40").replace('"50 um"', approach)
+        path.write_text(small + more)
+        return load_case(path)
+
+    meeframe.run(case('"-5 um"'), tmp_path / "open")
+    restarted = meeframe.solve_case(case('"50 um"', '\n[restart]\nfrom = "open"\n'))
+    pressed = meeframe.solve_case(case('"50 um"'))
+    assert str(restarted.status) == str(pressed.status) == "converged"
+    found, expected = (result.steps[-1].traction for result in (restarted, pressed))
+    np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max(), rtol=0)
 
 
 @pytest.mark.parametrize("periodic", [False, True])
