@@ -1,6 +1,7 @@
 """A hint to the processor: fetch a line of an array into the caches before it is needed."""
 
 from llvmlite import ir
+from numba import config
 from numba.core import types
 from numba.extending import intrinsic
 
@@ -23,3 +24,9 @@ def prefetch(_context, array, index):
         return context.get_dummy_value()
 
     return types.void(array, types.intp), generate
+
+
+if config.DISABLE_JIT:
+
+    def prefetch(array, index):
+        """Nothing, where functions are not compiled."""

@@ -24,8 +24,8 @@ LANES, BLOCK = 8, 32
 # From so many points of one cell on it pays to interpolate them together, though some lanes stay idle.
 FEW = 5
 WIDE = BLOCK + LANES
-# Points sorted together: enough for a few in each cell, few enough for their packed results to stay in a second-level
-# cache of 1 MiB until they are written out in order.
+# Points sorted together: enough for one or two in each cell, few enough for their packed results (0.66 MB) to stay in a
+# second-level cache of 1 MiB, where that is so large, until they are written out in order.
 CHUNK = 2048
 FLAT = PACKED.ravel()
 N_PACKED = 15
@@ -200,11 +200,12 @@ def _prefetch_cell(table, cell):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _block(table, cells, points, place, key, normal, work):
+def _block(table, cells, points, following, place, key, normal, work):
     """Evaluate G at up to BLOCK points of one face, points (b,) of place and key (see sort_by_cell) and normal.
 
-    Fills work: local (2, WIDE) with s, t; near (7, BLOCK), see tractions; values (16, 3 WIDE): of each column G, G_s,
-    G_t at all points. Columns beyond those used hold old points: finite, and not written out.
+    following: cell of the point after these, -1 if there is none. Fills work: local (2, WIDE) with s, t; near
+    (7, BLOCK), see tractions; values (16, 3 WIDE): of each column G, G_s, G_t at all points. Columns beyond those used
+    hold old points: finite, and not written out.
     """
     local, near, values, value = work
     for p in range(len(points)):
@@ -218,14 +219,16 @@ def _block(table, cells, points, place, key, normal, work):
         near[3, p], near[4, p] = u, v
         near[5, p] = 0.25 / (math.pi * xa * abs(xa))
         near[6, p] = cells * near[5, p]
-    p = 0
+    p = last = 0
     while p < len(points):
         cell = key[points[p]]
-        end = p + 1
-        while end < min(p + LANES, len(points)) and key[points[end]] == cell:
-            end += 1
-        if end < len(points):
-            _prefetch_cell(table, key[points[end]])
+        if p == last:
+            while last < len(points) and key[points[last]] == cell:
+                last += 1
+            ahead = key[points[last]] if last < len(points) else following
+            if ahead >= 0 and ahead != cell:
+                _prefetch_cell(table, ahead)
+        end = min(p + LANES, last)
         if end - p >= FEW:
             # Idle lanes fill columns of points that follow, before these do.
             _interpolate_lanes(table, cell, local[0, p : p + LANES], local[1, p : p + LANES], p, values)
@@ -297,8 +300,10 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
         bounds = sort_by_cell(offset[part], cells, place, key, order)
         for face in range(3):
             for first in range(bounds[face], bounds[face + 1], BLOCK):
-                points = order[first : min(first + BLOCK, bounds[face + 1])]
-                _block(table, cells, points, place, key, normal[part], work)
+                last = min(first + BLOCK, bounds[face + 1])
+                points = order[first:last]
+                following = key[order[last]] if last < bounds[3] else -1
+                _block(table, cells, points, following, place, key, normal[part], work)
                 tractions(coefficients[face], near, values, traction)
                 if n > room:
                     _pack(points, place, values, traction, packed[first:])

@@ -1,5 +1,8 @@
 """The table against the line integral, in all directions."""
 
+import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
@@ -120,3 +123,24 @@ def test_names_a_material_beyond_its_reach(monkeypatch, orthotropic):
 def test_refuses_options(options):
     with pytest.raises(CaseError, match=next(iter(options))):
         Tabulated(**options)
+
+
+PLAIN = """
+import sys
+import numpy as np
+from meeframe.fundamental import Tabulated
+stiffness, offset, normal = np.load(sys.argv[1]).values()
+np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(offset, normal))
+"""
+
+
+def test_without_compilation(orthotropic, random, tmp_path):
+    """As debuggers run it; cells with many points and with few."""
+    offset, normal = unit_vectors(random, 40), unit_vectors(random, 40)
+    given, found = tmp_path / "given.npz", tmp_path / "found.npy"
+    np.savez(given, orthotropic, offset, normal)
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", PLAIN, given, found], check=True, env=environment)
+    expected = Tabulated(tolerance=0.5, cells=1).bind(orthotropic).evaluate(offset, normal)
+    for plain, compiled in zip(np.load(found), expected, strict=True):
+        assert relative_error(plain, compiled) < 1e-12
