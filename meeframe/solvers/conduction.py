@@ -68,7 +68,9 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 def own_response(problem: ContactProblem) -> Array:
     """Response of each node's two potentials to their own flux density, (n, 2)."""
     blocks = problem.system.diagonal_blocks()
-    return np.stack([blocks[:, 3, 3], blocks[:, 4, 4]], axis=1)
+    own = np.stack([blocks[:, 3, 3], blocks[:, 4, 4]], axis=1)
+    own.setflags(write=False)  # the judge uses it, too
+    return own
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +120,10 @@ def _resistance(
 ) -> Array:
     nothing = np.zeros_like(normal_traction)
     shut, apart = closed == 1.0, closed == 0.0
+    # a law that follows the drop is looked for at many drops: not where no node asks for it
+    kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
+    kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
     with np.errstate(divide="ignore", over="ignore"):
-        # a law that follows the drop is looked for at many drops: not where no node asks for it
-        kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
-        kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
         found = np.where(shut, 1.0 / kappa, 1.0 / kappa_open)
         at = np.flatnonzero(~(shut | apart))
         conducting, insulating = (_transmissivity(part[at], own[at]) for part in (kappa, kappa_open))

@@ -12,7 +12,9 @@ from meeframe.solvers.conduction import Mask
 LEAST_MOVE: Final = 1e-8
 """Of a closed fraction, from which the slope of its trial is measured."""
 FEW: Final = 0.5
-"""Of the nodes that touch: where more graze, hardly anything else tells where they are."""
+"""As many as so large a part of those that touch: where more graze, hardly anything else tells where they are."""
+REMEMBERED: Final = 50
+"""Looks of which derivatives are kept."""
 WORSE: Final = 3.0
 """Times as large trials: what was found of their derivatives does not hold there."""
 ROUNDS: Final = 3
@@ -58,7 +60,7 @@ class Grazing:
             return Grazing(closed, trial, slope, () if astray else self.changes)
         by, along = np.zeros((2, len(closed)))
         by[nodes], along[nodes] = rise[nodes] - self._rise(moved, nodes), moved[nodes] / size
-        return Grazing(closed, trial, slope, (*self.changes, (by, along)))
+        return Grazing(closed, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
 
     def fractions(self, touching: Mask) -> Array | None:
         """Closed fractions (n,) to go on with, of nodes that touch or not (n,); None where more than a few graze."""
@@ -74,7 +76,7 @@ class Grazing:
             moved = fraction - self.closed
             moved[nodes] = 0.0
             # the slopes, and a matrix of low rank beside them (Sherman, Morrison and Woodbury)
-            by, along = (np.array(parts)[:, nodes] for parts in zip(*self.changes, strict=True))
+            by, along = (np.array([part[nodes] for part in parts]) for parts in zip(*self.changes, strict=True))
             step = (self.trial[nodes] + self._rise(moved, nodes)) / self.slope[nodes]
             by = by / self.slope[nodes]
             step -= np.linalg.lstsq(np.eye(len(by)) + along @ by.T, along @ step, rcond=None)[0] @ by

@@ -73,6 +73,8 @@ class Rows:
 
     def image(self, blocks: Blocks, step: Array) -> Array:
         """Product (r c,) of the equations with a whole step (n, 6), which need not be coupled; blocks: of them all."""
+        if not self.nodes.size:  # all is open
+            return np.zeros(0, self.precision)
         load = step[:, :N_FIELDS].astype(self.precision, order="K", copy=False)
         moved = self.equation.problem.system.response(load, self.asked)
         image = self.of_displacement.times(moved.T.take(self.nodes, axis=1))

@@ -40,7 +40,10 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE)
     given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
     matrix = equation.problem.system.dense()
     if matrix is None:
-        local, amounts = krylov_step(equation, blocks, coupled, given, tolerance)
+        try:
+            local, amounts = krylov_step(equation, blocks, coupled, given, tolerance)
+        except LinAlgError:  # no numbers in tangents
+            local, amounts = np.full_like(given, np.nan), np.full(blocks.balance.shape, np.nan)
     else:
         size = equation.problem.system.offset.size
         local, amounts = _direct_step(equation, blocks, coupled, given, matrix.reshape(size, size))

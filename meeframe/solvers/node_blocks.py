@@ -88,7 +88,7 @@ class NodeBlocks:
 
 
 def _inverse(blocks: Array) -> Array:
-    """Inverses of blocks (s, s, c), pseudo-inverses of those that are singular."""
+    """Inverses of blocks (s, s, c), pseudo-inverses of those that are singular; no numbers of no numbers."""
     turned = blocks.transpose(2, 0, 1)
     with np.errstate(all="ignore"):
         if len(blocks) == 2:  # the two directions in which nodes slip, at many of them
@@ -97,9 +97,10 @@ def _inverse(blocks: Array) -> Array:
         else:
             try:
                 found = np.asarray(np.linalg.inv(turned), float)
-            except np.linalg.LinAlgError:
-                return np.asarray(np.linalg.pinv(turned).transpose(1, 2, 0))
+            except np.linalg.LinAlgError:  # one of them is singular, and nothing said of the others
+                found = np.full(turned.shape, np.inf)
         size, bound = (np.abs(part).max(axis=(1, 2), initial=0.0) for part in (turned, found))
-        singular = ~(size * bound < SINGULAR)
+        singular = ~(size * bound < SINGULAR) & np.isfinite(size)
+    found[~np.isfinite(size)] = np.nan
     found[singular] = np.linalg.pinv(turned[singular])
     return np.asarray(found.transpose(1, 2, 0))

@@ -168,3 +168,42 @@ def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatc
     assert solution.status is Status.CONVERGED
     assert solution.iterations > 3
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("flux", [Insulating(), StepConductivity(np.inf)], ids=["insulated", "conducting"])
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -> None:
+    """From a state with load where all nodes come to be open, nothing is left to be solved."""
+    free = dragged(16, law, flux)
+    near = ContactProblem(free.system, law, flux, flux, free.gap - 1e-5, free.translation, free.potentials)
+    pressed = solve(near, SemismoothNewton())
+    assert pressed.state.load[:, 2].any()
+    for lift in (1e-4, 1e-2):
+        solution = solve(replace(near, gap=near.gap + lift), SemismoothNewton(), start=pressed.state)
+        assert solution.status is Status.CONVERGED, solution.message
+        assert (np.abs(solution.state.load).max(axis=0) <= 1e-12 * np.abs(pressed.state.load).max(axis=0)).all()
+
+
+@final
+@dataclass(frozen=True)
+class Torn(ContactLaw):
+    """Signorini's law with a derivative that is no number at the nodes under the most pressure."""
+
+    def project(self, trial: Array) -> Array:
+        return Signorini().project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return Signorini().tangential_scaling()
+
+    def tangent(self, trial: Array) -> Array:
+        tangent = Signorini().tangent(trial)
+        tangent[np.argsort(trial[:, 2])[:3]] = np.nan
+        return tangent
+
+
+def test_tangents_that_are_no_numbers_leave_gradient_steps() -> None:
+    given = dragged(16, Signorini(), Insulating())
+    expected = solve(given, SemismoothNewton()).state.load
+    solution = solve(replace(given, contact_law=Torn()), SemismoothNewton(), Limits(1e-8))
+    assert solution.status is Status.CONVERGED, solution.message
+    np.testing.assert_allclose(solution.state.load, expected, atol=1e-5 * np.abs(expected).max())
