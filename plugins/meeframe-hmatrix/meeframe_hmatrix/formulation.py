@@ -46,6 +46,9 @@ BLOCK_SHARE = 0.1
 """Relative error of each block in the Frobenius norm, in terms of the tolerance: errors add up (measured)."""
 QUADRATURE_SHARE = 0.1
 """Relative error of each integral over an element, likewise: with the default tolerance that of dense-bem."""
+BENDING, TRUNCATED_RATIO = 1e-6, 12.0
+"""With this tolerance slender rods are bent as by dense-bem; with the default one rods of twelve widths are, and of 30
+are not (validation/slender_rods)."""
 NUMBERS_A_DIGIT = 900.0
 """Numbers stored for each unknown, digit of the tolerance and halving of a thousand unknowns (measured, generous)."""
 
@@ -85,7 +88,9 @@ class HierarchicalBEM(Formulation):
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
-        return bending_warnings(body)
+        if self.tolerance <= BENDING:
+            return bending_warnings(body)
+        return bending_warnings(body, TRUNCATED_RATIO, f"take a tolerance of {BENDING:.0e} or less; ")
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
