@@ -11,13 +11,13 @@ from threadpoolctl import threadpool_limits
 def limited(threads: int | None) -> Iterator[None]:
     """With so many threads of numba, of the libraries under numpy and scipy, and of meeframe's own; None: as it is.
 
-    numba's are those of the calling thread alone.
+    numba's are those of the calling thread alone, at most as many as it was started with.
     """
     if threads is None:
         yield
         return
     before = numba.get_num_threads()
-    numba.set_num_threads(threads)
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
     try:
         with threadpool_limits(threads):
             yield

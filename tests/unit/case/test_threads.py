@@ -20,3 +20,8 @@ def test_limits_end_with_the_block():
     with pytest.raises(ZeroDivisionError), limited(1):
         raise ZeroDivisionError
     assert counts() == before
+
+
+def test_more_threads_than_numba_was_started_with():
+    with limited(numba.config.NUMBA_NUM_THREADS + 1):
+        assert numba.get_num_threads() == numba.config.NUMBA_NUM_THREADS

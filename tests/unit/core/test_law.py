@@ -1,0 +1,88 @@
+"""Derivatives of the map whose fixed points are the solutions, against differences of that map."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+import pytest
+
+from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction, traction_tangents
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+
+R, PRESSURE = (2.0, 0.7), 1.0
+"""Steps of normal and tangential gaps [Pa/m], and a characteristic traction [Pa]."""
+
+
+@final
+@dataclass(frozen=True)
+class Sticky(ContactLaw):
+    """Coulomb's law under an attraction that fades with the gap."""
+
+    inner: ContactLaw
+
+    def project(self, trial: Array) -> Array:
+        return self.inner.project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return self.inner.tangential_scaling()
+
+    def adhesion(self, gap: Array) -> Array:
+        return 0.3 * PRESSURE * np.exp(-2.0 * gap)
+
+
+@final
+@dataclass(frozen=True)
+class Layered(ContactLaw):
+    """A soft layer: the traction bends with the gap itself, beside the trial."""
+
+    inner: ContactLaw
+
+    def project(self, trial: Array) -> Array:
+        return self.inner.project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return self.inner.tangential_scaling()
+
+    def resolve(self, trial: Array, gap: Array, r: tuple[float, float]) -> Array:
+        return self.inner.project(trial) * (1.0 + 0.1 * np.tanh(gap[:, 2:]))
+
+
+COULOMB = OrthotropicCoulomb(0.2, 0.5)
+LAWS = [Signorini(), IsotropicCoulomb(0.4), COULOMB, Sticky(Signorini()), Sticky(COULOMB), Layered(COULOMB)]
+
+
+@pytest.mark.parametrize(
+    "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(getattr(law, 'inner', law)).__name__}"
+)
+def test_tangents_of_the_map(law: ContactLaw) -> None:
+    random, n, width = np.random.default_rng(4), 200, 1e-6
+    traction, gap = random.normal(size=(2, n, 3)) * PRESSURE
+    traction[:, 2] -= 0.5
+
+    def lawful(traction: Array, gap: Array) -> Array:
+        return lawful_traction(law, augmented_traction(law, traction, gap, R), gap, R)
+
+    def differences(change: Array) -> Array:
+        return (lawful(traction + change, gap) - lawful(traction - change, gap)) / (2.0 * width)
+
+    def of_gap(change: Array) -> Array:
+        return (lawful(traction, gap + change) - lawful(traction, gap - change)) / (2.0 * width)
+
+    axes = width * np.eye(3)
+    expected = [np.stack([derivative(axis) for axis in axes], axis=2) for derivative in (differences, of_gap)]
+    found = traction_tangents(law, augmented_traction(law, traction, gap, R), gap, R)
+    for one, other in zip(found, expected, strict=True):
+        off = np.abs(one - other).max(axis=(1, 2)) > 1e-4
+        assert off.sum() <= 2, "but at kinks"
+        assert np.abs(other).max() > 0.1
+
+
+def test_nodes_that_bear_nothing_whatever_the_trial_says() -> None:
+    law, trial, gap = COULOMB, np.tile([0.1, 0.0, -1.0], (4, 1)), np.zeros((4, 3))
+    untouched = np.array([True, False, True, False])
+    plain, masked = traction_tangents(law, trial, gap, R), traction_tangents(law, trial, gap, R, untouched)
+    for one, other in zip(plain, masked, strict=True):
+        assert not other[untouched].any()
+        np.testing.assert_array_equal(other[~untouched], one[~untouched])
+        assert one[untouched].any(), "the law's own derivatives stay as they are"
