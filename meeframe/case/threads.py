@@ -17,7 +17,8 @@ def limited(threads: int | None) -> Iterator[None]:
         yield
         return
     before = numba.get_num_threads()
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    launched: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
+    numba.set_num_threads(min(threads, launched))
     try:
         with threadpool_limits(threads):
             yield
