@@ -244,13 +244,13 @@ def _roofline(record: Record) -> list[str]:
             f" {alone['one']:.3f} µs at points of one cell, {100 * share:.0f} % of the peak, and {alone['others']:.3f}"
             " µs where each point lies in another cell than the last and its coefficients come from the third level."
             " Points without order are not far from that, in calls of any size: they are sorted"
-            f" {CHUNK} at a time, one or two to each of the {3 * record['cells'] ** 2} cells, of which the next is fetched"
-            f" while one is in use. Tractions take {parts['tractions']:.3f} µs, finding the cells and sorting the points by"
-            f" them {parts['sorting']:.3f} µs. What is left of a pair in an assembly, {rest:.3f} µs, moves numbers: values"
-            " into the order of blocks of points, and 400 bytes of results out of it. In the largest call these are"
-            f" {400 * count / 1e6:.0f} MB, written in the order of the points. The call makes them in memory fresh from the"
-            f" system, which must clear it first, in {largest_us:.3f} µs a pair; written over older ones they take"
-            f" {record['reused_us']:.3f} µs."
+            f" {CHUNK} at a time, one or two to each of the {3 * record['cells'] ** 2} cells, of which the next"
+            f" is fetched while one is in use. Tractions take {parts['tractions']:.3f} µs, finding the cells and"
+            f" sorting the points by them {parts['sorting']:.3f} µs. What is left of a pair in an assembly,"
+            f" {rest:.3f} µs, moves numbers: values into the order of blocks of points, and 400 bytes of results out of"
+            f" it. In the largest call these are {400 * count / 1e6:.0f} MB, written in the order of the points. The"
+            " call makes them in memory fresh from the system, which must clear it first, in"
+            f" {largest_us:.3f} µs a pair; written over older ones they take {record['reused_us']:.3f} µs."
         ),
     ]
 
