@@ -25,7 +25,7 @@ from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
 from meeframe.geometry.slenderness import bending_warnings
 from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
-from meeframe_hmatrix.blocks import Block
+from meeframe_hmatrix.blocks import Block, shape
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
@@ -105,8 +105,8 @@ class HierarchicalBEM(Formulation):
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         whole = Whole(partial(self.boundary, body), [boundary])
-        laid_out = unpacked(*packed(compliance))  # in memory as one that is restored
-        parts = order, to_load, to_displacement, own, laid_out, whole
+        compliance = unpacked(*packed(compliance))  # in memory as one that is restored
+        parts = order, to_load, to_displacement, own, compliance, whole
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
 
     def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
@@ -115,8 +115,12 @@ class HierarchicalBEM(Formulation):
         if set(kept) != set(names):
             raise ValueError(f"a hierarchical system kept {', '.join(names)}, not {', '.join(kept) or 'nothing'}")
         zone = zone_frames(body.mesh, body.contact_group or "")
-        own = {name: kept[name] for name in OWN}
+        own, n = {name: kept[name] for name in OWN}, len(zone.points)
         compliance, whole = unpacked(kept["table"], kept["numbers"]), Whole(partial(self.boundary, body))
+        found = {name: array.shape for name, array in own.items()} | {"table": shape(compliance)}
+        right = {name: (n, *rest) for name, rest in OWN.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
+        if found != right:
+            raise ValueError(f"{n} nodes of a hierarchical system kept arrays of the shapes {right}, not {found}")
         return HierarchicalSystem(
             zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
         )

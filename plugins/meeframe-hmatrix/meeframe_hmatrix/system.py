@@ -9,7 +9,7 @@ import numpy as np
 from numba import get_num_threads
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from meeframe.core.errors import CaseError
+from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
@@ -33,8 +33,8 @@ MOST_PRODUCTS: Final = 8
 """Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
-OWN: Final = ("offset", "order", "to_load", "to_displacement", "own")
-"""Arrays of a system beside those that the body gives, and its compliance."""
+OWN: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "own": (5, 5)}
+"""Arrays of a system beside those that the body gives, and its compliance; what their shapes have after the nodes."""
 
 Fields = tuple[int, ...]
 
@@ -164,7 +164,13 @@ class Whole:
     def __call__(self) -> BoundarySystem:
         """The system."""
         if not self.made:
-            self.made.append(self.make())
+            try:
+                self.made.append(self.make())
+            except MemoryError:
+                raise TooLargeError(
+                    "the system is reduced again for the fields on the whole boundary, and does not fit into memory: "
+                    "use a coarser mesh or a larger tolerance"
+                ) from None
         return self.made[0]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -178,9 +184,8 @@ class HierarchicalSystem(ReducedSystem):
 
     order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
     units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; compliance: as of `factorise`; whole: what it was condensed from; products:
-    those that were asked for last; inverses: those that have been asked for. Copies to other processes make the last
-    three anew.
+    units; compliance: as of `factorise`; whole: what it was condensed from; products: those that were asked for last;
+    inverses: those that have been asked for. Copies to other processes make the last three anew.
     """
 
     order: Indices
