@@ -14,7 +14,7 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import switch
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import start_load
-from meeframe.solvers.nested import nested_start
+from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.normal_modes import NormalModes
 from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, NormalResponse, load_of, normal_response
 from meeframe.solvers.scales import Scales, problem_scales
@@ -158,8 +158,7 @@ class ProjectedCG(Solver):
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
         """By steps until the solver thinks that it is near enough.
 
-        If nothing conducts, there is a tension like the gap where the contact is open: between nodes the sum of both
-        tells where it ends.
+        If nothing conducts, there is tension where the contact is open.
         """
         iterate = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
@@ -172,10 +171,7 @@ class ProjectedCG(Solver):
         unit = np.zeros((len(gap), 1))
         unit[firm] = 1.0
         own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
-        open_ = (iterate.load[:, NORMAL] == 0.0) & (gap > 0.0) & np.isfinite(gap)
-        load = iterate.load.copy()
-        load[open_, NORMAL] = gap[open_] / own
-        return replace(iterate, load=load)
+        return replace(iterate, load=tensed(iterate.load, gap, own))
 
 
 def _normal_inverse(problem: ContactProblem) -> Inverse | None:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
+from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Coarsening, ReducedSystem
 from meeframe.core.law import ContactLaw, attracts
+from meeframe.solvers.conduction import follows_gap
 from meeframe.solvers.once import once_for_each
 
 FEWEST: Final = 16
@@ -64,8 +66,8 @@ def nested_start(
 ) -> ContactState | None:
     """A state from which to start, the interpolated load of the coarse problem; None if there is no such problem.
 
-    solution: of a problem, as well as is worth while, or None. The displacement is that of the unloaded body: whoever
-    starts there finds his own.
+    solution: of a problem, as well as is worth while, or None; with tension (`tensed`) or without. The displacement is
+    that of the unloaded body: whoever starts there finds his own.
     """
     coarse = coarse_problem(problem)
     found = None if coarse is None else solution(coarse.problem)
@@ -74,8 +76,19 @@ def nested_start(
     load = np.zeros_like(problem.system.offset)
     loaded = np.flatnonzero(found.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
-    load[~np.isfinite(problem.gap)] = 0.0
+    apart = load[:, 2] >= 0.0
+    load[apart, MECHANICAL] = 0.0
+    load[~np.isfinite(problem.gap) if follows_gap(problem) else apart] = 0.0
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
+
+
+def tensed(load: Array, gap: Array, own: Array | float) -> Array:
+    """A load (n, 5) with a tension like the gap (n,) where contact is open: between nodes the sum of both tells where
+    the contact ends. own: (n,) what nodes respond to their own pressure."""
+    open_ = (load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
+    load = load.copy()
+    load[:, 2] = np.where(open_, gap / own, load[:, 2])
+    return load
 
 
 def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
