@@ -1,5 +1,6 @@
 """Linear maps from loads on a regular grid to displacements on it, by real fast Fourier transforms."""
 
+import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,8 +30,11 @@ BLOCK: Final = 5 * 2**17
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
 """... and a number of rows or columns of which they have a multiple: a line of the cache."""
-SHARED: Final = 2**23
-"""Bytes of all spectra of a product from which on threads share it."""
+SHARED: Final = 2**22
+"""Bytes of all spectra of a product from which on threads share it: see docs/halfspace.md for what was measured."""
+MOST: Final = 2**25
+"""Bytes that a thread keeps at most from one product to the next, for each purpose: see _room."""
+_ROOM: Final = threading.local()
 _MAKING: Final = threading.RLock()
 """Held while entries of a symbol are made: of all symbols at once, so that each can be pickled."""
 
@@ -133,15 +137,18 @@ class Convolution:
             return np.zeros((len(fields), nx, ny), precision)
         entries, _ = self.symbol.entries(product.terms[:, 2].tolist(), precision)
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
-        spectra = np.empty((most, half, ny), complex_)  # of loads, then row by row of their responses
+        spectra = _room("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)
 
         def transform(columns: slice) -> None:
             spectra[: len(load), :, columns] = scipy.fft.rfft(load[:, :, columns], px, axis=1)
 
         def multiply(rows: slice) -> None:
-            waves = scipy.fft.fft(spectra[: len(load), rows], py, axis=2)
-            products = np.empty((count, *waves.shape[1:]), complex_)
+            height = rows.stop - rows.start
+            waves = _room("waves", (len(load), height, py), complex_)
+            waves[:, :, :ny], waves[:, :, ny:] = spectra[: len(load), rows], 0.0
+            waves = scipy.fft.fft(waves, axis=2, overwrite_x=True)
+            products = _room("products", (count, height, py), complex_)
             multiply_waves(rows.start, entries, product.terms, product.factors, waves, products)
             spectra[:count, rows] = scipy.fft.ifft(products, axis=2, overwrite_x=True)[:, :, :ny]
 
@@ -176,6 +183,17 @@ class Convolution:
             factors = np.array([factor for *_, factor in terms], precision)
             self._products[key] = _Product(np.array(rows, np.int64).reshape(-1, 4), factors, answering)
         return self._products[key]
+
+
+def _room(purpose: str, shape: tuple[int, ...], kind: np.dtype[Any]) -> Spectrum:
+    """Memory of this thread with any contents: what a product gave back the system would have to make anew."""
+    size = math.prod(shape) * kind.itemsize
+    room: NDArray[np.uint8] | None = getattr(_ROOM, purpose, None)
+    if room is None or room.nbytes < size:
+        room = np.empty(size, np.uint8)
+        if size <= MOST:
+            setattr(_ROOM, purpose, room)
+    return room[:size].view(kind).reshape(shape)
 
 
 def _blocks(count: int, size: int) -> list[slice]:

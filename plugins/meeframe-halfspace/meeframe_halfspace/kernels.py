@@ -10,10 +10,14 @@ because the one along each ray is that of a polynomial. On an edge at distance |
 import numpy as np
 from numba import njit
 
+from meeframe.kernels.prefetch import prefetch
+
 NEAR = 6.0
 """Cells within so many spacings are integrated along their edges, others by product rules."""
 N_SYMMETRIC = 15
 N_VALUES = 25
+AHEAD, LINE = 64, 8
+"""Numbers with which a row of the symbol begins that are fetched before it is needed, by lines of so many doubles."""
 
 
 @njit(cache=True, nogil=True)
@@ -254,6 +258,9 @@ def multiply_waves(first, entries, terms, factors, waves, products):
             products[a, row] = 0.0
         for term in range(len(terms)):
             a, b, entry, imaginary = terms[term, 0], terms[term, 1], terms[term, 2], terms[term, 3]
+            next_row = (entry * entries.shape[1] + first + row + 1) * entries.shape[2]
+            for place in range(next_row, next_row + AHEAD, LINE):
+                prefetch(entries, place)
             if imaginary:
                 _add_imaginary(entries[entry, first + row], factors[term], waves[b, row], products[a, row])
             else:

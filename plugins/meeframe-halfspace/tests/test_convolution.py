@@ -107,6 +107,19 @@ def test_single_precision_before_double() -> None:
     assert np.abs(made.response(load, ALL, ALL) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
+def test_memory_that_is_used_again() -> None:
+    """A product after others of other sizes and precisions; answers belong to who asked for them."""
+    made, kernel = free((9, 14))
+    load = np.random.default_rng(7).normal(size=(5, 9, 14))
+    expected = summed(kernel, load, ALL, ALL)
+    first = made.response(load, ALL, ALL)
+    larger, _ = free((16, 15))
+    larger.response(np.ones((5, 16, 15)), ALL, ALL)
+    made.response(load[:2].astype(np.float32), (0, 1), ALL)
+    for found in (first, made.response(load, ALL, ALL)):
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+
+
 def test_fields_that_are_not_coupled_do_not_answer() -> None:
     """Charges on an isotropic medium; among fields that answer, and alone."""
     response = PointResponse.of(Material.isotropic(2e11, 0.3).stiffness, np.eye(3))
