@@ -1,7 +1,5 @@
 """Closed surfaces of a mesh, and the separate parts of the body that they bound."""
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -9,15 +7,14 @@ from scipy.sparse.csgraph import connected_components
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.geometry.topology import corner_count, find_edges
+from meeframe.geometry.topology import corner_count, find_edges, once
 
 
-@lru_cache(maxsize=4)
+@once
 def connected_surfaces(mesh: SurfaceMesh) -> tuple[Indices, NDArray[np.bool_]]:
     """Surface that each element belongs to, (n_elements,), and whether surface i lies inside surface j, (s, s).
 
     Elements that share edges are of one surface. What lies inside an open surface has no meaning.
-    Found once, as find_edges.
     """
     edges = find_edges(mesh)
     n, sides = mesh.n_elements, len(edges.number)

@@ -1,13 +1,31 @@
 """Which elements share which edges."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import wraps
 from itertools import pairwise
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from meeframe.core.element import SurfaceElement
 from meeframe.core.mesh import Indices, SurfaceMesh
+
+T = TypeVar("T")
+
+
+def once(find: Callable[[SurfaceMesh], T]) -> Callable[[SurfaceMesh], T]:
+    """Finds something once for each mesh, as several checks ask for it, and keeps it as long as the mesh lives."""
+    known: WeakKeyDictionary[SurfaceMesh, T] = WeakKeyDictionary()
+
+    @wraps(find)
+    def found(mesh: SurfaceMesh) -> T:
+        if mesh not in known:
+            known[mesh] = find(mesh)
+        return known[mesh]
+
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +61,9 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
     return edges
 
 
-@lru_cache(maxsize=4)
+@once
 def find_edges(mesh: SurfaceMesh) -> Edges:
-    """The edges of a mesh whose connectivity is within range; found once, as several checks ask for them."""
+    """The edges of a mesh whose connectivity is within range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))

@@ -1,0 +1,30 @@
+"""What is found of a mesh once, and let go with it."""
+
+import gc
+import weakref
+
+import numpy as np
+
+from meeframe.elements import Quad4
+from meeframe.geometry import box_mesh
+from meeframe.geometry.parts import connected_surfaces
+from meeframe.geometry.topology import find_edges
+
+
+def test_edges_of_a_box_are_found_once():
+    mesh = box_mesh((1.0, 1.0, 1.0), (2, 2, 2), Quad4())
+    edges = find_edges(mesh)
+    assert len(edges.number) == 4 * 24
+    assert (np.bincount(edges.number) == 2).all()  # each edge of a closed surface belongs to two elements
+    assert find_edges(mesh) is edges
+    assert connected_surfaces(mesh) is connected_surfaces(mesh)
+    assert find_edges(box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())) is not edges
+
+
+def test_what_was_found_does_not_keep_the_mesh():
+    mesh = box_mesh((1.0, 1.0, 1.0), (1, 1, 1), Quad4())
+    connected_surfaces(mesh)
+    alive = weakref.ref(mesh)
+    del mesh
+    gc.collect()
+    assert alive() is None
