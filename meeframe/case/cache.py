@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import inspect
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
@@ -74,6 +74,11 @@ def system_key(formulation: Formulation, body: Body) -> str:
     compute with them, and the versions of the numerical libraries.
     """
     return _digest(_sources(_ROOMS), (formulation, body))
+
+
+def distinct_bodies(cases: Iterable[Case]) -> dict[str, tuple[Formulation, Body]]:
+    """The bodies of all cases, each with its formulation and once, by their system_key."""
+    return {system_key(*body): body for case in cases for body in bodies_of(case)}
 
 
 def case_key(case: Case) -> str:

@@ -1,5 +1,6 @@
 """A case: everything that determines a result, as objects."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +22,9 @@ from meeframe.geometry import FrictionAxes, Placement, check_contact_zone, initi
 from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material
 from meeframe.solvers import Auto, Limits
+
+Warn = Callable[[str], None]
+"""Is told what may come out wrong, in words."""
 
 
 @dataclass(frozen=True)
@@ -102,13 +106,22 @@ class Case:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the formulations know that may come out wrong, in words; nothing that stops a run."""
-        own = self.formulation.warnings(self.body)
-        return own if self.counter is None else (*own, *self.counter.formulation.warnings(self.counter.body))
+        counter = () if self.counter is None else ((self.counter.formulation, self.counter.body),)
+        return warnings_of(((self.formulation, self.body), *counter))
 
     @property
     def n_increments(self) -> int:
         """Increments of all load steps together."""
         return sum(step.increments for step in self.steps)
+
+
+def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
+    """What formulations warn of in their bodies, in words; the same words once."""
+    return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
+
+
+def unheard(text: str) -> None:
+    """Warns nobody."""
 
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:

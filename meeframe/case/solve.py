@@ -113,8 +113,9 @@ def solve_steps(
 
     Slip is measured from that state too (notes, section 7): a single increment, from the undeformed body, is the
     paper's. What a step names goes linearly there from the state in which the step begins.
-    boundary: recover the fields on the whole boundary too, at the end of each step, which a study of the contact zone
-    does not need. Raises CaseError if the case continues a run whose state does not belong to this body.
+    boundary: recover the fields on the whole boundary too, at the end of each step, and tell in the first one's message
+    what the case warns of; a study of the contact zone does not need the one and tells the other itself. Raises
+    CaseError if the case continues a run whose state does not belong to this body.
     """
     mechanism = Mechanism(case, system)
     here, controls = _beginning(mechanism)
@@ -126,7 +127,7 @@ def solve_steps(
             share = partial(_share, clock, count, case.n_increments)
             planned = mechanism.increment(controls, here, step.increment_duration)
             here, result = _solve(mechanism, planned, here, (number, increment), share)
-            if number == 1 and increment == step.increments:
+            if boundary and number == 1 and increment == step.increments:
                 result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1
             if boundary and increment == step.increments:

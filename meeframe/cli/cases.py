@@ -1,6 +1,5 @@
 """Commands on one case: run, check, show."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -49,7 +48,7 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
             f"contact zone {checked.zone}, {steps} step{'s' * (steps > 1)}"
         )
         for warning in checked.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
+            console.warn(warning)
 
 
 @app.command()

@@ -89,8 +89,13 @@ def registry(files: list[Path] | None) -> "Registry":
 
     loaded = load(*(files or ()))
     for broken in loaded.broken:
-        print(f"warning: {broken}", file=sys.stderr)
+        warn(str(broken))
     return loaded
+
+
+def warn(text: str) -> None:
+    """A warning on standard error."""
+    print(f"warning: {text}", file=sys.stderr)
 
 
 @contextmanager

@@ -39,7 +39,7 @@ def compare(
         }
         registry = console.registry(plugin)
         with console.progress() as progress:
-            comparison = compare_runs(case, options, out, overwrite, registry, progress)
+            comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn)
         console.stdout().print(comparison_table(comparison))
         raise typer.Exit(
             console.CONVERGED if all(run.status == "converged" for run in comparison.runs) else console.NOT_CONVERGED
@@ -71,8 +71,9 @@ def verify(
 
         meshes = Meshes(levels, factor, order)
         with console.progress() as progress:
+            registry = console.registry(plugin)
             found = verify_case(
-                case, out, formulation or (), meshes, every_step, overwrite, console.registry(plugin), progress
+                case, out, formulation or (), meshes, every_step, overwrite, registry, progress, warn=console.warn
             )
         console.stdout().print(verification_table(found))
         passed = found.verdict in (Verdict.AGREE, Verdict.UNRESOLVED)
@@ -104,7 +105,7 @@ def sweep(
 
         registry = console.registry(plugin)
         with console.progress() as progress, pool_of(workers, scheduler, plugin or ()) as pool:
-            found = run_sweep(study, out, pool, overwrite, registry, progress)
+            found = run_sweep(study, out, pool, overwrite, registry, progress, console.warn)
         console.stdout().print(sweep_table(found))
         passed = bool((found.status == "converged").all())
         raise typer.Exit(console.CONVERGED if passed else console.NOT_CONVERGED)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from meeframe.case.cache import system_key
-from meeframe.case.case import Case
+from meeframe.case.cache import distinct_bodies, system_key
+from meeframe.case.case import Case, Warn, unheard, warnings_of
 from meeframe.case.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps, zone_of
 from meeframe.core.body import Body
 from meeframe.core.errors import MeeframeError
@@ -33,6 +33,7 @@ def compare(
     overwrite: bool = False,
     registry: Registry | None = None,
     progress: Progress = silent,
+    warn: Warn = unheard,
 ) -> Comparison:
     """Run all combinations of a case file; write compare.json, after every increment anew, and sections.png into `out`.
 
@@ -40,7 +41,7 @@ def compare(
     of the case's table that fit it. A conductivity law is that of both fields, but for a table with the keys electric
     and magnetic; a formulation or fundamental solution that of both bodies, but for a formulation with the keys body
     and counter_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
-    comparison.
+    comparison. warn: is told first what the formulations warn of, once for each body.
     Raises CaseError or PluginError, before anything is computed, for options with problems, unknown names, and if no
     combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
     """
@@ -49,6 +50,8 @@ def compare(
     chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
     cases = [combination.case for combination in chosen if combination.case is not None]
+    for text in warnings_of(distinct_bodies(cases).values()):
+        warn(text)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), file.read_text(encoding="utf-8"), versions)
     for runs in _solved(chosen, cases[0], progress):

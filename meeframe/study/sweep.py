@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.case.cache import system_key
-from meeframe.case.solve import bodies_of
+from meeframe.case.cache import distinct_bodies
+from meeframe.case.case import Warn, unheard, warnings_of
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, silent
@@ -37,13 +37,14 @@ def sweep(
     overwrite: bool = False,
     registry: Registry | None = None,
     progress: Progress = silent,
+    warn: Warn = unheard,
 ) -> SweepResult:
     """Solve the points of a study file that `out` does not hold yet; write sweep.h5 and sweep.png there.
 
-    pool: where they are solved, by default in this process. Each point's result is kept as soon as it is there, in
-    points/KEY as `meeframe run` has it, and reduced systems in systems; so that the same call goes on where an earlier
-    one ended, however it did. An interruption carries a note that says how far it came. Points that are refused or do
-    not converge say so in the result.
+    pool: where they are solved, by default in this process; warn: is told first what the formulations warn of, once for
+    each body. Each point's result is kept as soon as it is there, in points/KEY as `meeframe run` has it, and reduced
+    systems in systems; so that the same call goes on where an earlier one ended, however it did. An interruption
+    carries a note that says how far it came. Points that are refused or do not converge say so in the result.
     Raises CaseError, before anything is computed, for a study or a case with problems, or if no point is a case;
     ResultError if `out` cannot be written, if another process writes a sweep there, or if it holds anything but this
     sweep and overwrite is false.
@@ -51,9 +52,11 @@ def sweep(
     check_installed()
     study = checked(SweepTable, file)
     points = _points(file, study, registry)
-    systems = {system_key(*body) for point in points if point.case is not None for body in bodies_of(point.case)}
+    bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
-        drop_systems(out, systems)
+        for text in warnings_of(bodies.values()):
+            warn(text)
+        drop_systems(out, set(bodies))
         return _swept(file, out, study, points, pool or InProcess(), progress)
 
 

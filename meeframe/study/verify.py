@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.case.cache import cached_reduce
-from meeframe.case.case import Case
+from meeframe.case.case import Case, Warn, unheard, warnings_of
 from meeframe.case.load import case_from_tables, load_case
-from meeframe.case.solve import provenance, reduce, solve_steps, zone_of
+from meeframe.case.solve import bodies_of, provenance, reduce, solve_steps, zone_of
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.fields import ELECTRIC, N_FIELDS
@@ -87,12 +87,14 @@ def verify(
     registry: Registry | None = None,
     progress: Progress = silent,
     cache: Path | None = None,
+    warn: Warn = unheard,
 ) -> Verification:
     """Run a case by several formulations on several meshes; write verify.json, after every run anew, and a picture.
 
     formulations: names or inline tables, as of `meeframe compare`; none: all that are registered, and those that refuse
     the case are told in the verification. every_step: compare at the end of every load step, not of the last alone;
     cache: folder of reduced systems that are shared with other verifications, see meeframe.case.cache.
+    warn: is told first what the formulations warn of, each on each mesh.
     Raises CaseError or PluginError, before anything is computed, for a case with problems, a mesh that cannot be
     coarsened, a named formulation that refuses it, or if fewer than two take it; ResultError if `out` cannot be written
     or holds anything and overwrite is false. Runs that do not converge say so in the verification.
@@ -108,6 +110,8 @@ def verify(
         raise CaseError(f"{file}: a verification needs two formulations or more that take the case{told}")
     check_output(out, overwrite)
     out.mkdir(parents=True, exist_ok=True)
+    for text in warnings_of(body for run in planned for body in bodies_of(run.case)):
+        warn(text)
     versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
     found = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
     reducer = (

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import meeframe
 from meeframe.cli import app
+from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
     "electric_potential.png", "fields.vtu", "history.png", "magnetic_potential.png", "pressure.png", "result.h5",
@@ -48,6 +49,28 @@ def test_slender_bodies_are_warned_of(case_file, tmp_path):
     first, second = json.loads((tmp_path / "out" / "summary.json").read_text())["steps"]
     assert first["message"].endswith(err.removeprefix("warning: ").strip())
     assert "its bending" not in second["message"]
+
+
+def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
+    """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers on it."""
+    case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))
+    asked = []
+    warnings = DenseBEM.warnings
+    monkeypatch.setattr(DenseBEM, "warnings", lambda *given: asked.append(given) or warnings(*given))
+    study = case_file.with_name("study.toml")
+    axes = '"steps[1].approach" = ["10 um", "20 um"]\n"mesh.half_width" = ["50 mm", "60 mm"]'
+    study.write_text(f'case = "{case_file.name}"\n[axes]\n{axes}\n')
+    for command in (
+        ("sweep", study, "--workers", 1),
+        ("compare", case_file, "--solver", "uzawa", "--solver", "newton"),
+    ):
+        status, _, err = meeframe_command(*command, "--out", tmp_path / command[0])
+        assert status == 0
+        told = [line for line in err.splitlines() if line.startswith("warning: ")]
+        widths = ("0.1", "0.12") if command[0] == "sweep" else ("0.1",)
+        assert [line.split("thickness of ")[1].split(" m:")[0] for line in told] == list(widths)
+        assert len(asked) == len(widths)
+        asked.clear()
 
 
 def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
