@@ -17,8 +17,11 @@ BREAKDOWN: Final = 50.0
 """What is left of a product beside the directions before it is none below so many times the round-off of it."""
 
 
-def gmres(multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400) -> Array:
-    """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come.
+def gmres(
+    multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400
+) -> tuple[Array, float]:
+    """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come; and
+    that norm, as the iteration has it: round-off apart.
 
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
     preconditioner need not be linear to the last digit, so that it may be of single precision.
@@ -32,12 +35,12 @@ def gmres(multiply: Linear, precondition: Linear, right: Array, tolerance: float
         solution = solution + change
         most -= products + 1
         if most <= 0 or not goal < left < LEAST_FALL * size:
-            break
+            return solution, left
         residual = right - multiply(solution)
         before, size = size, float(np.linalg.norm(residual))
         if not size < LEAST_FALL * before:  # round-off: what was left by the equations of the cycle is not there
             break
-    return solution
+    return solution, size
 
 
 def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:

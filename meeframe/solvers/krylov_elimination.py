@@ -81,13 +81,13 @@ class _Equations:
         found = np.zeros_like(left)
         while (norm := float(np.linalg.norm(left))) > goal:
             part = max(goal / norm, ROUGH)
-            change = gmres(self._multiply, self._precondition, left.astype(np.float32), part).astype(float)
+            change, rest = gmres(self._multiply, self._precondition, left.astype(np.float32), part)
             found += change
-            if part > ROUGH:
+            if rest <= goal:
                 break
-            left = left - self._multiply(change)
+            left = left - self._multiply(change.astype(float))
             if not np.linalg.norm(left) < LEAST_FALL * norm:
-                found += gmres(self._multiply, self._precondition, left, goal / float(np.linalg.norm(left)))
+                found += gmres(self._multiply, self._precondition, left, goal / float(np.linalg.norm(left)))[0]
                 break
         return found / self.size
 
@@ -150,7 +150,7 @@ class KrylovElimination(Elimination):
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
         """See Elimination. In the precision of the tractions."""
-        nothing = np.zeros((len(guess), N_FIELDS))
+        nothing = np.zeros((N_FIELDS, len(guess))).T
         return self._found(traction, conductors, guess, (max(rest, EXACT), enough, 0.0), nothing, 0.0)
 
     def state(
@@ -163,7 +163,7 @@ class KrylovElimination(Elimination):
         enough: float = 0.0,
     ) -> Response:
         """See Elimination."""
-        unloaded = self.problem.system.offset.copy()
+        unloaded = self.problem.system.offset.copy(order="F")
         unloaded[:, POTENTIALS] += self.problem.potentials
         guess = conductors.fixed(flux, potential)
         equations: _Equations = conductors.parts

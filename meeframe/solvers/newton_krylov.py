@@ -53,13 +53,13 @@ def krylov_step(
         return np.concatenate([loads + amounts @ border.responses, amounts])
 
     whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
-    found = gmres(multiply, solve, whole, tolerance)
+    found, _ = gmres(multiply, solve, whole, tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
         amounts *= blocks.farthest / farthest
         moved = (amounts @ rows.lifted(equation.modes)).astype(rows.precision)
-        found = gmres(multiplication, precondition, right + moved, tolerance)
+        found, _ = gmres(multiplication, precondition, right + moved, tolerance)
     return rows.step(found[:size], given), amounts
 
 
