@@ -5,12 +5,15 @@ elimination, until they meet an undivided block and are subtracted in one compre
 block itself. Accumulated updates: Boerm, Numerische Mathematik 142 (2019) 1-41, here with a random range finder.
 """
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from meeframe.core.fields import Array
 from meeframe_hmatrix.blocks import (
@@ -19,6 +22,7 @@ from meeframe_hmatrix.blocks import (
     LowRank,
     Split,
     compress,
+    converted,
     multiply,
     multiply_transposed,
     rank,
@@ -29,8 +33,29 @@ from meeframe_hmatrix.blocks import (
 )
 from meeframe_hmatrix.truncation import truncated
 
+Result = TypeVar("Result")
+
 SMALL = 250
 """Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truncation:
+    """How factors are computed.
+
+    tolerance: relative, in the Frobenius norm, block by block; dtype: precision, to which blocks are converted one by
+    one when it is their turn, since a copy of them all is as costly as many of its products; pool: threads that help.
+    """
+
+    tolerance: float
+    dtype: DTypeLike
+    pool: Executor
+
+    def shared(self, tasks: Sequence[Callable[[], Result]]) -> list[Result]:
+        """Results of independent tasks, which may share their own: this thread does those that no other has begun."""
+        begun = [self.pool.submit(task) for task in tasks[1:]]
+        first = tasks[0]()
+        return [first, *(task() if one.cancel() else one.result() for task, one in zip(tasks[1:], begun, strict=True))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +160,11 @@ def _handed_down(pending: Pending, block: Split, row: int, column: int) -> Pendi
     return share
 
 
-def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> Dense | LowRank:
+def _subtracted(block: Dense | LowRank, pending: Pending, truncation: Truncation) -> Dense | LowRank:
     """An undivided block less all that is pending."""
+    converted_block = converted(block, truncation.dtype)
+    assert not isinstance(converted_block, Split)
+    block = converted_block
     if not pending.terms and not pending.products:
         return block
     if isinstance(block, Dense) or min(shape(block)) <= SMALL:
@@ -147,7 +175,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
             array -= _dense_product(first, second)
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
-        return LowRank(block.rows, block.columns, *truncated(array, tolerance))
+        return LowRank(block.rows, block.columns, *truncated(array, truncation.tolerance))
     left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
     right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
 
@@ -164,7 +192,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, tolerance: float) -> D
         return y
 
     expected = rank(block)  # elimination hardly changes it
-    factors = compress(product, transposed, shape(block), expected, tolerance, left.dtype)
+    factors = compress(product, transposed, shape(block), expected, truncation.tolerance, truncation.dtype)
     return LowRank(block.rows, block.columns, *factors)
 
 
@@ -176,53 +204,63 @@ def _dense_product(first: Block, second: Block) -> Array:
     return multiply(first, to_dense(second))
 
 
-def eliminate(block: Block, tolerance: float, pool: Executor, pending: Pending = NOTHING) -> Factors:
-    """LU factors of a square block less what is pending, truncated to a relative tolerance block by block."""
+def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Factors:
+    """LU factors of a square block less what is pending."""
     if isinstance(block, Dense):
-        rest = _subtracted(block, pending, tolerance)
+        rest = _subtracted(block, pending, truncation)
         assert isinstance(rest, Dense)
         return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
-    first = eliminate(block.parts[0][0], tolerance, pool, _handed_down(pending, block, 0, 0))
-    above = _handed_down(pending, block, 0, 1)
-    later = pool.submit(solve, first, Form.LOWER, block.parts[0][1], tolerance, above)
-    lower = solve_from_right(first, block.parts[1][0], tolerance, _handed_down(pending, block, 1, 0))
-    upper = later.result()
+    first = eliminate(block.parts[0][0], truncation, _handed_down(pending, block, 0, 0))
+    above, left = (_handed_down(pending, block, row, 1 - row) for row in range(2))
+    lower, upper = truncation.shared(
+        [
+            partial(solve_from_right, first, block.parts[1][0], truncation, left),
+            partial(solve, first, Form.LOWER, block.parts[0][1], truncation, above),
+        ]
+    )
     remaining = _with_product(_handed_down(pending, block, 1, 1), lower, upper)
-    second = eliminate(block.parts[1][1], tolerance, pool, remaining)
+    second = eliminate(block.parts[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
 
-def solve(factors: Factors, form: Form, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
+def solve(factors: Factors, form: Form, block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Block:
     """X of triangle @ X = block - pending, for one of the triangles of factors."""
     if not isinstance(block, Split):
-        rest = _subtracted(block, pending, tolerance)
+        rest = _subtracted(block, pending, truncation)
         if isinstance(rest, Dense):
             return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
         return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
-    columns: list[list[Block]] = []
-    for column in range(len(block.parts[0])):
-        parts = [line[column] for line in block.parts]
-        shares = [_handed_down(pending, block, row, column) for row in range(len(parts))]
-        if isinstance(factors, Eliminated):
-            parts = [solve(factors, form, parts[0], tolerance, shares[0])]
-        else:
-            triangle = _triangle(factors, form)
-            first, second = triangle.order
-            parts[first] = solve(triangle.parts[0], form, parts[first], tolerance, shares[first])
-            share = _with_product(shares[second], triangle.coupling, parts[first])
-            parts[second] = solve(triangle.parts[1], form, parts[second], tolerance, share)
-        columns.append(parts)
+    numbers = range(len(block.parts[0]))
+    columns = truncation.shared(
+        [partial(_column, factors, form, block, number, truncation, pending) for number in numbers]
+    )
     return Split(block.rows, block.columns, tuple(zip(*columns, strict=True)))
 
 
-def solve_from_right(factors: Factors, block: Block, tolerance: float, pending: Pending = NOTHING) -> Block:
+def _column(
+    factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, pending: Pending
+) -> list[Block]:
+    """The parts of a solution in one of its columns."""
+    parts = [line[column] for line in block.parts]
+    shares = [_handed_down(pending, block, row, column) for row in range(len(parts))]
+    if isinstance(factors, Eliminated):
+        return [solve(factors, form, parts[0], truncation, shares[0])]
+    triangle = _triangle(factors, form)
+    first, second = triangle.order
+    parts[first] = solve(triangle.parts[0], form, parts[first], truncation, shares[first])
+    share = _with_product(shares[second], triangle.coupling, parts[first])
+    parts[second] = solve(triangle.parts[1], form, parts[second], truncation, share)
+    return parts
+
+
+def solve_from_right(factors: Factors, block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Block:
     """X of X @ upper = block - pending."""
     turned = Pending(
         tuple((right.T, left.T) for left, right in pending.terms),
         tuple((transposed(second), transposed(first)) for first, second in pending.products),
     )
-    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), tolerance, turned))
+    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), truncation, turned))
 
 
 def solution(factors: Factors, form: Form, x: Array) -> Array:

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe_hmatrix.arithmetic import Factors, eliminate, solved
-from meeframe_hmatrix.blocks import Block, converted, multiply
+from meeframe_hmatrix.arithmetic import Factors, Truncation, eliminate, solved
+from meeframe_hmatrix.blocks import Block, multiply
 
 ROUGHLY: Final = 1e-2
 """Truncation of an approximate inverse."""
@@ -49,7 +49,7 @@ def rough_inverse(matrix: Block, unit: Array, order: Indices) -> RoughInverse | 
     displacement[order] = multiply(matrix, uniform.reshape(-1, 1)).reshape(uniform.shape) / unit
     for dtype in (np.float32, np.float64):
         with ThreadPoolExecutor(get_num_threads()) as pool, threadpool_limits(1, "blas"):
-            inverse = RoughInverse(eliminate(converted(matrix, dtype), ROUGHLY, pool), unit, order, dtype)
+            inverse = RoughInverse(eliminate(matrix, Truncation(ROUGHLY, dtype, pool)), unit, order, dtype)
         if np.linalg.norm(inverse(displacement) / unit - uniform) < FAR_OFF * np.linalg.norm(uniform):
             return inverse
     return None

@@ -14,7 +14,7 @@ from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
-from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, eliminate, solve, solved
+from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
@@ -111,46 +111,17 @@ def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Fac
 
     That gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
     """
-    with ThreadPoolExecutor(get_num_threads()) as pool:
+    with ThreadPoolExecutor(max(1, get_num_threads() - 1)) as pool:  # this thread works, too
         progress("elimination", 0.0)
-        dtype = np.float32 if tolerance >= SINGLE else np.float64
-        factors = eliminate(converted(system.matrix, dtype), tolerance, pool)
+        truncation = Truncation(tolerance, np.float32 if tolerance >= SINGLE else np.float64, pool)
+        factors = eliminate(system.matrix, truncation)
         assert isinstance(factors, EliminatedSplit)
-        zone = factors.second
-
-        def compliance(loads: Split) -> Block:
-            reduced = solve(factors, Form.LOWER, loads, tolerance)
-            assert isinstance(reduced, Split)
-            return solve(zone, Form.UPPER, reduced.parts[1][0], tolerance)
-
         progress("compliance", 0.0)
-        halves = list(pool.map(compliance, _column_halves(converted(system.load_matrix, dtype))))
+        reduced = solve(factors, Form.LOWER, system.load_matrix, truncation)
+        assert isinstance(reduced, Split)
+        compliance = solve(factors.second, Form.UPPER, reduced.parts[1][0], truncation)
         progress("compliance", 1.0)
-    whole = _side_by_side(halves) if len(halves) > 1 else halves[0]
-    return factors, converted(whole, np.float64)
-
-
-def _column_halves(loads: Split) -> list[Split]:
-    """Loads of rest and zone by the first division of their columns, which threads can share."""
-    rest, zone = loads.parts[0][0], loads.parts[1][0]
-    if not (isinstance(rest, Split) and isinstance(zone, Split)):
-        return [loads]
-    halves = []
-    for number, part in enumerate(zone.parts[0]):
-        lines = tuple(
-            (Split(block.rows, part.columns, tuple((line[number],) for line in block.parts)),) for block in (rest, zone)
-        )
-        halves.append(Split(loads.rows, part.columns, lines))
-    return halves
-
-
-def _side_by_side(halves: list[Block]) -> Split:
-    """One block of those with the same rows and one column of parts each."""
-    columns = slice(halves[0].columns.start, halves[-1].columns.stop)
-    divided = [half for half in halves if isinstance(half, Split)]
-    assert len(divided) == len(halves)
-    lines = zip(*(half.parts for half in divided), strict=True)
-    return Split(halves[0].rows, columns, tuple(tuple(part for parts in line for part in parts) for line in lines))
+    return factors, converted(compliance, np.float64)
 
 
 @dataclass(frozen=True, eq=False)

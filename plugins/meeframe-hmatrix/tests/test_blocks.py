@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from meeframe_hmatrix import arithmetic
-from meeframe_hmatrix.arithmetic import Form, eliminate, solution, solve, solve_from_right
+from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
     LowRank,
@@ -130,15 +130,17 @@ def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkey
     monkeypatch.setattr(arithmetic, "SMALL", small)
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
+    tall = whole(np.ascontiguousarray(wide.T), 1e-9)
     with ThreadPoolExecutor(2) as pool:
-        factors = eliminate(block, tolerance, pool)
+        truncation = Truncation(tolerance, np.float64, pool)
+        factors = eliminate(block, truncation)
+        solved = solve(factors, Form.UPPER, solve(factors, Form.LOWER, wide_block, truncation), truncation)
+        from_right = solve_from_right(factors, tall, truncation)
     found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
     assert error(found, np.linalg.solve(square, x)) < tolerance
-    solved = solve(factors, Form.UPPER, solve(factors, Form.LOWER, wide_block, tolerance), tolerance)
     assert error(to_dense(solved), np.linalg.solve(square, wide)) < 2 * tolerance
-    tall = whole(np.ascontiguousarray(wide.T), 1e-9)
     upper = np.linalg.solve(square.T, wide).T @ to_dense_lower(factors, len(square))
-    assert error(to_dense(solve_from_right(factors, tall, tolerance)), upper) < 4 * tolerance
+    assert error(to_dense(from_right), upper) < 4 * tolerance
 
 
 def to_dense_lower(factors, size):
@@ -182,7 +184,8 @@ def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     assert 0.0 < error(to_dense(single), square) < 1e-6
     x = np.random.default_rng(5).normal(size=(len(square), 2))
     with ThreadPoolExecutor(2) as pool:
-        factors = eliminate(single, SINGLE, pool)
+        factors = eliminate(block, Truncation(SINGLE, np.float32, pool))
+    assert {to_dense(leaf).dtype for leaf in leaves(factors.upper)} == {np.dtype(np.float32)}
     found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
     assert found.dtype == np.float64
     assert error(found, np.linalg.solve(square, x)) < SINGLE
