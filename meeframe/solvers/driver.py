@@ -170,6 +170,8 @@ def solve(
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
     if status is not Status.CONVERGED and (reason := hopeless()):
         message = f"{message}: {reason}"
+    # stored as it is read from a file, so that sums over it are the same to the last digit
+    state = replace(state, load=np.ascontiguousarray(state.load), displacement=np.ascontiguousarray(state.displacement))
     return ContactSolution(state, status, iteration, final, np.array(looks), message)
 
 

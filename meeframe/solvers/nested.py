@@ -78,7 +78,9 @@ def nested_start(
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
     apart = load[:, 2] >= 0.0
     load[apart, MECHANICAL] = 0.0
-    load[~np.isfinite(problem.gap) if follows_gap(problem) else apart] = 0.0
+    if not follows_gap(problem):
+        load[apart] = 0.0
+    load[~np.isfinite(problem.gap)] = 0.0
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
 
 
