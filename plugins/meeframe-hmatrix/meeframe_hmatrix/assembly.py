@@ -35,7 +35,10 @@ class System:
 
 
 def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> System:
-    """The boundary element system (eqs. 19, 20), far blocks to a relative tolerance in the Frobenius norm."""
+    """The boundary element system (eqs. 19, 20).
+
+    Far blocks have a relative tolerance in the Frobenius norm, those of a row cluster together.
+    """
     tree = integrals.tree
     far: list[Pair] = []
     near: list[Pair] = []
