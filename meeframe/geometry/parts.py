@@ -7,10 +7,11 @@ from scipy.sparse.csgraph import connected_components
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.geometry.topology import corner_count, find_edges, once
+from meeframe.core.once import once_for_each
+from meeframe.geometry.topology import corner_count, find_edges
 
 
-@once
+@once_for_each
 def connected_surfaces(mesh: SurfaceMesh) -> tuple[Indices, NDArray[np.bool_]]:
     """Surface that each element belongs to, (n_elements,), and whether surface i lies inside surface j, (s, s).
 

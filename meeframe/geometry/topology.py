@@ -1,31 +1,13 @@
 """Which elements share which edges."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
 from itertools import pairwise
-from typing import TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from meeframe.core.element import SurfaceElement
 from meeframe.core.mesh import Indices, SurfaceMesh
-
-T = TypeVar("T")
-
-
-def once(find: Callable[[SurfaceMesh], T]) -> Callable[[SurfaceMesh], T]:
-    """Finds something once for each mesh, as several checks ask for it, and keeps it as long as the mesh lives."""
-    known: WeakKeyDictionary[SurfaceMesh, T] = WeakKeyDictionary()
-
-    @wraps(find)
-    def found(mesh: SurfaceMesh) -> T:
-        if mesh not in known:
-            known[mesh] = find(mesh)
-        return known[mesh]
-
-    return found
+from meeframe.core.once import once_for_each
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +43,7 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
     return edges
 
 
-@once
+@once_for_each
 def find_edges(mesh: SurfaceMesh) -> Edges:
     """The edges of a mesh whose connectivity is within range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import h5py
 import numpy as np
@@ -12,6 +12,8 @@ from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import AnyArray, NodalFields, ReducedSystem
 from meeframe.io.output import replacing
+
+Found = TypeVar("Found")
 
 FORMAT: Final = "meeframe-system 1"
 KEPT: Final = "meeframe-kept-system 1"
@@ -48,13 +50,7 @@ def write_kept(path: Path, key: str, kept: Mapping[str, AnyArray]) -> None:
 
 def read_kept(path: Path, key: str) -> dict[str, AnyArray] | None:
     """What write_kept wrote; None if there is no whole file of this key."""
-    try:
-        with h5py.File(path, "r") as file:
-            if (file.attrs["format"], file.attrs["key"]) != (KEPT, key):
-                return None
-            return {name: file[name][()] for name in file}
-    except (OSError, KeyError, RuntimeError, ValueError):  # as in read_system
-        return None
+    return _read(path, KEPT, key, lambda file: {name: file[name][()] for name in file})
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
@@ -62,13 +58,20 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
 
     recovery: how fields on the whole boundary are found, which no file holds.
     """
+
+    def system(file: Any) -> DenseSystem:
+        blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
+        cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
+        return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+
+    return _read(path, FORMAT, key, system)
+
+
+def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
+    """What is taken from a file of this kind and key; None if there is no whole one."""
     try:
         with h5py.File(path, "r") as file:
-            if (file.attrs["format"], file.attrs["key"]) != (FORMAT, key):
-                return None
-            blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
-            cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
-            return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+            return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
     except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
         return None
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.law import ConductivityLaw, contact_conductivity
-from meeframe.solvers.once import once_for_each
+from meeframe.core.once import once_for_each
 
 Mask = NDArray[np.bool_]
 

@@ -11,8 +11,8 @@ from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Coarsening, ReducedSystem
 from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.once import once_for_each
 from meeframe.solvers.conduction import follows_gap
-from meeframe.solvers.once import once_for_each
 
 FEWEST: Final = 16
 """Nodes of a coarser division that must be under the indenter, and overlap: on fewer a problem is another one."""

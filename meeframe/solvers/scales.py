@@ -10,9 +10,9 @@ from meeframe.core.contact import ContactProblem, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import attraction, conducts
+from meeframe.core.once import once_for_each
 from meeframe.solvers.free_motion import balanced_projection, motions
 from meeframe.solvers.nested import Coarse, alike, coarse_problem, same_area
-from meeframe.solvers.once import once_for_each
 
 Mask = NDArray[np.bool_]
 
