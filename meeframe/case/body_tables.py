@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
 
 from meeframe.case.values import (
+    DEFAULT_FORMULATION,
     Count,
     CountPair,
     ElectricFlux,
@@ -98,6 +99,7 @@ def _mesh(value: Any, info: ValidationInfo) -> Any:
 
 
 MESH_BY_TYPE: Final = BeforeValidator(_mesh)
+BY_NAME: Final = by_name(Formulation, default=DEFAULT_FORMULATION)
 _ONE_OR_MORE: Final = BeforeValidator(lambda value: (value,) if isinstance(value, str) else value)
 
 
@@ -139,4 +141,4 @@ class CounterBodyTable(Table):
     mesh: Annotated[MeshTable, MESH_BY_TYPE]
     boundary: tuple[BoundaryTable, ...] = ()
     zone: Text = "contact"
-    formulation: Annotated[Formulation, by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
+    formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)

@@ -34,7 +34,7 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     """
     file = Path(path)
     try:
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
         tables = tomllib.loads(text)
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None

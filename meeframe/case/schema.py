@@ -14,6 +14,7 @@ from pydantic import (
 )
 
 from meeframe.case.body_tables import (
+    BY_NAME,
     MESH_BY_TYPE,
     BoundaryTable,
     CounterBodyTable,
@@ -21,6 +22,8 @@ from meeframe.case.body_tables import (
 )
 from meeframe.case.step import Step
 from meeframe.case.values import (
+    DEFAULT_FORMULATION,
+    DEFAULT_SOLVER,
     FINITE,
     Angle,
     Charge,
@@ -37,6 +40,7 @@ from meeframe.case.values import (
     Time,
     TotalMagneticFlux,
     by_name,
+    named,
     registry_of,
 )
 from meeframe.core.contact import Solver
@@ -111,7 +115,7 @@ class SolverTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _flat(cls, value: Any, info: ValidationInfo) -> Any:
-        return _divided(value, info, Solver, Limits)
+        return _divided(named(value, DEFAULT_SOLVER), info, Solver, Limits)
 
 
 class StepTable(Table):
@@ -204,8 +208,8 @@ class CaseTable(Table):
     contact: ContactTable = Field(default_factory=dict, validate_default=True)
     conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
     indenter: IndenterTable
-    formulation: Annotated[Formulation, by_name(Formulation)] = Field(default="dense-bem", validate_default=True)
-    solver: SolverTable = Field(default="auto", validate_default=True)
+    formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)
+    solver: SolverTable = Field(default=DEFAULT_SOLVER, validate_default=True)
     restart: RestartTable | None = None
     steps: tuple[StepTable, ...] = Field(min_length=1)
     output: OutputTable = OutputTable()

@@ -1,7 +1,7 @@
 """Types of the values in a case file, with units and bounds, and the base of its tables."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Final
 
@@ -10,6 +10,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, Type
 from meeframe.core.quantities import Quantity
 from meeframe.plugin.registry import CONTRACTS, Registry
 
+DEFAULT_FORMULATION: Final = "dense-bem"
+DEFAULT_SOLVER: Final = "auto"
 FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 
 Text = Annotated[str, Strict(), Field(min_length=1)]
@@ -35,9 +37,17 @@ FreeLength = Annotated[Length | None, _FREE]
 FreePressure = Annotated[Pressure | None, _FREE]
 
 
-def by_name(contract: type, unit: str = "") -> BeforeValidator:
-    """Makes the object that a table names, by the registry that is the context of the validation; unit: as there."""
-    return BeforeValidator(lambda table, info: replace(registry_of(info), unit=unit).create(CONTRACTS[contract], table))
+def by_name(contract: type, unit: str = "", default: str = "") -> BeforeValidator:
+    """Makes the object that a table names, by the registry that is the context of the validation; unit: as there;
+    default: name of what a table without one has the keys of."""
+    return BeforeValidator(
+        lambda table, info: replace(registry_of(info), unit=unit).create(CONTRACTS[contract], named(table, default))
+    )
+
+
+def named(table: Any, default: str) -> Any:
+    """The table with the default name, if there is one, unless it has a name; anything else as it is."""
+    return {"name": default, **table} if default and isinstance(table, Mapping) else table
 
 
 def registry_of(info: ValidationInfo) -> Registry:

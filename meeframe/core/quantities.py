@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
 _PREFIXED: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eE]([-+]?[0-9]+))?\s*([A-Za-zµμ]+)\s*")
+_NUMBER: Final = re.compile(r"\s*[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?(?![0-9.,_])(?:\s*1?\s*/)?")
+_EXPONENT: Final = re.compile(r"(?<=[^\W\d)])\s*(?:\^|\*\*)\s*-?[0-9](?:\.[0-9]+)?(?!\s*(?:[0-9.^]|\*\*))")
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
@@ -82,6 +84,10 @@ class Quantity:
         number = self._prefixed(text)
         if number is not None:
             return number
+        number = _NUMBER.match(text)
+        # one number and then units: pint would add up, multiply "50,5" out to 505 and compute powers without end
+        if number is None or re.search(r"[0-9+,]", _EXPONENT.sub("", text[number.end() :])):
+            raise ValueError(f"cannot be read as a quantity; expected {self.expected}")
         # pint takes half a second to start: imported when the first text of another kind comes along
         import pint
 

@@ -52,7 +52,7 @@ def read_material(path: Path) -> Material:
     Raises MaterialError, naming the file, if it cannot be read or its table is not acceptable.
     """
     try:
-        return inline_material(tomllib.loads(path.read_text(encoding="utf-8")))
+        return inline_material(tomllib.loads(path.read_text(encoding="utf-8-sig")))
     except OSError as error:
         raise MaterialError(f"material file {path}: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, MaterialError) as error:

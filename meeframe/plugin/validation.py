@@ -23,6 +23,7 @@ _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 _TEXTS = {
     "dict_type": "should be a table",
     "model_type": "should be a table",
+    "dataclass_type": "should be a table",
     "tuple_type": "should be a list",
     "too_short": "should not be empty",
     "too_long": "should have {max_length} entries",
@@ -182,6 +183,8 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
         yield Problem(location, "missing key" if isinstance(location[-1], str) else "missing entry")
     elif kind == "value_error":
         yield Problem(location, str(inner), value)
+    elif kind == "tuple_type" and isinstance(value, Mapping):
+        yield Problem(location, f"should be a list of tables, each under a header [[{location[-1]}]]", value)
     else:
         text = item["msg"].replace("Input should", "should", 1)
         yield Problem(location, _TEXTS[kind].format(**item.get("ctx", {})) if kind in _TEXTS else text, value)
@@ -218,6 +221,7 @@ def _model_within(hint: Any) -> Any:
 
 def _brief(value: Any) -> str:
     if isinstance(value, float | int) and not isinstance(value, bool):
-        return f"{value:.12g}"
+        text = f"{value:.12g}"
+        return f"{text}.0" if isinstance(value, float) and text.lstrip("-").isdigit() else text
     text = str(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

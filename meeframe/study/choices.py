@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from meeframe.case.case import Case
 from meeframe.case.load import case_from_tables
-from meeframe.case.schema import CaseTable
+from meeframe.case.values import DEFAULT_FORMULATION
 from meeframe.core.errors import CaseError
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import TableError
@@ -147,8 +147,8 @@ def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], r
 
 def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> bool:
     """That of the formulation of a body; false if it takes none."""
-    formulation = _table(body.get("formulation", CaseTable.model_fields["formulation"].default))
-    name = formulation.get("name")
+    formulation = _table(body.get("formulation", DEFAULT_FORMULATION))
+    name = formulation.get("name", DEFAULT_FORMULATION)
     takes = isinstance(name, str) and _SOLUTION in _keys(Kind.FORMULATION, name, registry)
     if takes:
         solution = _fitted(value, formulation.get(_SOLUTION), Kind.FUNDAMENTAL_SOLUTION, registry)

@@ -187,7 +187,7 @@ def _brief(problem: Problem) -> Problem:
 def read_tables(file: Path) -> dict[str, Any]:
     """The tables of a TOML file. Raises CaseError."""
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

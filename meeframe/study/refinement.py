@@ -7,6 +7,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
 from meeframe.case.body_tables import BlockTable
+from meeframe.case.values import DEFAULT_FORMULATION
 from meeframe.core.errors import CaseError
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.study.choices import bodies_of
@@ -34,7 +35,7 @@ def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[
         formulation = body.get("formulation")
         if formulation is not None:
             table = {"name": formulation} if isinstance(formulation, str) else formulation
-            body["formulation"] = _scaled(table, size, _growths(table["name"], registry))
+            body["formulation"] = _scaled(table, size, _growths(table.get("name", DEFAULT_FORMULATION), registry))
     return changed
 
 

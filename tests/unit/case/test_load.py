@@ -16,6 +16,7 @@ from meeframe.geometry import Heights, Sphere
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import library_material
 from meeframe.plugin.validation import TableError
+from meeframe.solvers import Auto
 
 
 def test_defaults(write_case, registry):
@@ -84,6 +85,19 @@ electric_flux = 1e-6
     assert step.magnetic_potential == pytest.approx(3e-3)
     side = {(c.field, c.kind): c.data for c in case.conditions if c.group == "side_x+"}
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
+
+
+def test_tables_without_a_name_have_keys_of_the_default(write_case, registry):
+    changes = ('name = "winkler"\nstiffness = "1e14 Pa/m"', "quadrature_tolerance = 1e-3")
+    case = load_case(write_case(changes, more="\n[solver]\ntolerance = 1e-7\n"), registry)
+    assert case.formulation == DenseBEM(quadrature_tolerance=1e-3)
+    assert (case.solver, case.limits.tolerance) == (Auto(), 1e-7)
+
+
+def test_a_file_with_a_byte_order_mark(write_case, registry):
+    path = write_case()
+    path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert load_case(path, registry).title == "tiny"
 
 
 def test_one_table_for_several_groups(write_case, registry):
@@ -160,6 +174,10 @@ WRONG = {
     "not positive": ([('radius = "100 mm"', "radius = -0.1")], "indenter.radius = -0.1: must be > 0"),
     "true is no number": ([('radius = "100 mm"', "radius = true")], "indenter.radius = true: expected a number"),
     "no whole number": ([("divisions = 4", "divisions = 4.5")], "mesh.divisions = 4.5: should be a whole number"),
+    "a whole number in other words": (
+        [("divisions = 4", "divisions = 4.0")],
+        "mesh.divisions = 4.0: should be a whole",
+    ),
     "too few": ([("layers = 1", "layers = 0")], "mesh.layers = 0: should be greater than or equal to 1"),
     "too many": (
         [("divisions = 4", "divisions = 400000")],
@@ -210,7 +228,10 @@ WRONG = {
         [('[material]\nname = "batio3-cofe2o4"\n', ""), ("title", "material = 'x'\ntitle")],
         "material = 'x': should be a table",
     ),
-    "table for a list": ([("[[steps]]", "[steps]")], "steps = {'approach': '10 um'}: should be a list"),
+    "table for a list": (
+        [("[[steps]]", "[steps]")],
+        "steps = {'approach': '10 um'}: should be a list of tables, each under a header [[steps]]",
+    ),
     "no text": ([('title = "tiny"', "title = 3")], "title = 3: should be a text"),
     "no steps": (
         [('[[steps]]\napproach = "10 um"', ""), ("title", "steps = []\ntitle")],
@@ -243,6 +264,7 @@ WRONG_MORE = {
         "contact.law.mu = -0.1: must be >= 0",
     ),
     "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
+    "axes without a key": ("[contact]\naxes = [1, 0, 0]", "contact.axes = [1, 0, 0]: should be a table"),
     "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
     "twice the same": (

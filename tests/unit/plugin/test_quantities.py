@@ -13,7 +13,17 @@ LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
 @pytest.mark.parametrize(
     ("given", "metres"),
-    [(2, 2.0), (0.5, 0.5), ("5 mm", 5e-3), ("3 um", 3e-6), ("1e-4 m", 1e-4), ("2 inch", 0.0508), (math.inf, math.inf)],
+    [
+        (2, 2.0),
+        (0.5, 0.5),
+        ("5 mm", 5e-3),
+        ("3 um", 3e-6),
+        ("1e-4 m", 1e-4),
+        ("2 inch", 0.0508),
+        (math.inf, math.inf),
+        ("2e4 mm^2/m", 0.02),
+        ("3 1/km^-1", 3e3),
+    ],
 )
 def test_numbers_and_texts(given, metres):
     assert LENGTH.validate_python(given) == pytest.approx(metres, rel=1e-12)
@@ -37,6 +47,15 @@ def test_prefixes_of_compound_units(unit, given, number):
 
 def test_a_prefixed_number_is_the_nearest_there_is():
     assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
+
+
+@pytest.mark.parametrize(
+    "given", ["mm", "50,5 mm", "1,000 mm", "1_000 mm", "5 mm + 3 mm", "2 * 5 mm", "1 m**9**9**9**9", "9**9**9**9 mm"]
+)
+def test_one_number_and_then_units(given):
+    """What pint would make of these is something else, or never ends."""
+    with pytest.raises(ValidationError, match="cannot be read"):
+        LENGTH.validate_python(given)
 
 
 @pytest.mark.parametrize("given", ["5 V", "5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])

@@ -27,6 +27,8 @@ def test_defaults_follow_too(registry):
     half_space = {"type": "half-space", "divisions": [16, 9], "rings": 8}
     assert coarser({"mesh": half_space}, 2.0, registry)["mesh"] == half_space | {"divisions": [8, 4], "rings": 4}
     assert coarser({"mesh": MESH, "formulation": "dense-bem"}, 2.0, registry)["formulation"] == {"name": "dense-bem"}
+    nameless = {"quadrature_tolerance": 1e-3}
+    assert coarser({"mesh": MESH, "formulation": nameless}, 2.0, registry)["formulation"] == nameless
 
 
 def test_the_same_size_is_the_same_mesh(registry):
