@@ -84,9 +84,9 @@ class Quantity:
         number = self._prefixed(text)
         if number is not None:
             return number
-        number = _NUMBER.match(text)
+        match = _NUMBER.match(text)
         # one number and then units: pint would add up, multiply "50,5" out to 505 and compute powers without end
-        if number is None or re.search(r"[0-9+,]", _EXPONENT.sub("", text[number.end() :])):
+        if match is None or re.search(r"[0-9+,]", _EXPONENT.sub("", text[match.end() :])):
             raise ValueError(f"cannot be read as a quantity; expected {self.expected}")
         # pint takes half a second to start: imported when the first text of another kind comes along
         import pint
