@@ -69,8 +69,10 @@ def sort_by_cell(offset, cells, place, key, order):
     """
     n = offset.shape[0]
     start = np.zeros(3 * cells * cells + 1, np.int64)
+    # A step of three that the compiler knows: it would make vectors for rows of one alone.
+    flat = offset.ravel()
     for point in range(n):
-        face, xa, u, v = _face(offset[point, 0], offset[point, 1], offset[point, 2])
+        face, xa, u, v = _face(flat[3 * point], flat[3 * point + 1], flat[3 * point + 2])
         place[0, point], place[1, point], place[2, point] = xa, u, v
         key[point] = (face * cells + _cell(u, cells)) * cells + _cell(v, cells)
     for point in range(n):
@@ -192,11 +194,10 @@ def tractions(coefficients, place, values, traction):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _prefetch_cell(table, cell):
-    """Fetch the coefficients of a cell while others are in use; sorted points seldom find theirs near the processor."""
-    begin = cell * table.shape[1]
-    for entry in range(begin, begin + table.shape[1], LINE):
-        prefetch(table, entry)
+def _prefetch(array, begin, end):
+    """Fetch entries begin to end of a contiguous array, counted flat, while others are in use."""
+    for entry in range(begin, end, LINE):
+        prefetch(array, entry)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -211,35 +212,35 @@ def _block(table, cells, points, following, place, key, normal, work):
     for p in range(len(points)):
         point = points[p]
         xa, u, v = place[0, point], place[1, point], place[2, point]
-        i, j = key[point] // cells % cells, key[point] % cells
-        local[0, p] = _local(u, i, cells)
-        local[1, p] = _local(v, j, cells)
+        local[0, p] = _local(u, _cell(u, cells), cells)
+        local[1, p] = _local(v, _cell(v, cells), cells)
         for axis in range(3):
             near[axis, p] = normal[point, axis]
         near[3, p], near[4, p] = u, v
         near[5, p] = 0.25 / (math.pi * xa * abs(xa))
         near[6, p] = cells * near[5, p]
-    p = last = 0
+    p = 0
     while p < len(points):
         cell = key[points[p]]
-        if p == last:
-            while last < len(points) and key[points[last]] == cell:
-                last += 1
-            ahead = key[points[last]] if last < len(points) else following
-            if ahead >= 0 and ahead != cell:
-                _prefetch_cell(table, ahead)
-        end = min(p + LANES, last)
-        if end - p >= FEW:
+        # Points without order seldom come so many to a cell, those of an assembly mostly do: a good guess either way.
+        together = p + FEW <= len(points) and key[points[p + FEW - 1]] == cell
+        end = p + (FEW if together else 1)
+        while together and end < min(p + LANES, len(points)) and key[points[end]] == cell:
+            end += 1
+        ahead = key[points[end]] if end < len(points) else following
+        if ahead >= 0 and ahead != cell:
+            # Sorted points seldom find the coefficients of the next cell near the processor.
+            _prefetch(table, ahead * table.shape[1], (ahead + 1) * table.shape[1])
+        if together:
             # Idle lanes fill columns of points that follow, before these do.
             _interpolate_lanes(table, cell, local[0, p : p + LANES], local[1, p : p + LANES], p, values)
-            p = end
         else:
             _interpolate(table, cell, local[0, p], local[1, p], value)
             for q in range(N_PACKED):
                 values[q, p] = value[q]
                 values[q, WIDE + p] = value[WIDTH + q]
                 values[q, 2 * WIDE + p] = value[2 * WIDTH + q]
-            p += 1
+        p = end
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -277,8 +278,7 @@ def _write_in_order(packed, order, row_of, u_out, t_out):
         row_of[order[row]] = row
     for point in range(n):
         ahead = ROW * row_of[min(point + AHEAD, n - 1)]
-        for q in range(0, ROW, LINE):
-            prefetch(packed, ahead + q)
+        _prefetch(packed, ahead, ahead + ROW)
         found = packed[row_of[point]]
         for q in range(25):
             u_out[point, q] = found[FLAT[q]]
@@ -297,6 +297,8 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
     work = np.zeros((2, WIDE)), near, values, np.empty(3 * WIDTH)
     for begin in range(0, n, CHUNK):
         part = slice(begin, min(begin + CHUNK, n))
+        # They are needed in another order, in which the processor cannot foresee them.
+        _prefetch(normal, 3 * part.start, 3 * part.stop)
         bounds = sort_by_cell(offset[part], cells, place, key, order)
         for face in range(3):
             for first in range(bounds[face], bounds[face + 1], BLOCK):
