@@ -1,6 +1,7 @@
 """Blocks of a cluster and those far from it, by cross approximation: from few of its equations."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -10,13 +11,18 @@ from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.layout import NONE
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals
-from meeframe_hmatrix.kernels import Rows, enter, skeleton_rows, spread_out
+from meeframe_hmatrix.kernels import Rows, enter
 from meeframe_hmatrix.rows import add, column_window, no_sums, orders_from, output, placed
+from meeframe_hmatrix.skeleton import enter_samples, skeleton_sources, spread_out
 
 FIRST_SAMPLES = 64
 """Points that sample the columns at first."""
 HELD_OUT = 4
 """One more, held out, for so many of them."""
+SOURCES_PER_CALL = 16
+"""Their kernels at the first samples fit the second-level cache."""
+FIRST_SUMS = 192
+"""Random sums of columns that stand for all of them at first."""
 LEAST = 1e-2
 """Columns smaller than this part of the largest, distances apart, need not be as exact as others."""
 
@@ -73,37 +79,66 @@ def _skeleton(
     and those of values like those of fluxes.
     """
     places, normals = points
-    positions = integrals.positions[row.sources]
+    source, field = equations
+    rows = np.full((row.sources.stop - row.sources.start, N_FIELDS), NONE)
+    rows[source, field] = np.arange(len(source))
     centre = row.row_box.mean(axis=0)
+    raw, sizes = np.empty((len(source), 0, 2 * N_FIELDS)), np.empty((0, 2))
     samples = FIRST_SAMPLES
     while True:
         held_out = samples // HELD_OUT
         spread = spread_out(places, row.row_box[0], row.row_box[1], samples + held_out)
-        offsets = (places[spread] - positions[:, None]).reshape(-1, 3)
-        at_points = np.broadcast_to(normals[spread], (len(positions), len(spread), 3)).reshape(-1, 3)
-        away = np.linalg.norm(places[spread] - centre, axis=1)
-        both = np.stack(integrals.kernel.evaluate(offsets, at_points)).reshape(2, len(positions), -1, 5, 5)
-        both *= np.stack([away, away**2])[:, None, :, None, None]
-        sizes = np.sqrt(np.einsum("xspjk,xspjk->xp", both, both))
-        both /= np.maximum(sizes, LEAST * sizes.max(axis=1, keepdims=True))[:, None, :, None, None]
-        sampled = both.transpose(1, 2, 0, 3, 4)[equations[0], ..., equations[1]].reshape(-1, len(spread), 10)
+        new = spread[len(sizes) :]
+        more = _samples(integrals, integrals.positions[row.sources], rows, places[new], normals[new], len(source))
+        raw, sizes = (np.concatenate(pair, axis=axis) for axis, pair in ((1, (raw, more[0])), (0, (sizes, more[1]))))
+        away = np.linalg.norm(places[spread] - centre, axis=1, keepdims=True) ** [1, 2]
+        factors = 1.0 / np.maximum(sizes, LEAST * (away * sizes).max(axis=0) / away)
+        sampled = raw * np.repeat(factors, N_FIELDS, axis=1)
         known = samples if len(spread) == samples + held_out else len(spread)
-        left, chosen = _interpolation(sampled[:, :known].reshape(len(sampled), -1), equations[0], tolerance)
-        test = sampled[:, known:].reshape(len(sampled), -1)
+        left, chosen = interpolation(sampled[:, :known].reshape(len(source), -1), source, tolerance)
+        test = sampled[:, known:].reshape(len(source), -1)
         if np.linalg.norm(left @ test[chosen] - test) <= tolerance * np.linalg.norm(test):
             return left, chosen
         samples *= 2
 
 
-def _interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
+def _samples(
+    integrals: Integrals, positions: Array, rows: Indices, places: Array, normals: Array, n_equations: int
+) -> tuple[Array, Array]:
+    """Samples (m, p, 10) of u and t in m equations, rows (s, 5) of the positions (s, 3), and their norms (p, 2)."""
+    samples, squares = np.empty((n_equations, len(places), 2 * N_FIELDS)), np.zeros((len(places), 2))
+    for first in range(0, len(positions), SOURCES_PER_CALL):
+        part = positions[first : first + SOURCES_PER_CALL]
+        offsets = (places - part[:, None]).reshape(-1, 3)
+        u, t = integrals.kernel.evaluate(offsets, np.tile(normals, (len(part), 1)))
+        own = rows[first : first + SOURCES_PER_CALL]
+        enter_samples(u.reshape(-1, 25), t.reshape(-1, 25), own, samples, squares)
+    return samples, np.sqrt(squares)
+
+
+def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
     """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix.
 
-    source: (m,) of each row; of some sources all rows are taken.
+    source: (m,) of each row; of some sources all rows are taken. Which, is found from random sums of the columns.
     """
-    chosen, parts = skeleton_rows(sampled.copy(), source, tolerance / 2.0 * np.linalg.norm(sampled))
+    limit, n, width, enough = tolerance / 2.0 * np.linalg.norm(sampled), sampled.shape[1], FIRST_SUMS, False
+    while not enough:
+        mean = width < n
+        sums = sampled @ _random(n, width) if mean else sampled.copy()
+        chosen, enough = skeleton_sources(sums, source, limit, mean)
+        width *= 2
     places = np.flatnonzero(np.isin(source, chosen if len(chosen) else [0]))
+    basis, _ = np.linalg.qr(sampled[places].T)
+    parts = sampled @ basis
     # pivoted QR: singular values would cost most of the block
     solved = lstsq(parts[places].T, parts.T, cond=tolerance / 100.0, check_finite=False, lapack_driver="gelsy")
     left: Array = solved[0].T
     left[places] = np.eye(len(places))
     return left, places
+
+
+@lru_cache(maxsize=16)
+def _random(n: int, width: int) -> Array:
+    """Random vectors (n, width); the norm of what they are multiplied with is kept in the mean."""
+    found: Array = np.random.default_rng(0).normal(size=(n, width)) / np.sqrt(width)
+    return found

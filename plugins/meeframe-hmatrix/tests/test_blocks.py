@@ -20,7 +20,6 @@ from meeframe_hmatrix.blocks import (
     to_dense,
 )
 from meeframe_hmatrix.chosen_fields import in_fields, merged
-from meeframe_hmatrix.kernels import spread_out
 from meeframe_hmatrix.product import stacked
 from meeframe_hmatrix.system import SINGLE
 from meeframe_hmatrix.truncation import truncated
@@ -166,15 +165,6 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
     x = random.normal(size=2 * nodes)
     assert error(stacked(found)(x), expected @ x) < 1e-14
     assert error(stacked(merged(found))(x), expected @ x) < 1e-14
-
-
-def test_points_are_spread_out_and_dense_where_the_box_is_close():
-    places = np.random.default_rng(4).uniform((1, 0, 0), (9, 1, 1), (4000, 3))
-    chosen = spread_out(places, np.zeros(3), np.array([0.0, 1.0, 1.0]), 60)
-    assert len(set(chosen)) == 60
-    near = (places[chosen, 0] < 3).mean()
-    assert near > 0.5 > (places[:, 0] < 3).mean()
-    assert spread_out(places[:5], np.zeros(3), np.ones(3) / 2, 60).tolist() == [0, 1, 2, 3, 4]
 
 
 def test_single_precision_adds_nothing_to_coarse_truncation(matrices):

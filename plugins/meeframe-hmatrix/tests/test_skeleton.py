@@ -1,0 +1,34 @@
+"""Cross approximation: sample points, and the choice of equations that the others are combinations of."""
+
+import numpy as np
+import pytest
+from meeframe_hmatrix.cross_approximation import interpolation
+from meeframe_hmatrix.skeleton import spread_out
+
+
+def test_points_are_spread_out_and_dense_where_the_box_is_close():
+    places = np.random.default_rng(4).uniform((1, 0, 0), (9, 1, 1), (4000, 3))
+    chosen = spread_out(places, np.zeros(3), np.array([0.0, 1.0, 1.0]), 60)
+    assert len(set(chosen)) == 60
+    near = (places[chosen, 0] < 3).mean()
+    assert near > 0.5 > (places[:, 0] < 3).mean()
+    assert np.array_equal(chosen[:20], spread_out(places, np.zeros(3), np.array([0.0, 1.0, 1.0]), 20))
+    assert sorted(spread_out(places[:5], np.zeros(3), np.ones(3) / 2, 60)) == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("n", "decay"), [(150, 0.8), (640, 0.8), (640, 0.97)], ids=["all", "summed", "summed anew"])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance):
+    random = np.random.default_rng(7)
+    source = np.repeat(np.arange(90), 5)
+    values = decay ** np.arange(n)
+    left, _ = np.linalg.qr(random.normal(size=(len(source), min(n, len(source)))))
+    right, _ = np.linalg.qr(random.normal(size=(n, left.shape[1])))
+    matrix = left * values[: left.shape[1]] @ right.T
+    factor, chosen = interpolation(matrix, source, tolerance)
+    assert np.linalg.norm(factor @ matrix[chosen] - matrix) < tolerance * np.linalg.norm(matrix)
+    assert np.array_equal(factor[chosen], np.eye(len(chosen)))
+    assert np.array_equal(np.flatnonzero(np.isin(source, source[chosen])), chosen)
+    tails = np.sqrt(np.cumsum(values[::-1] ** 2))[::-1]
+    rank = int((tails > tolerance * tails[0]).sum())
+    assert len(chosen) < 2 * rank + 5
