@@ -21,6 +21,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import FrictionAxes, Placement, check_contact_zone, initial_gap, zone_frames
 from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material
+from meeframe.plugin.sources import faults_of_plugins
 from meeframe.solvers import Auto, Limits
 
 Warn = Callable[[str], None]
@@ -49,9 +50,9 @@ class Case:
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
     fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite or that has not
-    one traction for each node, a counter body whose zone does not match, a first step that neither moves nor presses
-    it, a step without the duration that the contact law needs, a resultant that the laws cannot resist, a run to go on
-    from that had another contact zone or other axes.
+    one traction for each node, a conductivity law likewise, a counter body whose zone does not match, a first step
+    that neither moves nor presses it, a step without the duration that the contact law needs, a resultant that the laws
+    cannot resist, a run to go on from that had another contact zone or other axes.
     """
 
     material: Material
@@ -76,6 +77,10 @@ class Case:
     text: str = ""
 
     def __post_init__(self) -> None:
+        with faults_of_plugins():
+            self._check()
+
+    def _check(self) -> None:
         check_contact_zone(self.mesh, self.zone)
         self.formulation.check(self.body)
         if not self.steps:
@@ -84,6 +89,8 @@ class Case:
         place = zone_frames(self.mesh, self.zone)
         gap_of_law(self.contact_law, place.points)
         check_tractions(self.contact_law, len(place.points))
+        for law in (self.electric_law, self.magnetic_law):
+            check_conductivity(law, len(place.points))
         check_match(self.counter, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])
@@ -117,7 +124,8 @@ class Case:
 
 def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
     """What formulations warn of in their bodies, in words; the same words once."""
-    return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
+    with faults_of_plugins():
+        return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
 
 
 def unheard(text: str) -> None:
@@ -150,15 +158,36 @@ def gap_of_law(law: ContactLaw, points: Array) -> Array:
 def check_tractions(law: ContactLaw, n: int) -> None:
     """Raises CaseError unless the contact law has one traction for each of n nodes, and the scaling that belongs to it.
 
+    Or if it changes the tractions that it is given.
     What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
     """
     name = type(law).__name__
+    trial = np.tile([1e6, -2e6, -3e6], (n, 1))
+    given = trial.copy()
+    projected = law.project(given)
+    if not np.array_equal(given, trial):
+        raise CaseError(f"project of the contact law {name} changes the array that it is given; allowed: a new one")
     for method, array, shape in (
-        ("project", law.project(np.zeros((n, 3))), (n, 3)),
+        ("project", projected, (n, 3)),
         ("tangential_scaling", law.tangential_scaling(), (2, 2)),
     ):
         if np.shape(array) != shape:
             raise CaseError(f"{method} of the contact law {name} has shape {np.shape(array)}; allowed: {shape}")
+
+
+def check_conductivity(law: ConductivityLaw, n: int) -> None:
+    """Raises CaseError unless the law has a conductivity for each of n nodes that touch, none negative or NaN."""
+    traction = np.linspace(-1e9, 0.0, n)
+    kappa = np.asarray(law.conductivity(traction, np.zeros(n), np.ones(n)))
+    name = type(law).__name__
+    if kappa.shape != (n,):
+        raise CaseError(f"conductivity of the conductivity law {name} has shape {kappa.shape}; allowed: ({n},)")
+    if not (kappa >= 0.0).all():
+        node = int(np.flatnonzero(~(kappa >= 0.0))[0])
+        raise CaseError(
+            f"conductivity of the conductivity law {name} is {kappa[node]} under a normal traction of "
+            f"{traction[node]:g} Pa; allowed: numbers >= 0 and inf"
+        )
 
 
 def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:

@@ -8,7 +8,14 @@ from functools import partial
 import numpy as np
 
 from meeframe.case.body_tables import CounterBodyTable
-from meeframe.case.case import check_reach, check_tractions, gap_of_law, law_of_increment, resistance
+from meeframe.case.case import (
+    check_conductivity,
+    check_reach,
+    check_tractions,
+    gap_of_law,
+    law_of_increment,
+    resistance,
+)
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
@@ -16,6 +23,7 @@ from meeframe.case.step import check_duration, check_first, check_pull, check_re
 from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, check_supports, zone_frames
+from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem
 
 Check = tuple[Problem, Callable[[], object]]
@@ -40,12 +48,14 @@ def locate_in_counter(error: MeeframeError, table: CounterBodyTable, body: Body)
 
 
 def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
-    for problem, check in checks:
-        try:
-            check()
-        except MeeframeError as found:
-            if str(found) == str(error):
-                return replace(problem, text=str(error))
+    with faults_of_plugins():
+        for problem, check in checks:
+            try:
+                with faults_of_plugins():
+                    check()
+            except MeeframeError as found:
+                if str(found) == str(error):
+                    return replace(problem, text=str(error))
     for number in range(len(table.boundary)):
         others = table.boundary[:number] + table.boundary[number + 1 :]
         conditions = tuple(condition for boundary in others for condition in boundary.conditions())
@@ -76,6 +86,9 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
     points, law = zone_frames(body.mesh, zone).points, table.contact.law
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
+    for field in ("electric", "magnetic"):
+        check = partial(check_conductivity, getattr(table.conductivity, field), len(points))
+        yield Problem(("conductivity", field), ""), check
     yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:

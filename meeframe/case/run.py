@@ -20,8 +20,9 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
     """Solve a case, given as an object or as the path of its file, and write its results into the folder `out`.
 
     Nothing in `out` is touched before the first step is finished; from then on finished steps are in result.h5 whatever
-    happens. An interruption carries a note that says what `out` then holds. Raises ResultError, before anything is
-    computed, if `out` cannot be written or holds files and overwrite is false; errors as load_case and solve_case.
+    happens. An interruption carries a note that says what `out` then holds, and so does an error after a finished step.
+    Raises ResultError, before anything is computed, if `out` cannot be written or holds files and overwrite is false;
+    errors as load_case and solve_case.
     """
     clock = Clock(progress)
     clock("reading", 0.0)
@@ -33,6 +34,10 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
         return _run(case, folder, clock)
     except (KeyboardInterrupt, MemoryError) as error:
         error.add_note(_content(folder, earlier))
+        raise
+    except Exception as error:
+        if _identity(folder) != earlier:
+            error.add_note(_content(folder, earlier))
         raise
 
 

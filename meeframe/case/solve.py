@@ -35,7 +35,7 @@ from meeframe.core.result import (
 )
 from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
-from meeframe.plugin.sources import local_files
+from meeframe.plugin.sources import faults_of_plugins, local_files
 from meeframe.solvers import solve_to_edges
 
 
@@ -80,7 +80,8 @@ def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
 def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
     """The reduced system of one body. Raises as reduce."""
     try:
-        return formulation.reduce(body, progress)
+        with faults_of_plugins():
+            return formulation.reduce(body, progress)
     except MemoryError as error:
         raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
@@ -125,8 +126,9 @@ def solve_steps(
         for increment in range(1, step.increments + 1):
             controls = ramped(before, begin, step.given, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
-            planned = mechanism.increment(controls, here, step.increment_duration)
-            here, result = _solve(mechanism, planned, here, (number, increment), share)
+            with faults_of_plugins():
+                planned = mechanism.increment(controls, here, step.increment_duration)
+                here, result = _solve(mechanism, planned, here, (number, increment), share)
             if boundary and number == 1 and increment == step.increments:
                 result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1

@@ -35,7 +35,7 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
         with _ended_as_by_hand():
             yield
     except MeeframeError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except MemoryError as error:
         print(f"error: {_with_notes('not enough memory', error, untouched)}", file=sys.stderr)
@@ -58,7 +58,7 @@ def _ended_as_by_hand() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _with_notes(what: str, error: BaseException, default: str) -> str:
+def _with_notes(what: str, error: BaseException, default: str = "") -> str:
     return "; ".join(filter(None, [what, *getattr(error, "__notes__", (default,))]))
 
 

@@ -153,10 +153,19 @@ def _hooks(plugin: object) -> Any:
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(HookSpecs)
     manager.register(plugin)
-    manager.check_pending()
+    _check_names(manager)
     if not manager.get_hookcallers(plugin):
         raise PluginError("it implements no hook of meeframe")
     return manager.hook
+
+
+def _check_names(manager: pluggy.PluginManager) -> None:
+    """Raises PluginError for an implementation of a hook that there is not."""
+    try:
+        manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        what = str(error).partition(" in plugin ")[0]
+        raise PluginError(f"{what}; {choices(what, [kind.hook for kind in Kind])}") from None
 
 
 def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Broken]]:

@@ -5,16 +5,17 @@ import hashlib
 import linecache
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Final
 
 from packaging.requirements import InvalidRequirement, Requirement
 
-from meeframe.core.errors import PluginError
+from meeframe.core.errors import MeeframeError, PluginError
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
@@ -117,8 +118,36 @@ def file_fault(path: Path | str, cause: str, line: int | None) -> str:
     return f"plugin file {path}{'' if line is None else f', line {line}'}: {cause}"
 
 
+@contextmanager
+def faults_of_plugins() -> Iterator[None]:
+    """Turns an exception that came through the code of a plugin into a PluginError that names file, line and cause.
+
+    The exception itself is its __cause__. One in which no plugin had a part passes, as a defect of meeframe, and so
+    does what a user can mend.
+    """
+    try:
+        yield
+    except (MeeframeError, MemoryError):
+        raise
+    except Exception as error:
+        own = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _of_plugin(frame)]
+        if not own:
+            raise
+        code, line = own[-1][0].f_code, own[-1][1]
+        raise PluginError(f"plugin file {code.co_filename}, line {line}, in {code.co_name}: {reason(error)}") from error
+
+
+def _of_plugin(frame: FrameType) -> bool:
+    """Whether its code is a plugin's, of a local file or of an installed package."""
+    module = frame.f_globals.get("__name__", "")
+    packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)}
+    return module.startswith(LOCAL) or module.partition(".")[0] in packages
+
+
 def reason(error: BaseException) -> str:
     """An exception in words."""
+    if isinstance(error, MeeframeError):
+        return str(error)
     text = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}"
     missing = error.name if isinstance(error, ImportError) else None
     if missing and missing.partition(".")[0] == PROJECT:

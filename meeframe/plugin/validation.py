@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, 
 
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.quantities import Quantity
+from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
 """For a type hint, how what a table gives becomes a value of it; None if pydantic knows."""
@@ -88,7 +89,8 @@ def build(
     except ValidationError as error:
         raise TableError(*problems_of(error, model, other_keys)) from None
     try:
-        return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
+        with faults_of_plugins():
+            return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
     except (MeeframeError, ValueError) as error:
         raise TableError(Problem((), str(error))) from error
 

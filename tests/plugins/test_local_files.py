@@ -11,8 +11,10 @@ from typer.testing import CliRunner
 from meeframe.cli import app
 from meeframe.core.errors import PluginError
 from meeframe.core.law import contact_conductivity
+from meeframe.io.results import read_result
 from meeframe.plugin.describe import find, parameters
 from meeframe.plugin.registry import Kind, load
+from meeframe.plugin.sources import faults_of_plugins
 
 LAW = """
     import math
@@ -104,11 +106,11 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
         ("import math\nslope = math.sine(1)\n", "line 2: AttributeError: module 'math' has no attribute 'sine'"),
         ("import nobody_has_this\n", "line 1: ModuleNotFoundError: No module named 'nobody_has_this'"),
         ("import sys\nsys.exit(3)\n", "line 2: SystemExit: 3"),
-        ("x = 1\n", "PluginError: it implements no hook of meeframe"),
+        ("x = 1\n", ": it implements no hook of meeframe"),
         ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solvers():\n    return 1 / 0\n",
          "line 4: meeframe_solvers: ZeroDivisionError"),
         ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solver():\n    return []\n",
-         "unknown hook 'meeframe_solver'"),
+         r"unknown hook 'meeframe_solver'; did you mean 'meeframe_solvers'\? allowed: meeframe_f"),
         (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.core.law.ConductivityLaw"),
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
@@ -125,6 +127,67 @@ def test_the_command_line_says_so_without_a_traceback(write, tmp_path):
             assert done.exit_code == 2
             assert done.stderr.startswith(f"error: plugin file {file}")
             assert message in done.stderr
+
+
+WORN = """
+    from dataclasses import dataclass
+
+    from meeframe.laws import IsotropicCoulomb
+    from meeframe.plugin import ContactLaw, Record, hookimpl
+
+
+    @dataclass(frozen=True)
+    class Worn(ContactLaw):
+        mu: float = 0.1
+        lasts: bool = True
+
+        def project(self, trial):
+            return IsotropicCoulomb(self.mu if self.lasts else "none").project(trial)
+
+        def tangential_scaling(self):
+            return IsotropicCoulomb(self.mu).tangential_scaling()
+
+        def for_increment(self, slip_path, duration):
+            assert not slip_path.any(), "worn through"
+            return self
+
+
+    @hookimpl
+    def meeframe_contact_laws():
+        return [Record("worn", Worn, "for one increment", "nobody")]
+"""
+
+
+def test_a_law_that_fails_is_told_with_line_and_cause_and_finished_steps_stay(write, case_file, tmp_path):
+    """In its second increment here; and before anything is computed, at its key, where it fails at once."""
+    file, case, out = write(WORN), case_file.read_text(encoding="utf-8"), tmp_path / "out"
+    drag = '\n[[steps]]\ntranslation = ["1 um", 0]\nincrements = 2\n'
+    case_file.write_text(case + drag + '[contact]\nlaw = "worn"\n', encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(case_file), "--out", str(out), "--plugin", str(file)])
+    assert done.exit_code == 2
+    line = 1 + file.read_text(encoding="utf-8").splitlines().index('        assert not slip_path.any(), "worn through"')
+    failed = f"error: plugin file {file}, line {line}, in for_increment: AssertionError: worn through; "
+    assert done.stderr.splitlines()[-1] == f"{failed}1 of 4 increments are finished and in {out}"
+    assert len(read_result(out).steps) == 1
+    case_file.write_text(case + drag + '[contact]\nlaw = {name = "worn", lasts = false}\n', encoding="utf-8")
+    done = CliRunner().invoke(app, ["check", str(case_file), "--plugin", str(file)])
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
+    assert f"{case_file}: contact.law: IsotropicCoulomb: mu = 'none': cannot be read" in done.stderr
+
+
+def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_file):
+    file = write(LAW.replace("np.maximum", "np.maxinum"))
+    with case_file.open("a", encoding="utf-8") as text:
+        text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
+    done = CliRunner().invoke(app, ["check", str(case_file), "--plugin", str(file)])
+    assert done.exit_code == 2
+    assert f"error: {case_file}: conductivity.electric: plugin file {file}, line " in done.stderr
+    assert "in conductivity: AttributeError: module 'numpy' has no attribute 'maxinum'" in done.stderr
+
+
+def test_defects_of_others_are_not_laid_to_plugins():
+    with pytest.raises(ZeroDivisionError), faults_of_plugins():
+        1 / 0  # noqa: B018
 
 
 def test_files_that_register_one_name_twice_are_refused(write):

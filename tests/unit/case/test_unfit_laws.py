@@ -10,7 +10,7 @@ from meeframe.case.load import load_case
 from meeframe.case.mechanism import Mechanism
 from meeframe.case.solve import reduce
 from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw
+from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.geometry import Placement
 from meeframe.laws import Signorini
 from meeframe.plugin.hookspecs import Record
@@ -66,6 +66,46 @@ def test_unfit_laws_are_found_at_their_place_before_anything_is_computed(write_c
     with pytest.raises(CaseError, match=rf"contact\.law: {text}"):
         load_case(write_case(more=f'\n[contact]\nlaw = {{name = "unfit", {key}}}\n'), laws)
     assert load_case(write_case(more='\n[contact]\nlaw = "unfit"\n'), laws).contact_law == Unfit()
+
+
+@dataclass(frozen=True)
+class Careless(Signorini):
+    """Works in the array that it is given."""
+
+    def project(self, trial):
+        np.minimum(trial[:, 2], 0.0, out=trial[:, 2])
+        trial[:, :2] = 0.0
+        return trial
+
+
+def test_a_law_that_changes_what_it_is_given_is_refused(case):
+    with pytest.raises(CaseError, match="project of the contact law Careless changes the array that it is given"):
+        replace(case, contact_law=Careless())
+
+
+@dataclass(frozen=True)
+class Strange(ConductivityLaw):
+    """kappa, whatever is asked for."""
+
+    kappa: object
+
+    def conductivity(self, normal_traction, gap, drop):
+        return np.asarray(self.kappa) * np.ones_like(normal_traction) if self.kappa else self.kappa
+
+
+@pytest.mark.parametrize(
+    ("kappa", "text"),
+    [
+        (None, rf"has shape \(\); allowed: \({N},\)"),
+        (((1.0,), (2.0,)), rf"has shape \(2, {N}\); allowed: \({N},\)"),
+        (-1e-3, "is -0.001 under a normal traction of -1e"),
+        (np.nan, "is nan under a normal traction of -1e"),
+    ],
+)
+@pytest.mark.parametrize("field", ["electric_law", "magnetic_law"])
+def test_unfit_conductivities_are_found_before_anything_is_computed(case, field, kappa, text):
+    with pytest.raises(CaseError, match=f"conductivity of the conductivity law Strange {text}"):
+        replace(case, **{field: Strange(kappa)})
 
 
 def test_a_law_that_is_unfit_later_is_refused_then(case):
