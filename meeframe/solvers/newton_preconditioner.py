@@ -6,7 +6,7 @@ with loads of their own node, as friction has that follows the pressure: to them
 """
 
 from collections import defaultdict
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton_rows import Rows
-from meeframe.solvers.node_blocks import NodeBlocks
+from meeframe.solvers.node_blocks import NodeBlocks, turned
 from meeframe.solvers.nonsmooth import CLOSED
 
 NORMAL: Final = 2
@@ -95,66 +95,118 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -
 
 def _solution_of_loads(rows: Rows) -> Linear:
     """Roughly the unknowns (r, c) of right-hand sides (r, c): first of the rows that ask for displacements, then of the
-    others, node by node."""
+    others, node by node; tangential ones along and across the direction in which a node slips."""
     inverse, loaded = rows.equation.inverse, rows.equation.loaded
+    turn = _Turn.of(rows)
+    a, b, own_response = (turn.blocks(part) for part in (rows.a, rows.b, _own_response(rows)))
+    rows = replace(rows, a=a, b=b)
     loads = slice(len(rows.fields))
-    asking = _asking(rows) if inverse else np.zeros_like(rows.coupled[loads])
+    asking = _asking(rows, own_response) if inverse else np.zeros_like(rows.coupled[loads])
     known = [(place, loaded.index(field)) for place, field in enumerate(rows.fields) if field in loaded]
-    ask = _asked(rows, asking).astype(rows.precision)
+    ask = _asked(rows, own_response, asking).astype(rows.precision)
     answering = (asking / rows.units[loads, None]).astype(rows.precision)
-    apart = _apart(rows, rows.coupled[loads] & ~asking, asking)
+    apart = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
     own, by_loads, by_displacement = (blocks.astype(rows.precision) for blocks in apart)
     asked = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
 
     def solve(right: Array) -> Array:
+        right = turn.there(right.copy())
         found, rest = np.zeros_like(right), own.times(right)
         if inverse is not None:
             displacement = ask.times(right)
             by_displacement.add(displacement, rest)
+            displacement = turn.back(displacement)
             for place, number in known:
                 asked[number, rows.nodes] = displacement[place]
             load = inverse(asked.T).T
             for place, number in known:
-                np.multiply(load[number].take(rows.nodes), answering[place], out=found[place])
+                found[place] = load[number].take(rows.nodes)
+            turn.there(found)
+            found[loads] *= answering
         by_loads.add(found, rest)
         found[loads] += rest
-        return found
+        return turn.back(found)
 
     return solve
 
 
-def _asking(rows: Rows) -> Mask:
-    """Rows (l, c) that ask for displacements: those in which a node's own response outweighs its own load."""
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """From the tangential axes of c nodes to those along and across which each slips. angle: its cosine and sine (c,);
+    None if none slips askew."""
+
+    angle: tuple[Array, Array] | None
+
+    @classmethod
+    def of(cls, rows: Rows) -> "_Turn":
+        """To principal axes of what the tangential rows say of their loads."""
+        if rows.components[:2] != [0, 1]:
+            return cls(None)
+        askew = rows.a.entry(0, 1) + rows.a.entry(1, 0)
+        if not askew.any():
+            return cls(None)
+        angle = 0.5 * np.arctan2(askew, rows.a.entry(0, 0) - rows.a.entry(1, 1)) * rows.coupled[:2].all(axis=0)
+        return cls((np.cos(angle).astype(rows.precision), np.sin(angle).astype(rows.precision)))
+
+    def blocks(self, blocks: NodeBlocks) -> NodeBlocks:
+        """Blocks of the nodes along the turned axes."""
+        return blocks if self.angle is None else blocks.turned(*self.angle)
+
+    def there(self, vectors: Array) -> Array:
+        """Vectors (r, c) along the turned axes, in their place."""
+        if self.angle is not None:
+            vectors[:2] = turned(vectors[0], vectors[1], *self.angle)
+        return vectors
+
+    def back(self, vectors: Array) -> Array:
+        """Vectors (r, c) along the axes before, in their place."""
+        if self.angle is not None:
+            cosine, sine = self.angle
+            vectors[:2] = turned(vectors[0], vectors[1], cosine, -sine)
+        return vectors
+
+
+def _asking(rows: Rows, own: NodeBlocks) -> Mask:
+    """Rows (l, c) that ask for displacements: those in which a node's own response outweighs its own load.
+
+    own: (f, l) response of the displacements to the unknowns of the node.
+    """
     fields = rows.fields
     asking = np.zeros((len(fields), len(rows.nodes)), bool)
     for place, field in enumerate(fields):
         if field in rows.equation.loaded:
-            moved = np.abs(rows.b.entry(place, rows.asked.index(field)) * _response(rows, field, place))
+            asked = rows.asked.index(field)
+            moved = np.abs(rows.b.entry(place, asked) * own.entry(asked, place))
             asking[place] = rows.coupled[place] & (moved > np.abs(rows.a.entry(place, place)))
     return asking
 
 
-def _response(rows: Rows, field: int, place: int) -> Array:
-    """Of each node in a field to its own unknown of a number, (c,)."""
-    return np.asarray(rows.equation.blocks[rows.nodes, field, rows.fields[place]] * rows.units[place])
-
-
-def _asked(rows: Rows, asking: Mask) -> NodeBlocks:
-    """Displacements (l, c) in the fields of the loads that right-hand sides (r, c) of the rows (l, c) ask for."""
-    places = {rows.asked.index(field): place for place, field in enumerate(rows.fields)}
-    displacement = rows.equation.scales.displacement[rows.fields]
-    to_displacement = {
-        (row, places[asked]): entry * displacement[places[asked]]
-        for (row, asked), entry in rows.b.entries.items()
-        if row < len(asking) and asked in places
+def _own_response(rows: Rows) -> NodeBlocks:
+    """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node."""
+    blocks, units = rows.equation.blocks, rows.units
+    entries = {
+        (row, place): units[place] * blocks[:, field, loaded].take(rows.nodes)
+        for row, field in enumerate(rows.asked)
+        for place, loaded in enumerate(rows.fields)
     }
-    found = NodeBlocks(to_displacement, asking.shape).inverses(asking)
-    return NodeBlocks(
-        {(row, column): displacement[row] * entry for (row, column), entry in found.entries.items()}, asking.shape
-    )
+    return NodeBlocks.of(entries, (len(rows.asked), len(rows.nodes)))
 
 
-def _apart(rows: Rows, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
+def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
+    """Displacements (l, c) in the fields of the loads that right-hand sides (r, c) of the rows (l, c) ask for: those
+    that loads cause at their own node if they satisfy its rows alone."""
+    causes = [own.entry(rows.asked.index(field), place) for place, field in enumerate(rows.fields)]
+    equations = {
+        (row, place): rows.a.entry(row, place) + rows.b.entry(row, rows.asked.index(field)) * causes[place]
+        for row in range(len(asking))
+        for place, field in enumerate(rows.fields)
+        if (asking[row] & asking[place]).any()
+    }
+    found = NodeBlocks.of(equations, asking.shape).inverses(asking)
+    return NodeBlocks({place: causes[place[0]] * entry for place, entry in found.entries.items()}, asking.shape)
+
+
+def _apart(rows: Rows, response: NodeBlocks, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBlocks, NodeBlocks]:
     """Blocks (l, l) by which the right-hand sides of marked rows (l, c), the loads of other rows and the displacements
     that are asked for (l, c) say what the loads of the marked rows are: inverses of the equations of single nodes with
     their own response, where it is not known what they are moved by."""
@@ -165,9 +217,9 @@ def _apart(rows: Rows, marked: Mask, asking: Mask) -> tuple[NodeBlocks, NodeBloc
     for row, column in np.ndindex(len(marked), len(marked)):
         if (marked[row] & marked[column]).any():
             equations[row, column] += rows.a.entry(row, column)
-            for asked, field in enumerate(rows.asked):
+            for asked in range(len(rows.asked)):
                 if (row, asked) in rows.b.entries:
-                    moved = rows.b.entries[row, asked] * _response(rows, field, column)
+                    moved = rows.b.entries[row, asked] * response.entry(asked, column)
                     equations[row, column] += np.where(asking[places[asked]], 0.0, moved) if asked in places else moved
     own = NodeBlocks.of(equations, marked.shape).inverses(marked)
     for (row, through), inverse in own.entries.items():

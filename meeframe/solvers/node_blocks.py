@@ -62,6 +62,16 @@ class NodeBlocks:
                 blocks = blocks.changed(row, column, nodes, self.entry(from_row, column)[nodes])
         return blocks
 
+    def turned(self, cosine: Array, sine: Array) -> "NodeBlocks":
+        """The same along axes of the first two components turned by angles of these cosines and sines (c,)."""
+        entries, none = dict(self.entries), np.zeros(self.shape[1])
+        for axis in (0, 1):
+            for other in {place[1 - axis] for place in entries if place[axis] < 2}:
+                places = ((0, other), (1, other)) if axis == 0 else ((other, 0), (other, 1))
+                first, second = (entries.get(place, none) for place in places)
+                entries.update(zip(places, turned(first, second, cosine, sine), strict=True))
+        return NodeBlocks.of(entries, self.shape)
+
     def inverses(self, which: Mask) -> "NodeBlocks":
         """Inverses on some rows and columns (rows, c) of square blocks, zero elsewhere; see `_inverse`."""
         found, beside = dict[tuple[int, int], Array](), np.zeros(self.shape, bool)
@@ -85,6 +95,11 @@ class NodeBlocks:
             entry = found.setdefault((i, j), np.zeros(self.shape[1]))
             entry[nodes] = np.where(which[i, nodes] & which[j, nodes], inverse[place], 0.0)
         return NodeBlocks.of(found, self.shape)
+
+
+def turned(first: Array, second: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
+    """Two components along axes turned by an angle."""
+    return cosine * first + sine * second, cosine * second - sine * first
 
 
 def _inverse(blocks: Array) -> Array:

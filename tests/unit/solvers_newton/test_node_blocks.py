@@ -50,6 +50,16 @@ def test_entries_are_changed_at_some_nodes_and_only_there() -> None:
     np.testing.assert_array_equal(whole(held(matrices).changed(2, 1, nodes, 4.0), 3), expected)
 
 
+def test_turned_axes_of_the_first_two_components() -> None:
+    matrices, angle = sparse(4, 3), RANDOM.random(NODES) * 2.0 * np.pi
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.zeros((4, 4, NODES))
+    turn[:2, :2] = [[cosine, sine], [-sine, cosine]]
+    turn[2, 2] = turn[3, 3] = 1.0
+    expected = np.einsum("ijc,jkc,lkc->ilc", turn, matrices, turn[:3, :3])
+    np.testing.assert_allclose(whole(held(matrices).turned(cosine, sine), 3), expected, atol=1e-14)
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
 def test_inverses_are_those_on_the_marked_rows_and_columns(size: int) -> None:
     """Each node has rows of its own: those of others are left alone, and may be singular."""

@@ -5,11 +5,17 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from meeframe_halfspace import HalfSpace
 
+from meeframe.core.body import Body
 from meeframe.core.contact import AT_REST, ContactProblem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
-from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
+from meeframe.materials import Material
+from meeframe.solvers.krylov import gmres
 from meeframe.solvers.newton_preconditioner import preconditioner
 from meeframe.solvers.newton_rows import Rows
 from meeframe.solvers.newton_steps import _coupled
@@ -43,12 +49,12 @@ class Springs(ReducedSystem):
 
 
 def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
-    """Stick, slip, and no contact at all, conducting."""
-    none, kind = np.zeros((N, 5)), np.arange(N) % 3
+    """Stick, slip far and hardly at all, and no contact, conducting."""
+    none, kind = np.zeros((N, 5)), np.arange(N) % 4
     points, frames = RANDOM.random((N, 3)), np.tile(np.eye(3), (N, 1, 1))
-    system = Springs(points, frames, np.ones(N), (), none, np.array([3.0, 4.0, 2.0, 5.0, 7.0]))
+    system = Springs(points, frames, np.ones(N), (), none, np.array([3.0, 3.0, 2.0, 5.0, 7.0]))
     gap, angle = np.where(kind == 0, 1.0, -1.0), RANDOM.random(N) * 2.0 * np.pi
-    dragged = MU * np.where(kind == 1, 0.5, 10.0) * [np.cos(angle), np.sin(angle)]
+    dragged = MU * np.choose(kind, [0.0, 0.5, 10.0, 1.1]) * [np.cos(angle), np.sin(angle)]
     flux = StepConductivity(np.inf)
     problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, dragged.T, none[:, :2])
     equation = Equation.of(problem)
@@ -58,3 +64,27 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
     multiply, precondition = rows.multiplication(), preconditioner(rows)
     np.testing.assert_allclose(precondition(multiply(unknowns.ravel())), unknowns.ravel(), atol=1e-12)
+
+
+def test_nodes_that_hardly_slip_cost_as_many_products_in_all_directions() -> None:
+    """They stick across their direction, which may be none of the grid's axes."""
+    system = HalfSpace(matrix_up_to=0).reduce(
+        Body(Material.isotropic(1e9, 0.0).stiffness, half_space_mesh(10.0, 1.0, 39, 1, Quad4()), (), "contact")
+    )
+    none = np.zeros_like(system.offset)
+    gap = np.where(np.hypot(*system.points.T[:2]) < 0.35, -1e-3, np.inf)
+    flux = Insulating()
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, none[:, :2], none[:, :2])
+    equation = Equation.of(problem)
+
+    def products(angle: float) -> int:
+        load, counted = none.copy(), []
+        load[np.isfinite(gap), :3] = [1.001 * MU * np.cos(angle), 1.001 * MU * np.sin(angle), -1.0]
+        blocks = equation.beside(1e6 * load, none, np.zeros(len(gap)), np.zeros(len(gap), bool), AT_REST).linearise()
+        rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
+        multiply = rows.multiplication()
+        right = np.random.default_rng(0).normal(size=rows.coupled.shape) * rows.coupled
+        gmres(lambda values: (counted.append(1), multiply(values))[1], preconditioner(rows), right.ravel(), 1e-6)
+        return len(counted)
+
+    assert products(0.7) <= products(0.0) + 1
