@@ -5,7 +5,7 @@ elimination, until they meet an undivided block and are subtracted in one compre
 block itself. Accumulated updates: Boerm, Numerische Mathematik 142 (2019) 1-41, here with a random range finder.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from enum import StrEnum
@@ -31,6 +31,7 @@ from meeframe_hmatrix.blocks import (
     transposed,
     within,
 )
+from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
 from meeframe_hmatrix.truncation import truncated
 
 Result = TypeVar("Result")
@@ -168,11 +169,11 @@ def _subtracted(block: Dense | LowRank, pending: Pending, truncation: Truncation
     if not pending.terms and not pending.products:
         return block
     if isinstance(block, Dense) or min(shape(block)) <= SMALL:
-        array = block.array.copy() if isinstance(block, Dense) else to_dense(block)
-        if pending.terms:
-            array -= np.hstack([left for left, _ in pending.terms]) @ np.vstack([right for _, right in pending.terms])
+        array = np.array(to_dense(block), order="C")
+        outer = [(block.rows, block.columns, left, right) for left, right in pending.terms]
         for first, second in pending.products:
-            array -= _dense_product(first, second)
+            outer += _outer_products(first, second)
+        subtract_products(table_of(outer, block.rows.start, block.columns.start), array)
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
         return LowRank(block.rows, block.columns, *truncated(array, truncation.tolerance))
@@ -196,12 +197,18 @@ def _subtracted(block: Dense | LowRank, pending: Pending, truncation: Truncation
     return LowRank(block.rows, block.columns, *factors)
 
 
-def _dense_product(first: Block, second: Block) -> Array:
-    if isinstance(second, Dense):
-        return multiply(first, second.array)
-    if isinstance(first, Dense):
-        return multiply_transposed(second, first.array.T).T
-    return multiply(first, to_dense(second))
+def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
+    """A product as products of two matrices, each in its range of rows and columns."""
+    if isinstance(first, LowRank) or isinstance(second, LowRank):
+        ((left, right),) = _with_product(NOTHING, first, second).terms
+        yield first.rows, second.columns, left, right
+    elif isinstance(first, Dense) and isinstance(second, Dense):
+        yield first.rows, second.columns, first.array, second.array
+    else:
+        rows = len(first.parts) if isinstance(first, Split) else 1
+        columns = len(second.parts[0]) if isinstance(second, Split) else 1
+        for row, column, inner in np.ndindex(rows, columns, _inner_parts(first, second)):
+            yield from _outer_products(_part(first, row, inner), _part(second, inner, column))
 
 
 def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Factors:

@@ -4,12 +4,16 @@ Ranges of rows and columns are slices of the whole matrix, so that blocks find e
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
 
 from meeframe.core.fields import Array
+from meeframe.core.mesh import Indices
+from meeframe_hmatrix.gemm import COLUMNS, FULL, add_products, located
 
 FIRST_GUESS = 8
 """More random vectors than the rank that is expected, in the compression of a product."""
@@ -41,6 +45,20 @@ class Split:
     rows: slice
     columns: slice
     parts: tuple[tuple["Block", ...], ...]
+
+    @cached_property
+    def dtype(self) -> np.dtype[Any]:
+        """Of all its numbers."""
+        leaf = next(leaves(self))
+        return (leaf.array if isinstance(leaf, Dense) else leaf.left).dtype
+
+    @cached_property
+    def table(self) -> Indices:
+        """Of its undivided blocks, for `add_products`."""
+        return np.concatenate([_table(part, self.dtype) for line in self.parts for part in line])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {one.name: getattr(self, one.name) for one in fields(self)}  # addresses are those of this process
 
 
 Block = Dense | LowRank | Split
@@ -79,31 +97,47 @@ def stored(block: Block) -> int:
 
 
 def multiply(block: Block, x: Array) -> Array:
-    """block @ x for x (n, k)."""
+    """block @ x for x (n, k), in the precision of the block."""
     if isinstance(block, Dense):
         product: Array = block.array @ x
         return product
     if isinstance(block, LowRank):
         return block.left @ (block.right @ x)
-    result = np.zeros((shape(block)[0], x.shape[1]), x.dtype)
-    for line in block.parts:
-        for part in line:
-            result[within(part.rows, block.rows)] += multiply(part, x[within(part.columns, block.columns)])
-    return result
+    return _by_leaves(block, x, False)
 
 
 def multiply_transposed(block: Block, x: Array) -> Array:
-    """block.T @ x for x (m, k)."""
+    """block.T @ x for x (m, k), likewise."""
     if isinstance(block, Dense):
         product: Array = block.array.T @ x
         return product
     if isinstance(block, LowRank):
         return block.right.T @ (block.left.T @ x)
-    result = np.zeros((shape(block)[1], x.shape[1]), x.dtype)
-    for line in block.parts:
-        for part in line:
-            result[within(part.columns, block.columns)] += multiply_transposed(part, x[within(part.rows, block.rows)])
+    return _by_leaves(block, x, True)
+
+
+def _by_leaves(block: Split, x: Array, turned: bool) -> Array:
+    """block @ x, or its transpose @ x."""
+    here, there = (block.columns, block.rows) if turned else (block.rows, block.columns)
+    result = np.zeros((here.stop - here.start, x.shape[1]), block.dtype)
+    values = x.astype(block.dtype, copy=False)
+    if len(values) != there.stop - there.start:
+        raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(values)} rows")
+    add_products(block.table, turned, (*located(values, block.dtype), there.start), result, here.start)
     return result
+
+
+def _table(block: Block, dtype: DTypeLike) -> Indices:
+    if isinstance(block, Split):
+        if block.dtype != dtype:
+            raise ValueError(f"a block of {block.dtype} in one of {dtype}")
+        return block.table
+    (m, n), first, left = shape(block), block.rows.start, block.columns.start
+    if isinstance(block, Dense):
+        row = first, m, left, n, FULL, *located(block.array, dtype), 0, 0, 0
+    else:
+        row = first, m, left, n, rank(block), *located(block.left, dtype), *located(block.right, dtype)
+    return np.array(row, np.int64).reshape(1, COLUMNS)
 
 
 def transposed(block: Block) -> Block:

@@ -1,0 +1,125 @@
+# mypy: ignore-errors
+"""Sums of products of matrices that lie anywhere in memory, in one call that does not hold the interpreter's lock.
+
+A table has one row for each product: first row and number of rows of its place, likewise columns, inner size (FULL
+where there is no right factor), then address, distance of lines and order of the left factor, likewise of the right
+one. BLAS is SciPy's, as numba calls it.
+"""
+
+from typing import Final
+
+import numpy as np
+from numba import njit, types
+
+from meeframe.core.fields import Array
+
+FULL: Final = -1
+"""In the place of an inner size: the left factor alone."""
+COLUMNS: Final = 11
+Outer = tuple[slice, slice, Array, Array]
+"""A product left (m, k) @ right (k, n) in a range of rows and columns."""
+BY_ROWS, BY_COLUMNS = 0, 1
+"""Orders: neighbours in memory belong to one row, or to one column."""
+
+_gemm = types.ExternalFunction("numba_xxgemm", types.intc(*(types.char,) * 3, *(types.intp,) * 11))
+_gemv = types.ExternalFunction("numba_xxgemv", types.intc(*(types.char,) * 2, *(types.intp,) * 8))
+
+
+def located(array, dtype):
+    """Address, distance of lines and order of a matrix. Raises ValueError if it is of another type or has gaps."""
+    (rows, columns), (down, across), size = array.shape, array.strides, array.itemsize
+    address = array.__array_interface__["data"][0]
+    if array.dtype == dtype:
+        if (columns <= 1 or across == size) and (rows <= 1 or down >= columns * size):
+            return address, max(1, columns, down // size), BY_ROWS
+        if (rows <= 1 or down == size) and (columns <= 1 or across >= rows * size):
+            return address, max(1, rows, across // size), BY_COLUMNS
+    raise ValueError(f"a matrix of {array.dtype} and strides {array.strides}; allowed: {dtype}, without gaps in lines")
+
+
+def table_of(products, first_row, first_column):
+    """Table of products (range of rows, range of columns, left (m, k), right (k, n)), all of one type."""
+    places = [
+        (
+            rows.start - first_row,
+            len(left),
+            columns.start - first_column,
+            right.shape[1],
+            len(right),
+            *located(left, left.dtype),
+            *located(right, left.dtype),
+        )
+        for rows, columns, left, right in products
+    ]
+    return np.array(places, np.int64).reshape(-1, COLUMNS)
+
+
+@njit(cache=True, nogil=True)
+def _multiply(kind, m, n, k, factor, left, right, share, target):
+    """target (m, n) = share * target + factor * left (m, k) @ right (k, n); the last three by address, lines, order.
+
+    factor and share are addresses of numbers; target is ordered by rows, that is, transposed for BLAS.
+    """
+    if n == 1 and target[1] == 1 and right[1] == 1:
+        inner, outer, turn = (m, k, ord("n")) if left[2] else (k, m, ord("t"))
+        return _gemv(kind, turn, inner, outer, factor, left[0], left[1], right[0], share, target[0])
+    turns = ord("t") if right[2] else ord("n"), ord("t") if left[2] else ord("n")
+    return _gemm(kind, *turns, n, m, k, factor, right[0], right[1], left[0], left[1], share, *target)
+
+
+@njit(cache=True, nogil=True)
+def _below(place, lines, size):
+    """The same matrix from a later row on."""
+    address, distance, order = place
+    return address + lines * size * (1 if order else distance), distance, order
+
+
+@njit(cache=True, nogil=True)
+def add_products(table, turned, x, result, origin):
+    """result (m, w) += matrix @ x, for a matrix given by its parts; turned: by its transpose.
+
+    x: address, distance of lines, order, first row in terms of the table; origin: the first row of the result.
+    """
+    size, width = result.itemsize, result.shape[1]
+    kind = ord("s") if size == 4 else ord("d")
+    numbers = np.array([0.0, 1.0]).astype(result.dtype)
+    zero = numbers.ctypes.data
+    one = zero + size
+    rank = max(1, table[:, 4].max()) if len(table) else 1
+    inner = np.empty((rank, width), result.dtype)
+    middle = inner.ctypes.data, width
+    base = result.ctypes.data
+    for line in range(len(table)):
+        r, m, c, n, k = table[line, :5]
+        left = table[line, 5], table[line, 6], table[line, 7]
+        right = table[line, 8], table[line, 9], table[line, 10]
+        if turned:
+            r, m, c, n = c, n, r, m
+            left, right = (right[0], right[1], 1 - right[2]), (left[0], left[1], 1 - left[2])
+            if k == FULL:
+                left = right
+        target = base + (r - origin) * width * size, width
+        part = _below((x[0], x[1], x[2]), c - x[3], size)
+        if k == FULL:
+            _multiply(kind, m, width, n, one, left, part, one, target)
+        elif k > 0:
+            _multiply(kind, k, width, n, one, right, part, zero, middle)
+            _multiply(kind, m, width, k, one, left, (middle[0], width, 0), one, target)
+    return inner[0, 0], numbers[0]  # they live until here
+
+
+@njit(cache=True, nogil=True)
+def subtract_products(table, target):
+    """target (m, n), ordered by rows, less products of two factors."""
+    size, columns = target.itemsize, target.shape[1]
+    kind = ord("s") if size == 4 else ord("d")
+    numbers = np.array([-1.0, 1.0]).astype(target.dtype)
+    minus = numbers.ctypes.data
+    for line in range(len(table)):
+        r, m, c, n, k = table[line, :5]
+        left = table[line, 5], table[line, 6], table[line, 7]
+        right = table[line, 8], table[line, 9], table[line, 10]
+        place = target.ctypes.data + (r * columns + c) * size, columns
+        if k > 0:
+            _multiply(kind, m, n, k, minus, left, right, minus + size, place)
+    return numbers[0]  # they live until here

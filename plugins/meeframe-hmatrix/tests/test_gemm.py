@@ -1,0 +1,58 @@
+"""Sums of products by address, against products of arrays."""
+
+import numpy as np
+import pytest
+from meeframe_hmatrix.gemm import FULL, add_products, located, subtract_products, table_of
+
+PRECISIONS = pytest.mark.parametrize("dtype", [np.float32, np.float64])
+
+
+def arrays(dtype):
+    """A matrix of each order: lines one after the other, columns one after the other, and parts of either."""
+    random = np.random.default_rng(1).normal(size=(30, 40)).astype(dtype)
+    return [
+        random[:7, :4].copy(),
+        np.asfortranarray(random[:7, :4]),
+        random[::3, 2:6][:7],
+        np.asfortranarray(random)[5:12, 3:7],
+    ]
+
+
+@PRECISIONS
+@pytest.mark.parametrize("width", [1, 3])
+def test_parts_are_added(dtype, width):
+    random = np.random.default_rng(2)
+    for first in arrays(dtype):
+        for left in arrays(dtype):
+            right = arrays(dtype)[2].T
+            rows = [
+                (10, 7, 0, 4, FULL, *located(first, dtype), 0, 0, 0),
+                (10, 7, 4, 7, 4, *located(left, dtype), *located(right, dtype)),
+            ]
+            matrix = np.hstack([first, left @ right])
+            for turned, whole, starts in ((False, matrix, (10, 0)), (True, matrix.T, (0, 10))):
+                x = random.normal(size=(whole.shape[1], width)).astype(dtype)
+                for order in ("C", "F"):
+                    ordered = np.array(x, order=order)
+                    result = np.ones((len(whole), width), dtype)
+                    add_products(np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0])
+                    np.testing.assert_allclose(result, 1 + whole @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
+
+
+@PRECISIONS
+def test_products_are_subtracted_in_their_places(dtype):
+    left, right = arrays(dtype)[3], arrays(dtype)[1].T
+    target = np.random.default_rng(3).normal(size=(9, 11)).astype(dtype)
+    expected = target.copy()
+    expected[1:8, 2:9] -= left @ right
+    expected[0:4, 3:4] -= right @ left[:, 1:2]
+    places = [(slice(21, 28), slice(32, 39), left, right), (slice(20, 24), slice(33, 34), right, left[:, 1:2])]
+    subtract_products(table_of(places, 20, 30), target)
+    np.testing.assert_allclose(target, expected, rtol=0, atol=100 * np.finfo(dtype).eps)
+
+
+def test_what_blas_cannot_read_is_refused():
+    array = np.zeros((8, 8))
+    for wrong in (array.astype(np.float32), array[::2, ::2], np.broadcast_to(array[0], (3, 8))):
+        with pytest.raises(ValueError, match="allowed: "):
+            located(wrong, np.float64)
