@@ -1,5 +1,6 @@
 """What all commands share: exit status, messages, progress, the registry."""
 
+import _thread
 import gc
 import signal
 import sys
@@ -47,15 +48,25 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
 
 @contextmanager
 def _ended_as_by_hand() -> Iterator[None]:
-    """A request to end (SIGTERM) is taken as Ctrl-C is."""
+    """A request to end (SIGTERM) is taken as Ctrl-C is, and neither is lost where Python lets no exception out."""
     if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
+    sys.unraisablehook = lambda ignored: _again(ignored) or hook(ignored)
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)
+
+
+def _again(ignored: "sys.UnraisableHookArgs") -> bool:
+    """An interruption that came while an object was let go (h5py lets go of many) comes again in a moment."""
+    interrupts = issubclass(ignored.exc_type, KeyboardInterrupt)
+    if interrupts:
+        threading.Timer(0.01, _thread.interrupt_main, [signal.SIGTERM]).start()
+    return interrupts
 
 
 def _with_notes(what: str, error: BaseException, default: str = "") -> str:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import importlib
 import linecache
 import sys
 import traceback
@@ -62,7 +63,7 @@ def installed() -> Plugins:
         try:
             plugins.append((provider, point.load()))
         except (Exception, SystemExit) as error:
-            broken.append(Broken(provider, reason(error)))
+            broken.append(Broken(provider, f"{_place(error)}{reason(error)}"))
     return plugins, broken
 
 
@@ -160,6 +161,15 @@ def line_in(error: BaseException, file: str | None) -> int | None:
     if isinstance(error, SyntaxError) and error.filename == file:
         return error.lineno
     return next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == file), None)
+
+
+def _place(error: BaseException) -> str:
+    """'laws.py, line 3: ', where an import came to its end, or '' if that was in the import system."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{Path(error.filename).name}, line {error.lineno}: "
+    system = str(Path(importlib.__file__).parent)
+    frames = [f for f in traceback.extract_tb(error.__traceback__)[1:] if not f.filename.startswith(("<", system))]
+    return f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}: " if frames else ""
 
 
 def _unmet(requirements: Iterable[str]) -> str:

@@ -65,13 +65,13 @@ def test_a_plugin_is_found_and_used(install, command, case_file):
 
 def test_broken_plugins_are_reported_and_fail_only_what_needs_them(install, command, case_file):
     install("planes", GOOD.format(name="plane"))
-    install("crash", "raise RuntimeError('wrong weather')")
+    install("crash", "import math\n\nraise RuntimeError('wrong weather')")
     install("needs", "import a_module_that_nobody_has")
     listed = command("plugins")
     assert listed.returncode == 0
     warnings = [line for line in listed.stderr.splitlines() if line.startswith("warning: ")]
-    assert "warning: plugin crash 1.2 is broken: RuntimeError: wrong weather" in warnings
-    assert any("plugin needs 1.2 is broken: ModuleNotFoundError" in line for line in warnings)
+    assert "warning: plugin crash 1.2 is broken: crash.py, line 3: RuntimeError: wrong weather" in warnings
+    assert any("plugin needs 1.2 is broken: needs.py, line 1: ModuleNotFoundError" in line for line in warnings)
     assert command("check", case_file("plane")).returncode == 0
     refused = command("check", case_file("disc"))
     assert refused.returncode == 2
