@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,19 +53,24 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     rest = np.zeros((len(tree.unknowns), 1 + N_FIELDS))
     values: dict[tuple[int, int, int, int], Block] = {}
     loads: dict[tuple[int, int, int, int], Block] = {}
+    lines: list[Rows] = []
+    # the largest first, so that threads end together
+    clusters = sorted(partners, key=lambda row: row.sites.start - row.sites.stop)
     rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
-    n_tasks = len(partners) + len(rows)
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        found = pool.map(lambda item: _far(integrals, *item, tolerance), partners.items())
-        for done, (row, (blocks, share)) in enumerate(zip(partners, found, strict=True), 1):
+    n_tasks = len(clusters) + len(rows)
+    with ExitStack() as at_end:
+        pool = ThreadPoolExecutor(get_num_threads())
+        at_end.callback(pool.shutdown, cancel_futures=True)
+        far_found = pool.map(lambda row: _far(integrals, row, partners[row], tolerance), clusters)
+        near_found = pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows)
+        for done, (row, (blocks, share)) in enumerate(zip(clusters, far_found, strict=True), 1):
             for column, (value, load) in zip(partners[row], blocks, strict=True):
                 values[_key((row, column))], loads[_key((row, column))] = value, load
             rest[row.unknowns] += share
             progress("assembly", done / n_tasks)
-        lines = []
-        for line in pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows):
+        for line in near_found:
             lines.append(line)
-            progress("assembly", (len(partners) + len(lines)) / n_tasks)
+            progress("assembly", (len(clusters) + len(lines)) / n_tasks)
     for row, line in zip(rows, lines, strict=True):
         rest[row.unknowns] += line.rest
     rhs = rest[:, 0].copy()

@@ -25,7 +25,7 @@ from meeframe_hmatrix.kernels import (
     sums_by_element,
 )
 
-ELEMENTS_PER_CALL = 128
+ELEMENTS_PER_CALL = 256
 """Their sums fit the second-level cache."""
 ADAPTIVE = 128
 """Room at first for the points of an adaptive rule."""
