@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.core.directions import spread_directions
 from meeframe.core.element import SurfaceElement, shape_derivatives
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.fundamental import Kernel
@@ -130,10 +131,7 @@ def _arcs(facets: Array) -> tuple[Array, Array, Array]:
 
 def _apex(positions: Array) -> Array:
     """Of a number of directions all over the sphere the one that is farthest from points (m, 3) and their antipodes."""
-    height = (2.0 * np.arange(_APEXES) + 1.0) / _APEXES - 1.0
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(_APEXES)
-    radius = np.sqrt(1.0 - height**2)
-    candidates = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    candidates = spread_directions(_APEXES)
     best: Array = candidates[np.abs(candidates @ positions.T).max(axis=1).argmin()]
     return best
 

@@ -110,7 +110,7 @@ def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array)
 
 @dataclass(frozen=True, eq=False)
 class ElementExtents:
-    """What the order of a rule on a whole element depends on, for required_order.
+    """What the order of a rule on a whole element depends on, for required_orders of meeframe.kernels.quadrature_order.
 
     centres: (e, 3); sizes: (e, 2) lengths along xi and eta, enlarged for skew and curvature; least_orders: (e,) points
     per direction that shape functions and the turning of the normal ask for at any distance.

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import final
 
+from meeframe.core.directions import spread_directions
 from meeframe.core.errors import CaseError, MaterialError
 from meeframe.core.fields import Array
 from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.fundamental.modulated import ModulatedKernel, checked_stiffness, spread_directions
+from meeframe.fundamental.modulated import ModulatedKernel, checked_stiffness
 from meeframe.kernels.line_integral import line_integrals
 from meeframe.kernels.modulation import triads
 

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from meeframe.core.directions import spread_directions
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
 from meeframe.core.fundamental import Kernel
@@ -35,15 +36,6 @@ class ModulatedKernel(Kernel):
         distance, triad = triads(np.ascontiguousarray(offset, dtype=float))
         gradient: Array = displacement_gradient(distance, triad, self.modulation(triad))
         return gradient
-
-
-def spread_directions(count: int) -> Array:
-    """Unit vectors spread evenly over the sphere along a golden spiral, (count, 3)."""
-    k = np.arange(count) + 0.5
-    height = 1.0 - 2.0 * k / count
-    angle = np.pi * (1.0 + 5.0**0.5) * k
-    radius = np.sqrt(1.0 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
 
 
 def checked_stiffness(stiffness: Array) -> Array:

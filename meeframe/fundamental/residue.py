@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import final
 
-import numpy as np
-
 from meeframe.core.fields import Array
 from meeframe.core.fundamental import FundamentalSolution, Kernel
 from meeframe.fundamental.modulated import ModulatedKernel, checked_stiffness
 from meeframe.kernels.residue import characteristic_forms, residue_modulation
+from meeframe.materials.stroh import stroh_eigenvalues
 
 
 @final
@@ -37,19 +36,3 @@ def _modulation(stiffness: Array, triad: Array) -> Array:
     forms = characteristic_forms(stiffness, triad)
     modulation: Array = residue_modulation(stiffness, triad, forms, stroh_eigenvalues(forms))
     return modulation
-
-
-def stroh_eigenvalues(forms: Array) -> Array:
-    """The five roots of eq. 46 with positive imaginary part, (n, 5) complex, of Q, R + R^T, T (n, 3, 5, 5).
-
-    They are the eigenvalues of the companion matrix of the quadratic polynomial (eq. 44) rather than the roots of its
-    determinant, which loses far more digits at multiple roots.
-    """
-    companion = np.zeros((len(forms), 10, 10))
-    companion[:, :5, 5:] = np.eye(5)
-    companion[:, 5:, :5] = -np.linalg.solve(forms[:, 2], forms[:, 0])
-    companion[:, 5:, 5:] = -np.linalg.solve(forms[:, 2], forms[:, 1])
-    roots = np.linalg.eigvals(companion).astype(complex)
-    upper = np.argsort(-roots.imag, axis=1)[:, :5]
-    result: Array = np.take_along_axis(roots, upper, axis=1)
-    return result

@@ -21,7 +21,6 @@ from meeframe.kernels.quadrature_order import (
     most_points,
     order_for,
     reaches,
-    required_order,
     required_orders,
     turning_spread,
 )
@@ -34,10 +33,8 @@ __all__ = [
     "element_extents",
     "pair_rule",
     "rectangular_rule",
-    "required_order",
     "required_orders",
     "shape_degree",
-    "tensor_rule",
 ]
 
 BUFFER_TOO_SMALL = -1
@@ -232,14 +229,8 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, a
 
 
 @njit(cache=True, nogil=True)
-def tensor_rule(order, triangle, gauss, points, weights):
-    """Fill points (order^2, 2) and weights (order^2,) with the tensor Gauss rule of the whole reference domain."""
-    rectangular_rule(order, order, triangle, gauss, points, weights)
-
-
-@njit(cache=True, nogil=True)
 def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
-    """As tensor_rule, with points (order_xi * order_eta, 2) of different numbers in the two directions."""
+    """Fill points (order_xi * order_eta, 2) and weights with the tensor Gauss rule of the whole reference domain."""
     corners = np.empty((4, 2))
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
@@ -248,7 +239,7 @@ def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
 
 @njit(cache=True, nogil=True)
 def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
-    """Measures of elements with nodes (e, n, 3), for required_order.
+    """Measures of elements with nodes (e, n, 3), for required_orders.
 
     Fills centres (e, 3), sizes (e, 2) along xi and eta, enlarged for skew and curvature, and least_orders (e,): points
     per direction that shape functions and the turning of the normal ask for at any distance.

@@ -15,7 +15,6 @@ UNREACHABLE_ORDER = 1 << 20
 
 MODERATE_ANISOTROPY = 1.5
 
-_ERROR_CONSTANT = 1.0
 _TINY = 1e-300
 
 
@@ -26,7 +25,7 @@ def order_for(spread, degree, tolerance, anisotropy):
         return UNREACHABLE_ORDER
     across = sqrt(spread * spread - 1.0) / anisotropy
     growth = log(sqrt(1.0 + across * across) + across)
-    order = ceil(0.5 * (log(_ERROR_CONSTANT / tolerance) / growth + degree))
+    order = ceil(0.5 * (log(1.0 / tolerance) / growth + degree))
     return max(min(order, UNREACHABLE_ORDER), degree + 1)
 
 
@@ -41,13 +40,6 @@ def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=M
     along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
     along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
     return along_xi, along_eta
-
-
-@njit(cache=True, nogil=True)
-def required_order(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
-    """The larger of required_orders."""
-    along_xi, along_eta = required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy)
-    return max(along_xi, along_eta)
 
 
 @njit(cache=True, nogil=True)
