@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAP_COLOURS: Final = "cividis"  # perceptually uniform, the same to colour-blind readers
-LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73")  # of the Okabe-Ito palette
+LINE_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # of the Okabe-Ito palette
 _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 

@@ -91,6 +91,11 @@ class Comparison:
     versions: Mapping[str, str]
     runs: tuple[ComparedRun, ...] = ()
 
+    @property
+    def first(self) -> ComparedRun:
+        """The run that the others are measured by: the first that is not refused."""
+        return next((run for run in self.runs if not run.refusal), self.runs[0])
+
 
 def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
     """How far the last increment of a run is from that of the first one, by quantity.
@@ -125,8 +130,8 @@ def _along(zone: Zone, step: StepResult, axis: int) -> Array:
 
 def comparison_json(comparison: Comparison) -> str:
     """All numbers: of each run its choices, status, times and increments, and of its last increment the fields on the
-    zone and the differences to the first run. Numbers that are not finite become null."""
-    runs = [_numbers(run, comparison.runs[0]) for run in comparison.runs]
+    zone and the differences to the first run that is not refused. Numbers that are not finite become null."""
+    runs = [_numbers(run, comparison.first) for run in comparison.runs]
     head = {"title": comparison.title, "case": comparison.text, "versions": dict(comparison.versions)}
     return json.dumps({**head, "runs": runs}, indent=1, allow_nan=False) + "\n"
 
@@ -168,12 +173,12 @@ def _plain(value: Any) -> Any:
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:
-    """A column for each run, so many side by side: last increment, work, and differences to the first run."""
+    """A column for each run, so many side by side: last increment, work, and differences to comparison.first."""
     runs = comparison.runs
     blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
     occasional = {name for name in _OCCASIONAL if any(_total(name, run).any() for run in runs if run.steps)}
     shown = [name for name in _TOTALS if name not in _OCCASIONAL or name in occasional]
-    tables = [_table(block, runs[0], shown) for block in blocks]
+    tables = [_table(block, comparison.first, shown) for block in blocks]
     tables[0].title, tables[0].title_justify = comparison.title or None, "left"
     return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal))
 

@@ -46,12 +46,12 @@ def figures(result: Result) -> "dict[str, Figure]":
     if not result.steps:
         return {}
     step = result.steps[-1]
-    if not all(np.isfinite(quantity.values(step)).all() for quantity in _QUANTITIES):
+    if not np.isfinite(step.traction).all() or not np.isfinite(step.potentials).all():
         return {}
     picture = Picture.of(result.zone)
     title = _title(result)
     drawn = {f"{q.file}.png": _map(q, step, picture, title) for q in _QUANTITIES}
-    drawn |= {"sections.png": _sections(step, picture, title), "stick_slip.png": _regions(result, picture, title)}
+    drawn |= {"sections.png": _sections(result, picture, title), "stick_slip.png": _regions(result, picture, title)}
     past = history(result)
     return drawn if past is None else drawn | {"history.png": past}
 
@@ -105,21 +105,26 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
     return figure
 
 
-def _sections(step: StepResult, picture: Picture, title: str) -> "Figure":
+def _sections(result: Result, picture: Picture, title: str) -> "Figure":
+    """Along x through the middle; with friction the tangential traction, too."""
     from matplotlib.tri import LinearTriInterpolator
 
     flat = picture.triangulation
     x = np.linspace(flat.x.min(), flat.x.max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(flat.y)
-    figure = sheet((6.0, 7.2))
-    rows = figure.subplots(len(_QUANTITIES), sharex=True)
-    for axes, quantity, colour in zip(rows, _QUANTITIES, LINE_COLOURS, strict=True):
-        values = quantity.values(step)
-        factor, unit = prefixed(values, quantity.unit)
+    step = result.steps[-1]
+    shown = [(quantity.label, quantity.unit, quantity.values(step)) for quantity in _QUANTITIES]
+    if step.traction[:, :2].any():
+        along = np.einsum("nk,nka,a->n", step.traction[:, :2], result.zone.frames[:, :2], picture.axes[0])
+        shown.insert(1, ("traction along x", "Pa", along))
+    figure = sheet((6.0, 2.4 * len(shown)))
+    rows = figure.subplots(len(shown), sharex=True)
+    for axes, (label, unit, values), colour in zip(rows, shown, LINE_COLOURS, strict=False):
+        factor, unit = prefixed(values, unit)
         section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))
         axes.plot(x, section, color=colour, linewidth=1.8)
         axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
-        axes.set_ylabel(f"{quantity.label}\n[{unit}]")
+        axes.set_ylabel(f"{label}\n[{unit}]")
         axes.grid(alpha=0.3)
     rows[-1].set_xlabel("x [mm]")
     head(rows[0], "sections y = 0", title)

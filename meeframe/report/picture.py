@@ -24,10 +24,12 @@ TRIANGLES: Final = {
 class Picture:
     """A flat zone.
 
-    points: its nodes, (n, 2) [mm]; triangulation: matplotlib's, of the nodes and then the centres of the quads.
+    points: its nodes, (n, 2) [mm]; axes: those of the picture in space, (2, 3); triangulation: matplotlib's, of the
+    nodes and then the centres of the quads.
     """
 
     points: Array
+    axes: Array
     triangulation: Any
     quads: Indices
 
@@ -46,7 +48,7 @@ class Picture:
         axes = frames_of(normal[None] / np.linalg.norm(normal))[0, :2]
         points = (zone.points - middle) @ axes.T * 1e3
         flat = _with_centres(points, quads)
-        return cls(points, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
+        return cls(points, axes, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
 
     def values(self, nodal: Array) -> Array:
         """Values at the points of the triangulation of values (n,) at the nodes of the zone."""

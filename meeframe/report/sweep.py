@@ -13,7 +13,7 @@ from rich.text import Text
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.sweep import SweepAxis, SweepResult
-from meeframe.report.canvas import MAP_COLOURS, sheet
+from meeframe.report.canvas import MAP_COLOURS, prefixed, sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,14 +77,11 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
     for line, plot in zip(grid, rows, strict=True):
         x, lines = plot.shown(sweep.axes)
         for axes, quantity in zip(line, plot.quantities, strict=False):
-            values = _section(sweep, plot, quantity, x, lines)
+            values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
-            draw(axes, sweep, plot, (x, lines), values)
+            draw(axes, plot, (x, lines), values, unit)
             axes.set_title(_words(quantity), fontsize=10)
             axes.set_xlabel(_heading(x))
-            if draw is _curves:
-                unit = sweep.units[quantity]
-                axes.set_ylabel("" if unit == "1" else f"[{unit}]")
         for axes in line[len(plot.quantities) :]:
             axes.remove()
         fixed = _fixed(sweep, plot, (x, lines))
@@ -116,9 +113,16 @@ def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None
     return ", ".join(f"{axis.name} = {axis.labels[_at(plot, axis)]}" for axis in others)
 
 
-def _curves(
-    axes: Any, sweep: SweepResult, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array
-) -> None:
+def _scaled(values: Array, unit: str) -> tuple[Array, str]:
+    """Values as they are shown, with their unit as a label: under a prefix if its symbol is one word."""
+    finite = values[np.isfinite(values)]
+    if unit.isalpha() and finite.size:
+        factor, unit = prefixed(finite, unit)
+        values = values / factor
+    return values, "" if unit == "1" else f"[{unit}]"
+
+
+def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, unit: str) -> None:
     x, lines = shown
     places, labelled = _places(x)
     columns = values[:, None] if lines is None else values
@@ -129,12 +133,11 @@ def _curves(
     _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
     if lines is not None:
         axes.legend(title=lines.name, fontsize=7, title_fontsize=7)
+    axes.set_ylabel(unit)
     axes.grid(alpha=0.3)
 
 
-def _map(
-    axes: Any, sweep: SweepResult, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array
-) -> None:
+def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, unit: str) -> None:
     x, y = shown
     assert y is not None
     (across, _), (along, _) = _places(x), _places(y)
@@ -147,7 +150,7 @@ def _map(
     if not _places(x)[1]:
         axes.set(xscale=plot.scale)
     axes.set_ylabel(_heading(y))
-    axes.figure.colorbar(drawn, ax=axes)
+    axes.figure.colorbar(drawn, ax=axes, label=unit)
 
 
 def _places(axis: SweepAxis) -> tuple[Array, bool]:

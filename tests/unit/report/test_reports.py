@@ -94,9 +94,24 @@ def test_figures_carry_the_numbers_with_units(synthetic):
     axes, bar = drawn["pressure.png"].axes
     assert bar.get_ylabel() == "contact pressure [MPa]"
     assert axes.collections[0].get_array().max() == pytest.approx(1.0)
-    section = drawn["sections.png"].axes[1].lines[0].get_xydata()
+    section = drawn["sections.png"].axes[2].lines[0].get_xydata()
     assert section[np.argmin(np.abs(section[:, 0])), 1] == pytest.approx(-5.0)
     assert section[0, 0] == pytest.approx(-2.0)
+
+
+def test_sections_have_the_tangential_traction_where_there_is_any(synthetic):
+    """Along x of the picture, in whatever frames it is given: here e1 is along y and e2 against x."""
+    step = synthetic.step(1e-6)
+    traction = np.column_stack([0.0 * step.traction[:, 0], -step.traction[:, 0], step.traction[:, 2]])
+    turned = dataclasses.replace(synthetic.result(dataclasses.replace(step, traction=traction)), zone=synthetic.zone())
+    frame = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned.zone.frames[:] = frame
+    for result in (synthetic.result(step), turned):
+        axes = figures(result)["sections.png"].axes[1]
+        assert axes.get_ylabel() == "traction along x\n[kPa]"
+        np.testing.assert_allclose(axes.lines[1].get_ydata(), [0.0, 100.0, 100.0, 100.0, 0.0], atol=1e-9)
+    without = dataclasses.replace(step, traction=step.traction * [0.0, 0.0, 1.0])
+    assert len(figures(synthetic.result(without))["sections.png"].axes) == 3
 
 
 def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
@@ -170,6 +185,22 @@ def test_history_of_several_increments(synthetic):
     np.testing.assert_allclose(across.lines[0].get_xydata(), [[100.0, 0.9], [100.0, 1.8]])
     assert (across.get_xlabel(), energy.get_ylabel()) == ("translation [nm]", "dissipated energy [nJ]")
     np.testing.assert_allclose(energy.lines[0].get_ydata(), [8.0, 24.0])
+    assert all(tick == int(tick) for tick in energy.get_xticks())
+
+
+def test_history_leaves_out_the_direction_in_which_nothing_happens(synthetic):
+    """Motion and force along e1 alone; with motion or force along e2 that has its curve too."""
+
+    def curves(motion, force):
+        steps = []
+        for number in (1, 2):
+            step = synthetic.step(1e-6 * number, increment=number)
+            traction = step.traction + np.abs(step.traction[:, 2:]) * [0.0, force, 0.0]
+            loading = dataclasses.replace(step.loading, translation=np.array([1e-7 * number, motion]))
+            steps.append(dataclasses.replace(step, loading=loading, traction=traction))
+        return len(figures(synthetic.result(*steps))["history.png"].axes[1].lines)
+
+    assert (curves(0.0, 0.0), curves(0.0, 1e-9), curves(1e-8, 0.0), curves(0.0, 0.1)) == (1, 1, 2, 2)
 
 
 def test_no_figures_without_steps(synthetic):
