@@ -6,14 +6,17 @@ block itself. Accumulated updates: Boerm, Numerische Mathematik 142 (2019) 1-41,
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import DTypeLike
+from threadpoolctl import threadpool_limits
 
 from meeframe.core.fields import Array
 from meeframe_hmatrix.blocks import (
@@ -57,6 +60,13 @@ class Truncation:
         begun = [self.pool.submit(task) for task in tasks[1:]]
         first = tasks[0]()
         return [first, *(task() if one.cancel() else one.result() for task, one in zip(tasks[1:], begun, strict=True))]
+
+
+@contextmanager
+def helpers() -> Iterator[Executor]:
+    """Threads beside this one, which works, too; each has BLAS for itself."""
+    with ThreadPoolExecutor(max(1, get_num_threads() - 1)) as pool, threadpool_limits(1, "blas"):
+        yield pool
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +183,7 @@ def _subtracted(block: Dense | LowRank, pending: Pending, truncation: Truncation
         outer = [(block.rows, block.columns, left, right) for left, right in pending.terms]
         for first, second in pending.products:
             outer += _outer_products(first, second)
-        subtract_products(table_of(outer, block.rows.start, block.columns.start), array)
+        subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array)
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
         return LowRank(block.rows, block.columns, *truncated(array, truncation.tolerance))
@@ -219,13 +229,14 @@ def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) 
         return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
     first = eliminate(block.parts[0][0], truncation, _handed_down(pending, block, 0, 0))
-    above, left = (_handed_down(pending, block, row, 1 - row) for row in range(2))
-    lower, upper = truncation.shared(
-        [
-            partial(solve_from_right, first, block.parts[1][0], truncation, left),
-            partial(solve, first, Form.LOWER, block.parts[0][1], truncation, above),
-        ]
-    )
+
+    def left() -> Block:
+        return solve_from_right(first, block.parts[1][0], truncation, _handed_down(pending, block, 1, 0))
+
+    def above() -> Block:
+        return solve(first, Form.LOWER, block.parts[0][1], truncation, _handed_down(pending, block, 0, 1))
+
+    lower, upper = truncation.shared([left, above])
     remaining = _with_product(_handed_down(pending, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
@@ -288,5 +299,12 @@ def solution(factors: Factors, form: Form, x: Array) -> Array:
 
 
 def solved(factors: Factors, x: Array) -> Array:
-    """matrix^-1 @ x for x (n, k) and the factors of a matrix."""
-    return solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))
+    """matrix^-1 @ x for x (n, k) and the factors of a matrix, in their precision."""
+    values = x.astype(precision(factors), copy=False)
+    result: Array = solution(factors, Form.UPPER, solution(factors, Form.LOWER, values)).astype(x.dtype, copy=False)
+    return result
+
+
+def precision(factors: Factors) -> np.dtype[Any]:
+    """Of all their numbers."""
+    return factors.inverse.dtype if isinstance(factors, Eliminated) else precision(factors.first)

@@ -25,7 +25,7 @@ from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
 from meeframe.geometry.slenderness import bending_warnings
 from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.assembly import assemble
-from meeframe_hmatrix.blocks import Block, shape
+from meeframe_hmatrix.blocks import shape
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
@@ -34,6 +34,7 @@ from meeframe_hmatrix.system import (
     BoundarySystem,
     HierarchicalSystem,
     Whole,
+    condense,
     diagonal_of,
     factorise,
     frames_to_units,
@@ -96,7 +97,8 @@ class HierarchicalBEM(Formulation):
         """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
         progress("fundamental solution", 0.0)
         self.check(body)
-        boundary, compliance = self.solve(body, progress)
+        boundary = self.boundary(body, progress)
+        compliance = condense(boundary.system, boundary.factors, BLOCK_SHARE * self.tolerance, progress)
         zone = zone_frames(body.mesh, body.contact_group or "")
         order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
@@ -125,12 +127,8 @@ class HierarchicalBEM(Formulation):
             zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
         )
 
-    def boundary(self, body: Body) -> BoundarySystem:
+    def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
         """The system of the whole boundary with its factors, unchecked."""
-        return self.solve(body)[0]
-
-    def solve(self, body: Body, progress: Progress = silent) -> tuple[BoundarySystem, Block]:
-        """The system with its factors, and the compliance of the contact zone, unchecked."""
         stiffness = _scaled(body)
         accuracy = Accuracy(QUADRATURE_SHARE * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
@@ -142,8 +140,8 @@ class HierarchicalBEM(Formulation):
         with threadpool_limits(1, "blas"):
             integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
             system = assemble(integrals, share, progress)
-            factors, compliance = factorise(system, share, progress)
-        return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh)), compliance
+            factors = factorise(system, share, progress)
+        return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
         units = Units(characteristic_length(body), FieldScaling.of(body.stiffness))

@@ -37,8 +37,8 @@ def located(array, dtype):
     raise ValueError(f"a matrix of {array.dtype} and strides {array.strides}; allowed: {dtype}, without gaps in lines")
 
 
-def table_of(products, first_row, first_column):
-    """Table of products (range of rows, range of columns, left (m, k), right (k, n)), all of one type."""
+def table_of(products, first_row, first_column, dtype):
+    """Table of products (range of rows, range of columns, left (m, k), right (k, n)); raises as `located`."""
     places = [
         (
             rows.start - first_row,
@@ -46,8 +46,8 @@ def table_of(products, first_row, first_column):
             columns.start - first_column,
             right.shape[1],
             len(right),
-            *located(left, left.dtype),
-            *located(right, left.dtype),
+            *located(left, dtype),
+            *located(right, dtype),
         )
         for rows, columns, left, right in products
     ]

@@ -1,17 +1,13 @@
 """Roughly truncated inverses of the compliance of the contact zone, as preconditioners."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import get_num_threads
-from numpy.typing import DTypeLike
-from threadpoolctl import threadpool_limits
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe_hmatrix.arithmetic import Factors, Truncation, eliminate, solved
+from meeframe_hmatrix.arithmetic import Factors, Truncation, eliminate, helpers, solved
 from meeframe_hmatrix.blocks import Block, multiply
 
 ROUGHLY: Final = 1e-2
@@ -22,17 +18,16 @@ FAR_OFF: Final = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RoughInverse:
-    """Loads (n, k) for displacements (n, k): factors in the precision `dtype` of a matrix in the units (k,) that make
-    its entries alike, its nodes in the given order."""
+    """Loads (n, k) for displacements (n, k): factors of a matrix in the units (k,) that make its entries alike,
+    its nodes in the given order."""
 
     factors: Factors
     unit: Array
     order: Indices
-    dtype: DTypeLike
 
     def __call__(self, displacement: Array) -> Array:
         """Loads (n, k) that roughly cause displacements (n, k)."""
-        values = (self.unit * displacement[self.order]).astype(self.dtype)
+        values = self.unit * displacement[self.order]
         loads = np.empty(displacement.shape, displacement.dtype)
         loads[self.order] = self.unit * solved(self.factors, values.reshape(-1, 1)).reshape(displacement.shape)
         return loads
@@ -48,8 +43,8 @@ def rough_inverse(matrix: Block, unit: Array, order: Indices) -> RoughInverse | 
     displacement = np.empty_like(uniform)
     displacement[order] = multiply(matrix, uniform.reshape(-1, 1)).reshape(uniform.shape) / unit
     for dtype in (np.float32, np.float64):
-        with ThreadPoolExecutor(get_num_threads()) as pool, threadpool_limits(1, "blas"):
-            inverse = RoughInverse(eliminate(matrix, Truncation(ROUGHLY, dtype, pool)), unit, order, dtype)
+        with helpers() as pool:
+            inverse = RoughInverse(eliminate(matrix, Truncation(ROUGHLY, dtype, pool)), unit, order)
         if np.linalg.norm(inverse(displacement) / unit - uniform) < FAR_OFF * np.linalg.norm(uniform):
             return inverse
     return None

@@ -1,12 +1,11 @@
 """From the hierarchical system to the reduced system: truncated elimination, and the compliance of the contact zone."""
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, final
 
 import numpy as np
-from numba import get_num_threads
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from meeframe.core.errors import CaseError, TooLargeError
@@ -14,7 +13,7 @@ from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
-from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, solve, solved
+from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
@@ -106,22 +105,33 @@ class BoundarySystem:
         return NodalFields(self.mesh.points[points], cells, units.values_si(values)[points], units.fluxes_si(fluxes))
 
 
-def factorise(system: System, tolerance: float, progress: Progress) -> tuple[Factors, Block]:
-    """Truncated factors, and the compliance of the contact zone.
+def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
+    """Truncated factors of the matrix."""
+    progress("elimination", 0.0)
+    with truncation(tolerance) as how:
+        return eliminate(system.matrix, how)
 
-    That gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
+
+def condense(system: System, factors: Factors, tolerance: float, progress: Progress) -> Block:
+    """The compliance of the contact zone by the factors of the matrix.
+
+    It gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
     """
-    with ThreadPoolExecutor(max(1, get_num_threads() - 1)) as pool:  # this thread works, too
-        progress("elimination", 0.0)
-        truncation = Truncation(tolerance, np.float32 if tolerance >= SINGLE else np.float64, pool)
-        factors = eliminate(system.matrix, truncation)
-        assert isinstance(factors, EliminatedSplit)
-        progress("compliance", 0.0)
-        reduced = solve(factors, Form.LOWER, system.load_matrix, truncation)
+    progress("compliance", 0.0)
+    assert isinstance(factors, EliminatedSplit)
+    with truncation(tolerance) as how:
+        reduced = solve(factors, Form.LOWER, system.load_matrix, how)
         assert isinstance(reduced, Split)
-        compliance = solve(factors.second, Form.UPPER, reduced.parts[1][0], truncation)
-        progress("compliance", 1.0)
-    return factors, converted(compliance, np.float64)
+        compliance = solve(factors.second, Form.UPPER, reduced.parts[1][0], how)
+    progress("compliance", 1.0)
+    return converted(compliance, np.float64)
+
+
+@contextmanager
+def truncation(tolerance: float) -> Iterator[Truncation]:
+    """In single precision where that is enough."""
+    with helpers() as pool:
+        yield Truncation(tolerance, np.float32 if tolerance >= SINGLE else np.float64, pool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +165,7 @@ class HierarchicalSystem(ReducedSystem):
 
     order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
     units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; compliance: as of `factorise`; whole: what it was condensed from; products: those that were asked for last;
+    units; compliance: as of `condense`; whole: what it was condensed from; products: those that were asked for last;
     inverses: those that have been asked for. Copies to other processes make the last three anew.
     """
 

@@ -1,11 +1,9 @@
 """Hierarchical matrices by themselves: products, compression, truncated factors, against dense linear algebra."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 from meeframe_hmatrix import arithmetic
-from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, solution, solve, solve_from_right
+from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, helpers, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
     LowRank,
@@ -130,7 +128,7 @@ def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkey
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     tall = whole(np.ascontiguousarray(wide.T), 1e-9)
-    with ThreadPoolExecutor(2) as pool:
+    with helpers() as pool:
         truncation = Truncation(tolerance, np.float64, pool)
         factors = eliminate(block, truncation)
         solved = solve(factors, Form.UPPER, solve(factors, Form.LOWER, wide_block, truncation), truncation)
@@ -173,7 +171,7 @@ def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     assert {to_dense(leaf).dtype for leaf in leaves(single)} == {np.dtype(np.float32)}
     assert 0.0 < error(to_dense(single), square) < 1e-6
     x = np.random.default_rng(5).normal(size=(len(square), 2))
-    with ThreadPoolExecutor(2) as pool:
+    with helpers() as pool:
         factors = eliminate(block, Truncation(SINGLE, np.float32, pool))
     assert {to_dense(leaf).dtype for leaf in leaves(factors.upper)} == {np.dtype(np.float32)}
     found = solution(factors, Form.UPPER, solution(factors, Form.LOWER, x))

@@ -82,15 +82,21 @@ def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypa
     monkeypatch.setattr(formulation, "assemble", lambda *given: seen.append(given) or assemble(*given))
     boundary = HierarchicalBEM(tolerance=tolerance).boundary(make_block(8))
     ((integrals, share, _),) = seen
-    found = {(one.unknowns.start, one.unknowns.stop): one for one in clusters(integrals.tree.root)}
-    checked = 0
-    for leaf in leaves(boundary.system.matrix):
-        if isinstance(leaf, LowRank):
-            row, column = (found[part.start, part.stop] for part in (leaf.rows, leaf.columns))
-            expected = near_rows(integrals, row, [column]).unknown
-            assert error(to_dense(leaf), expected) < 5 * share
-            checked += 1
-    assert checked > 50
+    every = clusters(integrals.tree.root)
+    rows = {(one.unknowns.start, one.unknowns.stop): one for one in every}
+    loaded = {(one.loads.start, one.loads.stop): one for one in every if one.loads.start < one.loads.stop}
+    for matrix, columns, kind, least in (
+        (boundary.system.matrix, rows, "unknown", 50),
+        (boundary.system.load_matrix, loaded, "load", 20),
+    ):
+        checked = 0
+        for leaf in leaves(matrix):
+            if isinstance(leaf, LowRank):
+                row, column = rows[leaf.rows.start, leaf.rows.stop], columns[leaf.columns.start, leaf.columns.stop]
+                expected = getattr(near_rows(integrals, row, [column]), kind)
+                assert error(to_dense(leaf), expected) < 5 * share
+                checked += 1
+        assert checked > least
 
 
 def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):

@@ -47,7 +47,7 @@ def test_products_are_subtracted_in_their_places(dtype):
     expected[1:8, 2:9] -= left @ right
     expected[0:4, 3:4] -= right @ left[:, 1:2]
     places = [(slice(21, 28), slice(32, 39), left, right), (slice(20, 24), slice(33, 34), right, left[:, 1:2])]
-    subtract_products(table_of(places, 20, 30), target)
+    subtract_products(table_of(places, 20, 30, dtype), target)
     np.testing.assert_allclose(target, expected, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
