@@ -5,12 +5,12 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap, unbalance
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, attracts
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
-from meeframe.solvers.driver import Limits, solve
+from meeframe.solvers.driver import Limits
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
@@ -27,13 +27,15 @@ FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
 ROUND_OFF: Final = 1e-14
 """A normal traction below this fraction of the characteristic one is none."""
-LOOSEST: Final = 0.1
+LOOSEST: Final = 0.05
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
-FINEST: Final = 1e-13
-"""Merit that is not asked for: round-off is near."""
-COARSE: Final = Limits(tolerance=1e-3, max_iterations=40)
-"""Of the coarser problem from which to start: the two differ by more."""
+ENOUGH: Final = 0.2 * Limits().tolerance
+"""Violation of the laws that linear equations need not leave less of: who asks for more has another step."""
+COARSE: Final = 1e-3
+"""Merit at which a coarser problem is left: the two differ by more."""
+COARSE_STEPS: Final = 2, 40
+"""At least and at most. The first from a start raises the merit."""
 ROUGHENING: Final = 100.0
 """The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
 in it is found at once."""
@@ -52,12 +54,14 @@ STIFFENING: Final = (1.0, 4.0, 16.0)
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """point: the equation at the iterate; merits: of the last states; flips: (n,) how often each node has opened or
-    closed; burst: how many gradient steps are made the next time; leaps: full steps that may still take their place."""
+    """point: the equation at the iterate; merits: of the last states, that of a start as high as it may rise; flips:
+    (n,) how often each node has opened or closed; fall: its merit over that before; burst: how many gradient steps are
+    made the next time; leaps: full steps that may still take their place."""
 
     point: Point
     merits: tuple[float, ...]
     flips: Array
+    fall: float = np.inf
     burst: int = BURST
     leaps: int = 0
 
@@ -89,7 +93,7 @@ class SemismoothNewton(Solver):
         motion = start_motion(problem, start)
         point = equation.at(start_load(start, n), closed, _between(closed), motion)
         # what attracts may hold where it is, so that it is not lifted off to find the contact anew
-        held = start is not None and attracts(problem.contact_law)
+        held = prolonged is not None or (start is not None and attracts(problem.contact_law))
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         rise = 1.0 if prolonged is None else ROUGHENING
@@ -99,7 +103,7 @@ class SemismoothNewton(Solver):
         """One Newton step, a fraction of it, or a burst of gradient steps."""
         memory = _memory(iterate)
         point = memory.point
-        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.merits))
+        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.fall, point.violation))
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
@@ -109,44 +113,45 @@ class SemismoothNewton(Solver):
                     moved = _held(point, moved)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
-                    return _iterate(replace(memory, point=moved, merits=merits, flips=flips))
+                    fall = moved.merit / point.merit
+                    return _iterate(replace(memory, point=moved, merits=merits, flips=flips, fall=fall))
             if memory.leaps:
                 _, moved = _moved(point, np.zeros_like(flips), direction, 1.0)
                 if moved.merit < FARTHEST_LEAP:
-                    return _iterate(_Memory(moved, (moved.merit,), flips, memory.burst, memory.leaps - 1))
+                    return _iterate(_Memory(moved, (moved.merit,), flips, burst=memory.burst, leaps=memory.leaps - 1))
         moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
-        return _iterate(_Memory(moved, (moved.merit,), flips, burst, memory.leaps))
+        return _iterate(_Memory(moved, (moved.merit,), flips, burst=burst, leaps=memory.leaps))
 
 
-def _tolerance(merits: tuple[float, ...]) -> float:
-    """Fraction of the residual that may be left of the linear equations, by the merits of the last states.
+def _tolerance(fall: float, violation: float) -> float:
+    """Fraction of the residual that may be left of the linear equations, by the fall of the merit in the last step and
+    what is left to be done.
 
     Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
     """
-    if len(merits) < 2:
-        return LOOSEST
-    forced = max(0.5 * (merits[-1] / merits[-2]) ** 1.5, FINEST / merits[-1])
-    return float(np.clip(forced, TIGHTEST, LOOSEST))
+    return float(np.clip(max(0.5 * fall**1.5, ENOUGH / violation), TIGHTEST, LOOSEST))
 
 
 def _matrixless(problem: ContactProblem) -> bool:
     return problem.system.dense() is None
 
 
-def _coarse_solution(problem: ContactProblem) -> ContactState | None:
-    """Of a problem on a coarser system, from which to start, with tension where the contact is open.
+def _coarse_solution(problem: ContactProblem) -> Iterate | None:
+    """Roughly that of a problem on a coarser system, from which to start, with tension where the contact is open.
 
     With friction without: where nodes graze more steps were counted.
     """
-    solution = solve(problem, SemismoothNewton(), COARSE)
-    if solution.status is not Status.CONVERGED:
-        return None
-    state = solution.state
+    solver, (least, most) = SemismoothNewton(), COARSE_STEPS
+    iterate, steps = solver.init(problem, None), 0
+    while steps < least or _memory(iterate).point.merit > COARSE:
+        if steps == most:
+            return None
+        iterate, steps = solver.step(problem, iterate), steps + 1
     if problem.contact_law.tangential_scaling().any():
-        return state
-    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
-    return replace(state, load=tensed(state.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
+        return iterate
+    gap = _memory(iterate).point.ahead[:, 2]
+    return replace(iterate, load=tensed(iterate.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:

@@ -84,9 +84,9 @@ class Equation:
     def of(cls, problem: ContactProblem) -> "Equation":
         """Of a problem."""
         scales = problem_scales(problem)
-        blocks = problem.system.diagonal_blocks()
+        blocks = np.asfortranarray(problem.system.diagonal_blocks())
         own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
-        lifted = np.abs(blocks[:, 2, POTENTIALS].copy(order="F") / own)
+        lifted = np.abs(blocks[:, 2, POTENTIALS] / own)
         units = motion_scales(problem, scales)
         modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
         for k, freedom in enumerate(problem.freedoms):
