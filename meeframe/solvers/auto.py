@@ -7,7 +7,8 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
-from meeframe.solvers.conjugate_gradients import ProjectedCG, takes
+from meeframe.solvers.conjugate_gradients import ProjectedCG
+from meeframe.solvers.frictionless import takes
 from meeframe.solvers.newton import SemismoothNewton
 from meeframe.solvers.residual import evaluate, law_residual
 from meeframe.solvers.scales import Scales, problem_scales
@@ -27,7 +28,7 @@ class _Stage:
     patience: float
 
 
-FRICTIONLESS: Final = _Stage(ProjectedCG(), 5, 25)
+FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 15)
 """Before the others where it takes the problem and there is no matrix to factorise."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
@@ -39,13 +40,13 @@ STAGES: Final = (
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """stages: in force and to come; inner: iterate of the solver in force; best, state: smallest residual so far and
-    its state; idle: steps since; scales: of the problem."""
+    """stages: in force and to come; inner: iterate of the solver in force; best: smallest residual so far, of which
+    iterate; idle: steps since; scales: of the problem."""
 
     stages: tuple[_Stage, ...]
     inner: Iterate
-    best: float
-    state: ContactState
+    residual: float
+    best: Iterate
     scales: Scales
     idle: int = 0
 
@@ -57,8 +58,8 @@ class Auto(Solver):
     hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
     matrix, projected conjugate gradients come before them.
 
-    Progress is judged by the residual of the laws, as the driver judges it. A step is one of Newton's method, 5 of
-    conjugate gradients or 25 of a gradient iteration.
+    Progress is judged by what the solver in force estimates of the residual, or else by the residual of the laws, as
+    the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
     """
 
     patience: ClassVar[int] = 240
@@ -66,30 +67,34 @@ class Auto(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
         first: tuple[_Stage, ...] = (FRICTIONLESS,) if problem.system.dense() is None and takes(problem) else ()
-        stages = (*first, *STAGES)
-        inner = stages[0].solver.init(problem, start)
-        scales = problem_scales(problem)
-        state = evaluate(problem, inner)
-        memory = _Memory(stages, inner, law_residual(problem, state, scales), state, scales)
-        return replace(inner, memory=memory)
+        return _begun(problem, (*first, *STAGES), start, problem_scales(problem))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
         memory = iterate.memory
         if not isinstance(memory, _Memory):
             raise TypeError("the iterate was not made by Auto.init")
-        stage = memory.stages[0]
-        inner = memory.inner
+        stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
-        state = evaluate(problem, inner)
-        residual = law_residual(problem, state, memory.scales)
-        if residual < FALL * memory.best:
-            memory = replace(memory, inner=inner, best=residual, state=state, idle=0)
+        residual = _residual(problem, inner, memory.scales)
+        if residual < FALL * memory.residual:
+            memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
         if memory.idle > stage.patience:
-            stages = memory.stages[1:]
-            inner = stages[0].solver.init(problem, memory.state)
-            memory = replace(memory, stages=stages, inner=inner, idle=0)
+            return _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
         return replace(inner, memory=memory)
+
+
+def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:
+    """The first of these stages, from its start."""
+    inner = stages[0].solver.init(problem, start)
+    return replace(inner, memory=_Memory(stages, inner, _residual(problem, inner, scales), inner, scales))
+
+
+def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:
+    """Of the laws, by the solver itself if it knows."""
+    if iterate.estimate is not None:
+        return iterate.estimate
+    return law_residual(problem, evaluate(problem, iterate), scales)

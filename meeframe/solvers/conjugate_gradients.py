@@ -7,23 +7,23 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import switch
 from meeframe.solvers.free_motion import start_motion
+from meeframe.solvers.frictionless import checked_modes
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.normal_modes import NormalModes
-from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, NormalResponse, load_of, normal_response
+from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, Insulated, NormalResponse, load_of
 from meeframe.solvers.scales import Scales, problem_scales
 
 RENEWAL: Final = 50
 """Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
 COARSE, MOST_COARSE = 1e-2, 100
 """Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
-SETTLED: Final = 0.3
+SETTLED: Final = 1.0
 """Of the gaps that closed fractions are to close: those that pressures are to close need be no smaller before."""
 LOOKS: Final = 3
 """At the conduction, one after another: what it opened may touch again, gaps of nodes that graze be the largest."""
@@ -81,7 +81,7 @@ class ProjectedCG(Solver):
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
     nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
     in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a tenth the conduction follows, of nodes that graze by Broyden's
+    and Ribiere. When the violation has fallen to a hundredth the conduction follows, of nodes that graze by Broyden's
     method; where nothing conducts, gaps change in single precision and are found anew when it has fallen to a
     ten-thousandth.
 
@@ -99,35 +99,30 @@ class ProjectedCG(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or what a coarser division gives, or no load at all.
 
-        Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of.
+        Raises CaseError as checked_modes.
         """
+        checked_modes(problem)
         return self._begun(problem, start, problem_scales(problem))
 
-    def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> Iterate:
-        modes = NormalModes.of(problem)
-        _check(problem.contact_law, scales.pressure)
+    def _begun(
+        self, problem: ContactProblem, start: ContactState | None, scales: Scales, coarse: bool = False
+    ) -> Iterate:
+        """coarse: the problem is a coarser one, of which any solution will do if there are more than one."""
         # what is characteristic of the problem is so on any division
-        start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
-        n = len(problem.gap)
-        load, motion = start_load(start, n), start_motion(problem, start)
-        response = normal_response(problem, scales, start, load, motion)
-        pressure, near = np.maximum(-load[:, NORMAL], 0.0), Effect(np.zeros(n), load[:, NORMAL + 1 :], motion)
-        if modes.numbers.size:
-            # pressures that bear the resultants: from here on every direction keeps them
-            free = np.flatnonzero(pressure > 0.0)
-            trial = pressure
-            if not free.size:
-                free = np.flatnonzero(np.isfinite(problem.gap))
-                trial = pressure - response.at(pressure, near).gap / scales.normal_compliance
-            pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
-        weight = problem.system.weights
-        weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
-        mechanics = (response, modes, _normal_inverse(problem), weight)
-        effect = response.at(pressure, near)
-        still, nodes = np.zeros(0), np.zeros(0, np.int64)
-        memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, None, np.inf)
-        memory = _placed(memory, pressure, effect)
-        return _iterate(memory if isinstance(response, Conducting) else replace(memory, start=_violation(memory)))
+        start = start or nested_start(problem, lambda other: self._coarse_solution(other, scales))
+        load, motion = start_load(start, len(problem.gap)), start_motion(problem, start)
+        conducting = conducts(problem.electric_law) or conducts(problem.magnetic_law)
+        if not conducting or (coarse and start is None):
+            memory = _started(Insulated.of(problem, scales), load, motion)
+            if not conducting:
+                return _iterate(memory)
+            # what touches, roughly, before anything flows there: conducting, nodes would lift off and touch for long
+            found = self._rough(problem, _iterate(memory))
+            near = ContactState(found.load, problem.system.offset, found.closed, found.motion)
+            return _iterate(_conducting(_memory(found), Conducting.of(problem, scales, near)))
+        # fractions of a start are those of other nodes: what touches tells more, after a step
+        memory = _started(Conducting.of(problem, scales, start), load, motion)
+        return _iterate(replace(memory, start=np.inf))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
@@ -160,11 +155,7 @@ class ProjectedCG(Solver):
 
         If nothing conducts, there is tension where the contact is open.
         """
-        iterate = self._begun(problem, None, scales)
-        for _ in range(MOST_COARSE):
-            if iterate.estimate is not None and iterate.estimate <= COARSE:
-                break
-            iterate = self.step(problem, iterate)
+        iterate = self._rough(problem, self._begun(problem, None, scales, coarse=True))
         if isinstance(_memory(iterate).response, Conducting):
             return iterate
         gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
@@ -172,6 +163,37 @@ class ProjectedCG(Solver):
         unit[firm] = 1.0
         own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
         return replace(iterate, load=tensed(iterate.load, gap, own))
+
+    def _rough(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """After steps until the solver thinks that it is near enough to start a better problem from."""
+        for _ in range(MOST_COARSE):
+            if iterate.estimate is not None and iterate.estimate <= COARSE:
+                break
+            iterate = self.step(problem, iterate)
+        return iterate
+
+
+def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:
+    """At the pressures of a load (n, 5), balanced, and a motion (m,) of the indenter."""
+    problem, n = response.problem, len(load)
+    modes = NormalModes.of(problem)
+    pressure, near = np.maximum(-load[:, NORMAL], 0.0), Effect(np.zeros(n), load[:, NORMAL + 1 :], motion)
+    if modes.numbers.size:
+        # pressures that bear the resultants: from here on every direction keeps them
+        free = np.flatnonzero(pressure > 0.0)
+        trial = pressure
+        if not free.size:
+            free = np.flatnonzero(np.isfinite(problem.gap))
+            trial = pressure - response.at(pressure, near).gap / response.scales.normal_compliance
+        pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
+    weight = problem.system.weights
+    weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
+    mechanics = (response, modes, _normal_inverse(problem), weight)
+    effect = response.at(pressure, near)
+    still, nodes = np.zeros(0), np.zeros(0, np.int64)
+    memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, None, np.inf)
+    memory = _placed(memory, pressure, effect)
+    return replace(memory, start=_violation(memory))
 
 
 def _normal_inverse(problem: ContactProblem) -> Inverse | None:
@@ -238,28 +260,13 @@ def _refreshed(memory: _Memory) -> _Memory:
     return replace(memory, start=_violation(memory))
 
 
-def takes(problem: ContactProblem) -> bool:
-    """Whether ProjectedCG takes a problem."""
-    try:
-        NormalModes.of(problem)
-        _check(problem.contact_law, problem_scales(problem).pressure)
-    except CaseError:
-        return False
-    return True
-
-
-def _check(law: ContactLaw, pressure: float) -> None:
-    """Raises CaseError unless the law is p_nu = min(0, p_nu*) without friction."""
-    trial = pressure * np.array([[0.5, 0.5, -1.0], [0.0, 0.0, -1e-3], [0.5, 0.0, 1.0], [0.0, 0.0, 1e-3]])
-    expected = np.zeros_like(trial)
-    expected[:2, 2] = trial[:2, 2]
-    plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not law.tangential_scaling().any()
-    if not plain or not np.allclose(law.project(trial), expected, rtol=1e-12, atol=0.0):
-        raise CaseError(
-            f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
-            f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', 'uzawa-bb', "
-            "'uzawa-nesterov', 'uzawa' or 'auto' for others"
-        )
+def _conducting(memory: _Memory, response: Conducting) -> _Memory:
+    """Memory at its pressure, at which nothing conducted, with a response that does."""
+    effect, still = memory.effect, np.zeros(len(memory.free))
+    near = Effect(effect.gap, np.zeros((len(effect.gap), 2)), effect.motion)
+    memory = replace(memory, response=response, effect=near, residual=still, direction=still, product=0.0, age=0)
+    memory = _renewed(memory, memory.pressure)
+    return replace(memory, start=_violation(memory))
 
 
 def _memory(iterate: Iterate) -> _Memory:

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, final
+from typing import Any, Final, final
 
 import numpy as np
 
 from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
@@ -18,20 +18,23 @@ from meeframe.solvers.krylov import LEAST_FALL, gmres
 
 ROUGH: Final = 1e-3
 """To which part single precision takes down what is left of the equations at once."""
+SINGLE: Final = 1e-5
+"""Its round-off in what a change of fluxes moves does not show where a larger part of the change may be left."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
     """(C + R) flux = difference on the (node, potential) pairs that conduct (a of them), both sides divided by `size`.
 
-    fields: those of 3 and 4 that conduct; conducting: (n, 2) the pairs; places: (a,) of them in (len(fields), n), one
-    field after another; own: (a,) response to their own flux; resistance: (a,); size: (a,) roots of the sums of both;
-    inverse: the system's approximate one, None if it has none.
+    fields: those of 3 and 4 that conduct; conducting: (n, 2) the pairs; nodes: those of the pairs; places: (a,) of the
+    pairs in (len(fields), n), one field after another; own: (a,) response to their own flux; resistance: (a,); size:
+    (a,) roots of the sums of both; inverse: the system's approximate one, None if it has none.
     """
 
     system: ReducedSystem
     fields: list[int]
     conducting: Mask
+    nodes: Indices
     places: Indices
     own: Array
     resistance: Array
@@ -49,10 +52,12 @@ class _Equations:
     ) -> "_Equations":
         """Of resistances and own responses (n, 2)."""
         conducting = np.isfinite(resistance)
-        nodes, potentials = np.nonzero(conducting)
-        places = np.searchsorted(fields, potentials + POTENTIALS.start) * len(own) + nodes
+        at, potentials = np.nonzero(conducting)
+        places = np.searchsorted(fields, potentials + POTENTIALS.start) * len(own) + at
+        nodes = np.flatnonzero(conducting[:, 0] | conducting[:, 1])
         resistance, own = resistance[conducting], own[conducting]
-        return cls(system, fields, conducting, places, own, resistance, np.sqrt(own + resistance), inverse)
+        size = np.sqrt(own + resistance)
+        return cls(system, fields, conducting, nodes, places, own, resistance, size, inverse)
 
     def spread(self, flux: Array) -> Array:
         """Of the pairs (a,): (n, k) in the fields, stored one after another."""
@@ -60,17 +65,13 @@ class _Equations:
         block.reshape(-1)[self.places] = flux
         return block.T
 
-    def taken(self, moved: Array) -> Array:
-        """Of a displacement (n, 5): that of the pairs (a,)."""
-        return self._gathered(moved[:, self.fields])
-
-    def _gathered(self, values: Array) -> Array:
-        """Of (n, k) in the fields: those of the pairs (a,)."""
-        gathered: Array = values.T.reshape(-1)[self.places]
-        return gathered
+    def taken(self, values: Array) -> Array:
+        """Of (k, n) in the fields: those of the pairs (a,)."""
+        taken: Array = values.reshape(-1)[self.places]
+        return taken
 
     def left(self, moved: Array, flux: Array) -> Array:
-        """What a displacement (n, 5) that is not to be there leaves of the equations (a,), with the flux (a,)."""
+        """What a displacement (k, n) that is not to be there leaves of the equations (a,), with the flux (a,)."""
         return -(self.taken(moved) + self.resistance * flux) / self.size
 
     def solve(self, left: Array, goal: float) -> Array:
@@ -93,7 +94,7 @@ class _Equations:
 
     def _multiply(self, scaled: Array) -> Array:
         flux = (scaled / self.size).astype(scaled.dtype)
-        raised = self._gathered(self.system.block_response(self.spread(flux), self.fields, self.fields))
+        raised = self.taken(self.system.block_response(self.spread(flux), self.fields, self.fields).T)
         product: Array = ((raised + self.resistance * flux) / self.size).astype(scaled.dtype)
         return product
 
@@ -104,7 +105,7 @@ class _Equations:
         if self.inverse is None or not well.any():
             return scaled
         asked = np.where(well, scaled * self.size, 0.0).astype(scaled.dtype)
-        found = self._gathered(self.inverse(self.spread(asked)))
+        found = self.taken(self.inverse(self.spread(asked)).T)
         return np.where(well, found * self.size, scaled).astype(scaled.dtype)
 
 
@@ -114,13 +115,15 @@ class KrylovElimination(Elimination):
     """Elimination by GMRES, for compliances without a matrix.
 
     mechanical: the fields, of 0 to 2, in which the law asks for tractions; conducting: those of 3 and 4 that the laws
-    conduct; own: (n, 5) response of each node to its own load; inverse: the system's approximate one in the conducting
-    fields, (n, k) of (n, k), None if it has none or nothing conducts. Products are of these fields alone.
+    conduct; own: (n, 2) response of each node's potentials to their own flux; root: (n, m) roots of that of the
+    mechanical fields; inverse: the system's approximate one in the conducting fields, (n, k) of (n, k), None if it has
+    none or nothing conducts. Products are of these fields alone, which are stored one after another.
     """
 
     mechanical: list[int]
     conducting: list[int]
     own: Array
+    root: Array
     inverse: Callable[[Array], Array] | None
 
     @classmethod
@@ -129,16 +132,15 @@ class KrylovElimination(Elimination):
         laws = enumerate((problem.electric_law, problem.magnetic_law), POTENTIALS.start)
         conducting = [field for field, law in laws if conducts(law)]
         inverse = problem.system.approximate_inverse(conducting) if conducting else None
-        frictional = problem.contact_law.tangential_scaling().any()
-        own = np.diagonal(problem.system.diagonal_blocks(), axis1=1, axis2=2).copy()
-        return cls(problem, [0, 1, 2] if frictional else [2], conducting, own, inverse)
+        mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
+        own = np.diagonal(problem.system.diagonal_blocks(), axis1=1, axis2=2)
+        return cls(problem, mechanical, conducting, own[:, POTENTIALS].copy(), np.sqrt(own[:, mechanical]), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
         """See Elimination."""
         if previous is not None and np.array_equal(previous.resistance, resistance):
             return previous
-        system, own = self.problem.system, self.own[:, POTENTIALS]
-        equations = _Equations.of(system, self.conducting, resistance, own, self.inverse)
+        equations = _Equations.of(self.problem.system, self.conducting, resistance, self.own, self.inverse)
 
         def solve(rise: Array) -> Array:
             left = rise / equations.size
@@ -150,8 +152,12 @@ class KrylovElimination(Elimination):
         self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
     ) -> Response:
         """See Elimination. In the precision of the tractions."""
-        nothing = np.zeros((N_FIELDS, len(guess))).T
-        return self._found(traction, conductors, guess, (max(rest, EXACT), enough, 0.0), nothing, 0.0)
+        equations: _Equations = conductors.parts
+        start = guess[equations.conducting]
+        moved = self._moved(traction, start, equations)
+        mechanical = np.take(moved[: len(self.mechanical)], equations.nodes, axis=1)
+        felt = float(np.linalg.norm(mechanical / self.root[equations.nodes].T))
+        return self._found(conductors, start, moved, (rest, enough * felt), 0.0, traction.dtype)
 
     def state(
         self,
@@ -162,56 +168,56 @@ class KrylovElimination(Elimination):
         rest: float = 0.0,
         enough: float = 0.0,
     ) -> Response:
-        """See Elimination."""
-        unloaded = self.problem.system.offset.copy(order="F")
-        unloaded[:, POTENTIALS] += self.problem.potentials
-        guess = conductors.fixed(flux, potential)
+        """See Elimination. In the precision of the tractions."""
         equations: _Equations = conductors.parts
+        start = conductors.fixed(flux, potential)[equations.conducting]
+        unloaded = self.problem.system.offset.T[self.mechanical + self.conducting]
+        potentials = unloaded[len(self.mechanical) :]
+        potentials += self.problem.potentials.T[[field - POTENTIALS.start for field in self.conducting]]
         # what potentials are made of, not displacements: these may be anything beside them where nothing couples both
-        own = guess[equations.conducting] * equations.size
-        terms = np.hypot(np.linalg.norm(own), np.linalg.norm(equations.taken(unloaded) / equations.size))
-        parts = max(rest, EXACT), 0.0, max(enough, EXACT * float(terms))
-        return self._found(traction, conductors, guess, parts, unloaded, conductors.floating.totals)
+        terms = np.hypot(
+            np.linalg.norm(start * equations.size), np.linalg.norm(equations.taken(potentials) / equations.size)
+        )
+        moved = unloaded + self._moved(traction, start, equations)
+        totals, enough = conductors.floating.totals, max(enough, EXACT * float(terms))
+        return self._found(conductors, start, moved, (rest, enough), totals)
 
     def _found(
         self,
-        traction: Array,
         conductors: Conductors,
-        guess: Array,
-        enough: tuple[float, float, float],
-        unloaded: Array,
+        start: Array,
+        moved: Array,
+        enough: tuple[float, float],
         totals: Array | float,
+        precision: np.dtype[Any] | None = None,
     ) -> Response:
-        """Response with prescribed totals (j,); unloaded: (n, 5) what tractions and fluxes are not the cause of.
+        """Response with prescribed totals (j,), from what tractions and fluxes (a,) to start with move, (m + k, n).
 
-        enough: what may be left, as part of the guess's error, as part of the displacement, and by itself.
+        enough: what may be left of the equations, as part of what the start leaves of them, and by itself; precision:
+        of what the change of the fluxes moves, if not given single where more than its round-off is left by itself.
         """
         equations: _Equations = conductors.parts
-        start = guess[equations.conducting]
-        moved = unloaded + self._moved(traction, start, equations, self.mechanical + self.conducting)
-        left, where = equations.left(moved, start), equations.conducting.any(axis=1)
-        felt = moved[:, self.mechanical][where] / np.sqrt(self.own[:, self.mechanical][where])
-        norms = float(np.linalg.norm(left)), float(np.linalg.norm(felt)), 1.0
-        flux = start + equations.solve(left, max(part * norm for part, norm in zip(enough, norms, strict=True)))
+        count = len(self.mechanical)
+        left = equations.left(moved[count:], start)
+        flux = start + equations.solve(left, max(max(enough[0], EXACT) * float(np.linalg.norm(left)), enough[1]))
         balanced, potential = conductors.floating.balance(flux, totals)
-        moved += self._moved(np.zeros_like(traction), balanced - start, equations, self.mechanical)
-        return Response(filled(equations.conducting, balanced), moved[:, MECHANICAL], potential)
+        change = balanced - start
+        found = moved[:count].astype(float, copy=False)
+        if change.any():
+            rough = enough[1] > SINGLE * float(np.linalg.norm(change * equations.size))
+            load = equations.spread(change.astype(precision or (np.float32 if rough else np.float64)))
+            found = found + self.problem.system.block_response(load, self.conducting, self.mechanical).T
+        displacement = np.zeros((3, len(self.own))).T
+        displacement[:, self.mechanical] = found.T
+        return Response(filled(equations.conducting, balanced), displacement, potential)
 
-    def _moved(self, traction: Array, flux: Array, equations: _Equations, fields: list[int]) -> Array:
-        """Displacement (n, 5) in the given fields, zero in the others, of tractions (n, 3) and fluxes (a,), in the
-        precision of the former.
-
-        Fields are stored one after another, which systems may like better.
-        """
-        load: dict[int, Array] = {}
-        if traction.any():
-            load |= {field: traction[:, field] for field in self.mechanical}
+    def _moved(self, traction: Array, flux: Array, equations: _Equations) -> Array:
+        """Displacement of tractions (n, 3) and fluxes (a,), (m + k, n), in the precision of the former."""
+        fields = self.mechanical + self.conducting
+        load = {field: traction[:, field] for field in self.mechanical}
         if flux.any():
             load |= dict(zip(self.conducting, equations.spread(flux.astype(traction.dtype)).T, strict=True))
-        moved = np.zeros((N_FIELDS, len(self.own))).T
-        if load:
-            moved[:, fields] = self.problem.system.block_response(np.array(list(load.values())).T, list(load), fields)
-        return moved
+        return self.problem.system.block_response(np.array(list(load.values())).T, list(load), fields).T
 
 
 def eliminate(problem: ContactProblem) -> Elimination:

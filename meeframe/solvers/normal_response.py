@@ -13,7 +13,8 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.floating import POTENTIALS
-from meeframe.solvers.gradient import Conduction, Ground
+from meeframe.solvers.free_motion import start_motion
+from meeframe.solvers.gradient import Conduction, Ground, start_load
 from meeframe.solvers.grazing import Grazing
 from meeframe.solvers.scales import Scales
 
@@ -21,7 +22,7 @@ NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
 CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
-FOLLOWING: Final = 0.1
+FOLLOWING: Final = 0.01
 """The conduction is brought up to date when violations have fallen to this fraction since the last time."""
 LEFT: Final = 1e-2
 """What is left of the potentials when they are found anew, as part of the violation, both in roots of own responses."""
@@ -89,21 +90,6 @@ def load_of(pressure: Array, flux: Array = NO_FLUX) -> Array:
     return load
 
 
-def normal_response(
-    problem: ContactProblem, scales: Scales, start: ContactState | None, load: Array, motion: Array
-) -> NormalResponse:
-    """Of a problem, with the conduction of a start at its load (n, 5) and motion (m,)."""
-    if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
-        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.freedoms]).reshape(-1, len(problem.gap))
-        return Insulated(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
-    ground = Ground.of(problem)
-    conduction = Conduction.of(start, len(problem.gap))
-    conduction, conductors = ground.conductors(Iterate(load, conduction.closed, motion=motion), conduction, None)
-    own = problem.system.diagonal_blocks()[:, NORMAL, NORMAL]
-    grazing = Grazing.unknown(len(problem.gap))
-    return Conducting(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
-
-
 @final
 @dataclass(frozen=True, eq=False)
 class Insulated(NormalResponse):
@@ -112,6 +98,12 @@ class Insulated(NormalResponse):
 
     apart: Array
     modes: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
+        """Of a problem, whatever its laws of conductivity say."""
+        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.freedoms]).reshape(-1, len(problem.gap))
+        return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
 
     def at(self, pressure: Array, near: Effect) -> Effect:
         """See NormalResponse: one normal response."""
@@ -173,15 +165,30 @@ class Conducting(NormalResponse):
     held: Mask | None = None
     opened: Mask | None = None
 
+    @classmethod
+    def of(cls, problem: ContactProblem, scales: Scales, start: ContactState | None) -> "Conducting":
+        """Of a problem, with the conduction of a start, or none."""
+        n = len(problem.gap)
+        ground, conduction = Ground.of(problem), Conduction.of(start, n)
+        near = Iterate(start_load(start, n), conduction.closed, motion=start_motion(problem, start))
+        conduction, conductors = ground.conductors(near, conduction, None)
+        own = problem.system.diagonal_blocks()[:, NORMAL, NORMAL]
+        grazing = Grazing.unknown(n)
+        return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
+
     def at(self, pressure: Array, near: Effect) -> Effect:
         """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves, and not
-        further from their characteristic magnitudes than that is."""
+        further from their characteristic magnitudes than that is; in single precision while that does not show."""
         wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
         far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
-        conducts = np.isfinite(self.conductors.resistance).any(axis=0)
-        potential = (self.scales.displacement[POTENTIALS] / np.sqrt(self.ground.own.max(axis=0)))[conducts]
-        left = min(LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), far * float(potential.min(initial=np.inf)))
-        slope = self.ground.slope(_traction(pressure), self.conductors, near.flux, near.motion, left)
+        conducts = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
+        potential = [
+            displacement / np.sqrt(own.max())
+            for displacement, own in zip(self.scales.displacement[POTENTIALS], self.ground.own.T, strict=True)
+        ]
+        left = min([LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), *(far * np.array(potential)[conducts])])
+        traction = _traction(pressure.astype(np.float32) if far > SINGLE else pressure)
+        slope = self.ground.slope(traction, self.conductors, near.flux, near.motion, left)
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
 
     def change(self, pressure: Array) -> Effect:
@@ -245,6 +252,6 @@ def _following(problem: ContactProblem) -> Array:
 
 def _traction(pressure: Array) -> Array:
     """Tractions (n, 3) of a pressure (n,), in its precision."""
-    traction = np.zeros((len(pressure), 3), pressure.dtype)
+    traction = np.zeros((3, len(pressure)), pressure.dtype).T
     traction[:, NORMAL] = -pressure
     return traction
