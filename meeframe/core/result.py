@@ -1,6 +1,6 @@
 """Frozen records of a result: what is written to and read from the result file, and all that reports ever see."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
@@ -220,7 +220,7 @@ def _on_motions(zone: Zone, step: StepResult) -> dict[str, Array]:
     return {key: totals[columns] for key, columns in RESULTANTS.items()}
 
 
-def corners(cells: tuple[tuple[str, Indices], ...]) -> list[Indices]:
+def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
     """Corner nodes of cells (meshio's types, as in Zone), (e, 3 or 4) for each block."""
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 

@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.core.fields import Array
 from meeframe.core.formulation import Rim
 from meeframe.core.mesh import Indices
+from meeframe.core.result import corners
 
 Gaps = Callable[[Array, Array], Array]
 """Gap (m,) [m] along the normals at points (m, 3) with frames (m, 3, 3), inf where there is no indenter above."""
@@ -50,11 +51,9 @@ def find_rim(gaps: Gaps, points: Array, frames: Array, reach: float) -> Rim | No
 
 def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
     """Longest side [m], from corner to corner, of cells of points (n, 3): pairs (meshio cell type, connectivity)."""
-    sides = []
-    for name, connectivity in cells:
-        corners = points[connectivity[:, : 3 if name.startswith("triangle") else 4]]
-        sides.append(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(initial=0.0))
-    return float(max(sides, default=0.0))
+    outlines = (points[numbers] for numbers in corners(cells))
+    sides = (np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2) for outline in outlines)
+    return float(max((lengths.max(initial=0.0) for lengths in sides), default=0.0))
 
 
 def _circle(count: int) -> Array:
