@@ -1,5 +1,7 @@
 """Hierarchical matrices by themselves: products, compression, truncated factors, against dense linear algebra."""
 
+import pickle
+
 import numpy as np
 import pytest
 from meeframe_hmatrix import arithmetic
@@ -77,6 +79,28 @@ def test_products_are_those_of_the_matrix(matrices):
         product = stacked(blocks)
         assert error(product(x[:, 0]), to_dense(blocks) @ x[:, 0]) < 1e-13
         assert product.stored == stored(blocks)
+
+
+def test_copies_are_multiplied_from_their_own_numbers(matrices):
+    _, _, block, _ = matrices
+    x = np.random.default_rng(7).normal(size=(block.columns.stop, 2))
+    expected = multiply(block, x)
+    copied = pickle.loads(pickle.dumps(block))
+    for leaf in leaves(copied):
+        for array in (leaf.array,) if isinstance(leaf, Dense) else (leaf.left,):
+            array *= 2.0
+    assert error(multiply(copied, x), 2 * expected) < 1e-14
+    assert np.array_equal(multiply(block, x), expected)
+
+
+def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matrices):
+    _, _, block, _ = matrices
+    ((first, second), (third, fourth)) = block.parts
+    mixed = Split(block.rows, block.columns, ((first, second), (converted(third, np.float32), fourth)))
+    with pytest.raises(ValueError, match="float32 in one of float64"):
+        multiply(mixed, np.zeros((block.columns.stop, 1)))
+    with pytest.raises(ValueError, match="not multiplied with 5 rows"):
+        multiply(block, np.zeros((5, 1)))
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
