@@ -1,7 +1,7 @@
 """Commands on plugins: plugins, plugins show, new-plugin."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -37,9 +37,12 @@ def show_plugin(
         console.stdout().print(plugin_page(console.registry([*(context.obj or ()), *(plugin or ())]), name))
 
 
+_KINDS: Final = "contact-law, conductivity-law, indenter, solver, element, formulation or fundamental-solution."
+
+
 @app.command("new-plugin")
 def new_plugin(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="contact-law, conductivity-law, solver, indenter, ...")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help=_KINDS)],
     name: Annotated[str, typer.Argument(metavar="NAME", help="As case files will write it: my-law.")],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to make; meeframe-NAME if not given.")] = None,
 ) -> None:

@@ -29,6 +29,8 @@ def check_output(folder: Path, overwrite: bool) -> None:
     Raises ResultError if it cannot be written, or if it holds anything and overwrite is false.
     """
     absent: list[Path] = []
+    if folder.is_file():
+        raise _unwritable(folder, NotADirectoryError("it is a file"))
     try:
         absent = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)

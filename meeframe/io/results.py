@@ -106,6 +106,8 @@ def finish_result(folder: Path, result: Result) -> None:
 def read_result(folder: Path) -> Result:
     """The result in an output folder; raises ResultError if there is none or it cannot be read."""
     path = folder / RESULT_FILE
+    if folder.is_file():
+        raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
     try:
         with h5py.File(path, "r") as file:
             found = file.attrs.get("format")

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from meeframe.core.contact import Status
 from meeframe.report.canvas import sheet
-from meeframe.report.verified import Agreement, Estimate, Verification, VerifiedRun
+from meeframe.report.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +33,11 @@ _UNITS: Final = {
 """By the beginning of the name."""
 _COLUMNS: Final = 3
 """Pictures side by side."""
+
+_ADVICE: Final = {
+    Verdict.UNRESOLVED: ": none disagree, but some errors are too large to say much; finer meshes say more"
+}
+"""What to do after a verdict."""
 
 
 def verification_json(verification: Verification) -> str:
@@ -117,7 +122,7 @@ def verification_table(verification: Verification) -> RenderableType:
         _pairs(verification),
         *(Text(f"{name} does not take this case: {text}") for name, text in verification.refusals.items()),
         *(Text(f"{run.formulation}, elements of 1/{1 / run.size:g}: {run.status}: {run.message}") for run in failed),
-        Text(f"verdict: {verification.verdict}", style="bold"),
+        Text(f"verdict: {verification.verdict}{_ADVICE.get(verification.verdict, '')}", style="bold"),
     )
 
 

@@ -172,8 +172,11 @@ def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
 
 def checked(model: type[Model], file: Path) -> Model:
     """The tables of a file as a model. Raises CaseError with a line for each problem found."""
+    tables = read_tables(file)
+    if {"material", "mesh"} <= tables.keys():
+        raise CaseError(f"{file}: is a case file; allowed: a study, whose key `case` names one (docs/sweep.md)")
     try:
-        return model.model_validate(read_tables(file))
+        return model.model_validate(tables)
     except ValidationError as error:
         problems = (_brief(problem) for problem in problems_of(error, model))
         raise CaseError("\n".join(f"{file}: {problem}" for problem in problems)) from None

@@ -141,11 +141,24 @@ def test_bad_input_is_one_message_and_status_2(case_file, tmp_path, command, kin
     assert not (tmp_path / "out").exists()
 
 
+def test_files_given_for_others_are_told(case_file, tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["1 um"]\n', encoding="utf-8")
+    for arguments, told in (
+        (["sweep", case_file, "--out", tmp_path / "out"], f"{case_file}: is a case file; allowed: a study"),
+        (["check", study], f"{study}: is a study of the case file 'case.toml'"),
+        (["show", case_file], f"no result in {case_file}: it is a file; name the folder of a run"),
+    ):
+        status, out, err = meeframe_command(*arguments)
+        assert (status, out, len(err.splitlines())) == (2, "", 1)
+        assert err.startswith(f"error: {told}")
+
+
 def test_unwritable_output(case_file, tmp_path):
     (tmp_path / "file").write_text("in the way")
     status, out, err = meeframe_command("run", case_file, "--out", tmp_path / "file")
     assert (status, out) == (2, "")
-    assert f"error: output folder {tmp_path / 'file'} cannot be written" in err
+    assert f"error: output folder {tmp_path / 'file'} cannot be written: it is a file" in err
     assert "assembly" not in err
     assert (tmp_path / "file").read_text() == "in the way"
 
