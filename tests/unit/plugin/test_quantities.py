@@ -45,12 +45,18 @@ def test_prefixes_of_compound_units(unit, given, number):
     assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-12)
 
 
+@pytest.mark.parametrize(("unit", "given"), [("", "inf"), ("m", "inf m"), ("Pa", "+inf GPa"), ("1/m", "inf / mm")])
+def test_infinity_is_written_inf(unit, given):
+    assert Quantity(unit).convert(given) == float("inf")
+
+
 def test_a_prefixed_number_is_the_nearest_there_is():
     assert [Quantity("m").convert(f"{number} um") for number in (3, 0.7, 50)] == [3e-6, 0.7e-6, 50e-6]
 
 
 @pytest.mark.parametrize(
-    "given", ["mm", "50,5 mm", "1,000 mm", "1_000 mm", "5 mm + 3 mm", "2 * 5 mm", "1 m**9**9**9**9", "9**9**9**9 mm"]
+    "given",
+    ["mm", "inf2 mm", "50,5 mm", "1,000 mm", "1_000 mm", "5 mm + 3 mm", "2 * 5 mm", "1 m**9**9**9**9", "9**9**9**9 mm"],
 )
 def test_one_number_and_then_units(given):
     """What pint would make of these is something else, or never ends."""
