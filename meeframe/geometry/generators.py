@@ -27,6 +27,7 @@ class Grading:
     default) continues the zone with square elements, larger values spread a given number of rings more evenly. The
     widths of the rings form a geometric sequence from there to the edge of the block.
     layer_growth: ratio of the heights of successive layers down the sides; above 1 they are finer at the top.
+    Raises CaseError unless both are above zero.
     """
 
     first_ring: Annotated[float, Quantity("", gt=0)] = 1.0

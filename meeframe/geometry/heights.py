@@ -27,7 +27,8 @@ class Heights(Indenter):
 
     interpolation: 'linear' (bilinear) and 'cubic' (bicubic) want a full rectangular grid, in any order of rows; 'nodes'
     takes one row for each node of the contact zone that has indenter above it, in any order. unit: metres in the file's
-    unit of all three columns. Heights count from the lowest of the file; outside the grid there is no surface.
+    unit of all three columns. Heights count from the lowest of the file; outside the grid there is no surface. Raises
+    CaseError for another interpolation or unit; the file is read when heights are asked for.
     """
 
     file: Path
@@ -56,7 +57,10 @@ class Heights(Indenter):
 @final
 @dataclass(frozen=True, eq=False)
 class SampledHeights(Indenter):
-    """Heights from an array in Python: rows (n, 3) of x, y, height [m]; interpolation as of Heights."""
+    """Heights from an array in Python: rows (n, 3) of x, y, height [m]; interpolation as of Heights.
+
+    Raises CaseError for another interpolation, or unless the rows are finite numbers.
+    """
 
     rows: Array
     interpolation: Interpolation = "linear"

@@ -20,7 +20,7 @@ ON_THE_EDGE = 1 + 1e-9  # a node on the edge of a punch belongs to it, whatever 
 class Sphere(Indenter):
     """Sphere. profile: r^2 / (2 R), as in Hertz's theory and notes, section 4, or the exact R - sqrt(R^2 - r^2).
 
-    The exact sphere has no surface beyond its equator.
+    The exact sphere has no surface beyond its equator. Raises CaseError unless 0 < radius < inf.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
@@ -37,7 +37,10 @@ class Sphere(Indenter):
 @final
 @dataclass(frozen=True)
 class FlatPunch(Indenter):
-    """Flat circular end of a punch; no surface beyond its radius."""
+    """Flat circular end of a punch; no surface beyond its radius.
+
+    Raises CaseError unless that is above zero.
+    """
 
     radius: Annotated[float, Quantity("m", gt=0)]
 
@@ -52,7 +55,10 @@ class FlatPunch(Indenter):
 @final
 @dataclass(frozen=True)
 class RectangularPunch(Indenter):
-    """Flat rectangular end of a punch; half widths along x and y of its own plane."""
+    """Flat rectangular end of a punch; half widths along x and y of its own plane.
+
+    Raises CaseError unless both are above zero.
+    """
 
     half_width_x: Annotated[float, Quantity("m", gt=0)]
     half_width_y: Annotated[float, Quantity("m", gt=0)]
@@ -69,7 +75,10 @@ class RectangularPunch(Indenter):
 @final
 @dataclass(frozen=True)
 class Cone(Indenter):
-    """Cone, apex down; angle: between its side and the plane of the surface (notes, section 4)."""
+    """Cone, apex down; angle: between its side and the plane of the surface (notes, section 4).
+
+    Raises CaseError unless 0 < angle < pi/2.
+    """
 
     angle: Annotated[float, Quantity("rad", gt=0, lt=math.pi / 2)]
 
@@ -87,7 +96,8 @@ class Cone(Indenter):
 class Cylinder(Indenter):
     """Cylinder lying on the surface. direction: angle of its axis from x in its own plane; profile as of the sphere.
 
-    half_length: along the axis from the middle; no surface beyond flat ends.
+    half_length: along the axis from the middle; no surface beyond flat ends. Raises CaseError unless 0 < radius < inf,
+    half_length > 0 and the direction is finite.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, lt=math.inf)]

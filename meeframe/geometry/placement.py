@@ -29,6 +29,7 @@ class Placement:
     x, y: where its lowest point stands in those axes, from the origin [m]; along the axis it stands level with the
     highest point of the contact zone. rotation: of the shape in its own plane, then tilt_2 about e2, then tilt_1 about
     e1, all right-handed, about the lowest point, exact for any angle [rad].
+    Raises CaseError if a number is not finite, a tilt reaches a right angle, or the axis is no direction.
     """
 
     x: Annotated[float, Quantity("m", gt=-math.inf, lt=math.inf)] = 0.0

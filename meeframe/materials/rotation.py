@@ -24,7 +24,10 @@ def checked_rotation(matrix: ArrayLike) -> Array:
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) about an axis (3,), not zero, by an angle [rad], right-handed."""
+    """Rotation matrix (3, 3) about an axis (3,) by an angle [rad], right-handed.
+
+    Raises MaterialError if either is not finite, or the axis zero.
+    """
     direction = np.asarray(axis, dtype=float)
     length = np.linalg.norm(direction)
     if direction.shape != (3,) or not np.isfinite(length) or length == 0.0 or not np.isfinite(angle):
@@ -37,9 +40,11 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
-    """Rotation matrix (3, 3) of Euler angles (3,) [rad]; sequence as in scipy: capitals about the turning axes,
-    small letters about the fixed ones, e.g. 'ZXZ' (Bunge), 'xyz'.
-    """  # fmt: skip
+    """Rotation matrix (3, 3) of Euler angles (3,) [rad].
+
+    sequence: as in scipy, capitals about the turning axes, small letters about the fixed ones: 'ZXZ' (Bunge), 'xyz'.
+    Raises MaterialError if an angle is not finite, or for any other sequence.
+    """
     values = np.asarray(angles, dtype=float)
     valid = len(sequence) == 3 and (set(sequence) <= set("XYZ") or set(sequence) <= set("xyz"))
     if values.shape != (3,) or not np.isfinite(values).all() or not valid:

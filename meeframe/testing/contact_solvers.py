@@ -72,7 +72,10 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
-    """Pressure (n,) >= 0 of frictionless insulated contact by non-negative least squares; symmetric compliance."""
+    """Pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
+
+    The compliance is symmetric. Raises ValueError unless the system holds it as a matrix.
+    """
     matrix = problem.system.dense()
     if matrix is None:
         raise ValueError("a compliance held as a matrix is needed")
@@ -90,7 +93,7 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
 
     For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
     Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
-    freedoms keep their numbers, the unit of each being another.
+    freedoms keep their numbers, the unit of each being another. Raises ValueError unless the system is a DenseSystem.
     """
     system = problem.system
     if not isinstance(system, DenseSystem):

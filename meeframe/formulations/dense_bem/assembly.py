@@ -78,7 +78,7 @@ def assemble(
     accuracy: kernels.Accuracy,
     progress: Progress,
 ) -> System:
-    """The boundary element system (eqs. 19, 20)."""
+    """The boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
     rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(_planes(rule) for rule in rules)

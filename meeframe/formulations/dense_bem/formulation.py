@@ -33,6 +33,7 @@ class DenseBEM(Formulation):
 
     fundamental_solution: the kernels; quadrature_tolerance: relative error of each element integral;
     edge_angle: tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+    Raises CaseError if a number is out of bounds.
     """
 
     fundamental_solution: FundamentalSolution = field(default_factory=Tabulated)
