@@ -41,7 +41,9 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
     if "case" in tables and "material" not in tables:
-        raise CaseError(f"{file}: is a study of the case file {tables['case']!r}: run it by `meeframe sweep` or `reproduce`")
+        raise CaseError(
+            f"{file}: is a study of the case file {tables['case']!r}: run it by `meeframe sweep` or `reproduce`"
+        )
     try:
         return case_from_tables(tables, registry, file.parent, text, str(file))
     except TableError as error:
