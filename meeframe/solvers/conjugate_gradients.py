@@ -249,7 +249,7 @@ def _refreshed(memory: _Memory) -> _Memory:
         response = memory.response.updated(memory.pressure, memory.effect)
         pressure = memory.pressure if response.held is None else np.where(response.held, 0.0, memory.pressure)
         memory = _renewed(replace(memory, response=response, age=0), pressure)
-        again = response.touched_again(memory.effect.gap).size > 0
+        again = response.touched_again(memory.effect.gap)
         if not again and _grazing_violation(memory) <= _violation(memory):
             break
     response = memory.response

@@ -9,7 +9,6 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, ContactState, Iterate
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.law import conducts
-from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.elimination import Conductors
 from meeframe.solvers.floating import POTENTIALS
@@ -73,8 +72,8 @@ class NormalResponse(ABC):
         """Nodes (n,) that are to bear no pressure and may overlap meanwhile: those that graze; None if none do."""
 
     @abstractmethod
-    def touched_again(self, gap: Array) -> Indices:
-        """Nodes (k,) that overlap, by their gap (n,), since they ceased to conduct as the conduction last followed."""
+    def touched_again(self, gap: Array) -> bool:
+        """Whether nodes overlap, by their gap (n,), that ceased to conduct as the conduction last followed."""
 
     @abstractmethod
     def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
@@ -136,9 +135,9 @@ class Insulated(NormalResponse):
         """See NormalResponse: none grazes."""
         return None
 
-    def touched_again(self, gap: Array) -> Indices:
+    def touched_again(self, gap: Array) -> bool:
         """See NormalResponse: none conducts."""
-        return np.zeros(0, np.int64)
+        return False
 
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""
@@ -213,9 +212,9 @@ class Conducting(NormalResponse):
         """See NormalResponse: as the conduction has it."""
         return self.conduction.closed
 
-    def touched_again(self, gap: Array) -> Indices:
+    def touched_again(self, gap: Array) -> bool:
         """See NormalResponse."""
-        return np.zeros(0, np.int64) if self.opened is None else np.flatnonzero(self.opened & (gap < 0.0))
+        return self.opened is not None and bool((self.opened & (gap < 0.0)).any())
 
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""

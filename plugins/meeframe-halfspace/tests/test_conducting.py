@@ -10,7 +10,7 @@ from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini
 from meeframe.materials import library_material
-from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, solve
 from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import indentation_problem
 
@@ -30,6 +30,19 @@ def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions()
     solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert len(problem.system.products) <= 4 * solution.iterations
+
+
+@pytest.mark.parametrize("kappa", [0.0, np.inf])
+def test_auto_costs_no_more_products_than_the_solver_that_it_chooses(kappa: float):
+    products, loads = [], []
+    for solver in (ProjectedCG(), Auto()):
+        problem = sphere(64, kappa, (5.0, 1.0), "orthotropic-mee")
+        solution = solve(problem, solver, Limits(tolerance=1e-8))
+        assert solution.status is Status.CONVERGED
+        products.append(len(problem.system.products))
+        loads.append(solution.state.load)
+    assert products[1] <= 1.1 * products[0]
+    assert (np.abs(loads[1] - loads[0]) <= 1e-6 * np.abs(loads[0]).max(axis=0)).all()
 
 
 @pytest.mark.parametrize(("n", "potentials", "most"), [(128, (5.0, 1.0), 20), (80, (50.0, 5.0), 40)])
