@@ -22,8 +22,11 @@ from meeframe.solvers.node_blocks import NodeBlocks, turned
 from meeframe.solvers.nonsmooth import CLOSED
 
 NORMAL: Final = 2
-NEARBY: Final = 6.0
+NEARBY: Final = 2.5
 """Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
+
+ROUND_OFF: Final = 1e-6
+"""Of single precision, in which nodes turn."""
 
 
 def preconditioner(rows: Rows) -> Linear:
@@ -98,8 +101,7 @@ def _solution_of_loads(rows: Rows) -> Linear:
     others, node by node; tangential ones along and across the direction in which a node slips."""
     inverse, loaded = rows.equation.inverse, rows.equation.loaded
     turn = _Turn.of(rows)
-    a, b, own_response = (turn.blocks(part) for part in (rows.a, rows.b, _own_response(rows)))
-    rows = replace(rows, a=a, b=b)
+    rows, own_response = replace(rows, a=turn.blocks(rows.a), b=turn.blocks(rows.b)), _own_response(rows)
     loads = slice(len(rows.fields))
     asking = _asking(rows, own_response) if inverse else np.zeros_like(rows.coupled[loads])
     known = [(place, loaded.index(field)) for place, field in enumerate(rows.fields) if field in loaded]
@@ -149,8 +151,14 @@ class _Turn:
         return cls((np.cos(angle).astype(rows.precision), np.sin(angle).astype(rows.precision)))
 
     def blocks(self, blocks: NodeBlocks) -> NodeBlocks:
-        """Blocks of the nodes along the turned axes."""
-        return blocks if self.angle is None else blocks.turned(*self.angle)
+        """Blocks of the nodes along the turned axes, without what round-off leaves between the two."""
+        if self.angle is None:
+            return blocks
+        entries = dict(blocks.turned(*self.angle).entries)
+        for place in {(0, 1), (1, 0)} & entries.keys():
+            least = ROUND_OFF * sum(np.abs(entries.get((i, i), 0.0)) for i in (0, 1))
+            entries[place] = np.where(np.abs(entries[place]) > least, entries[place], 0.0)
+        return NodeBlocks.of(entries, blocks.shape)
 
     def there(self, vectors: Array) -> Array:
         """Vectors (r, c) along the turned axes, in their place."""
@@ -182,7 +190,8 @@ def _asking(rows: Rows, own: NodeBlocks) -> Mask:
 
 
 def _own_response(rows: Rows) -> NodeBlocks:
-    """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node."""
+    """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node, in all tangential directions
+    much alike: the axes do not matter."""
     blocks, units = rows.equation.blocks, rows.units
     entries = {
         (row, place): units[place] * blocks[:, field, loaded].take(rows.nodes)
