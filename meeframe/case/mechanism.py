@@ -196,8 +196,12 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:
-    """Numbers of Region, (n,): a node in contact sticks if it slips by less than the contact law notices."""
+    """Numbers of Region, (n,): a node in contact sticks if it slips by less than the contact law notices.
+
+    Without friction nothing holds it, and it slips wherever it touches.
+    """
     scales = problem_scales(increment.problem)
     slip = np.linalg.norm(slip_of(increment, solution.state), axis=1)
     noticed = max(_STUCK, _UNCERTAIN * solution.residual) * scales.pressure * scales.normal_compliance
-    return np.where(touches, np.where(slip > noticed, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)
+    slips = (slip > noticed) | (not increment.problem.contact_law.tangential_scaling().any())
+    return np.where(touches, np.where(slips, Region.SLIP, Region.STICK), Region.OPEN).astype(np.int64)

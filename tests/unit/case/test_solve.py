@@ -43,6 +43,7 @@ def test_steps_are_solved_one_after_the_other(case):
         totals = meeframe.resultants(result.zone, step)
         assert totals.force == pytest.approx([0, 0, result.zone.weights @ expected], rel=1e-8)
         assert totals.contact_area == pytest.approx(result.zone.weights[closed].sum())
+        assert (totals.stick_area, totals.slip_area) == (0.0, totals.contact_area), "nothing holds it without friction"
     assert {"springs", "contact", "boundary fields", "total"} <= result.timings.keys()
     assert sum(result.timings.values()) - result.timings["total"] <= result.timings["total"]
     assert result.peak_memory_mb > 10
