@@ -26,7 +26,7 @@ NEARBY: Final = 2.5
 """Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
 
 ROUND_OFF: Final = 1e-6
-"""Of single precision, in which nodes turn."""
+"""Of single precision, relative to other entries of a block."""
 
 
 def preconditioner(rows: Rows) -> Linear:
@@ -191,12 +191,15 @@ def _asking(rows: Rows, own: NodeBlocks) -> Mask:
 
 def _own_response(rows: Rows) -> NodeBlocks:
     """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node, in all tangential directions
-    much alike: the axes do not matter."""
-    blocks, units = rows.equation.blocks, rows.units
+    much alike: the axes do not matter. Without those that are round-off."""
+    blocks, units = rows.equation.blocks.transpose(1, 2, 0), rows.units
+    largest = np.abs(blocks).max(axis=2)
+    least = ROUND_OFF * np.sqrt(np.outer(np.diagonal(largest), np.diagonal(largest)))
     entries = {
-        (row, place): units[place] * blocks[:, field, loaded].take(rows.nodes)
+        (row, place): units[place] * blocks[field, loaded].take(rows.nodes)
         for row, field in enumerate(rows.asked)
         for place, loaded in enumerate(rows.fields)
+        if largest[field, loaded] > least[field, loaded]
     }
     return NodeBlocks.of(entries, (len(rows.asked), len(rows.nodes)))
 

@@ -28,15 +28,15 @@ RANDOM = np.random.default_rng(8)
 @final
 @dataclass(frozen=True, eq=False)
 class Springs(ReducedSystem):
-    """Each node moves by its own load alone, each field of the displacement by that field of the load."""
+    """Each node moves by its own load alone. compliance: (5, 5)."""
 
     compliance: Array
 
     def apply(self, load: Array) -> Array:
-        return load * self.compliance
+        return load @ self.compliance.T
 
     def diagonal_blocks(self) -> Array:
-        return np.tile(np.diag(self.compliance), (N, 1, 1))
+        return np.tile(self.compliance, (N, 1, 1))
 
     def dense(self) -> None:
         return None
@@ -45,14 +45,14 @@ class Springs(ReducedSystem):
         raise NotImplementedError
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
-        return lambda displacement: displacement / self.compliance[list(fields)]
+        return lambda displacement: np.linalg.solve(self.compliance[np.ix_(fields, fields)], displacement.T).T
 
 
 def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     """Stick, slip far and hardly at all, and no contact, conducting."""
     none, kind = np.zeros((N, 5)), np.arange(N) % 4
     points, frames = RANDOM.random((N, 3)), np.tile(np.eye(3), (N, 1, 1))
-    system = Springs(points, frames, np.ones(N), (), none, np.array([3.0, 3.0, 2.0, 5.0, 7.0]))
+    system = Springs(points, frames, np.ones(N), (), none, np.diag([3.0, 3.0, 2.0, 5.0, 7.0]))
     gap, angle = np.where(kind == 0, 1.0, -1.0), RANDOM.random(N) * 2.0 * np.pi
     dragged = MU * np.choose(kind, [0.0, 0.5, 10.0, 1.1]) * [np.cos(angle), np.sin(angle)]
     flux = StepConductivity(np.inf)
@@ -64,6 +64,25 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
     multiply, precondition = rows.multiplication(), preconditioner(rows)
     np.testing.assert_allclose(precondition(multiply(unknowns.ravel())), unknowns.ravel(), atol=1e-12)
+
+
+def test_inverse_where_nodes_are_all_but_closed() -> None:
+    """Their gap follows from the closed fraction alone: it conducts, and flux moves them."""
+    none, grazing = np.zeros((N, 5)), np.arange(N) % 3 == 0
+    compliance = np.diag([3.0, 3.0, 2.0, 5.0, 7.0])
+    compliance[2, 3:], compliance[3:, 2] = [0.5, 0.3], [-0.5, -0.3]
+    points, frames = 100.0 * RANDOM.random((N, 3)), np.tile(np.eye(3), (N, 1, 1))
+    system = Springs(points, frames, np.ones(N), (), none, compliance)
+    gap, flux = np.where(grazing, 0.0, -1.0), StepConductivity(np.inf)
+    potentials = np.tile([0.4, 0.2], (N, 1))
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, none[:, :2], potentials)
+    equation = Equation.of(problem)
+    blocks = equation.at(none, np.full(N, 1.0 - 1e-10), grazing, AT_REST).linearise()
+    rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
+    assert rows.coupled[-1].sum() == grazing.sum()
+    unknowns = RANDOM.normal(size=rows.coupled.shape) * rows.coupled
+    multiply, precondition = rows.multiplication(), preconditioner(rows)
+    np.testing.assert_allclose(precondition(multiply(unknowns.ravel())), unknowns.ravel(), atol=1e-7)
 
 
 def test_nodes_that_hardly_slip_cost_as_many_products_in_all_directions() -> None:
