@@ -21,7 +21,9 @@ HELD_OUT = 4
 """One more, held out, for so many of them."""
 SOURCES_PER_CALL = 16
 """Their kernels at the first samples fit the second-level cache."""
-FIRST_SUMS = 192
+LARGE = 1 << 18
+"""More samples than that leave the second-level cache; random sums of them then show which equations are chosen."""
+FIRST_SUMS = 256
 """Random sums of columns that stand for all of them at first."""
 LEAST = 1e-2
 """Columns smaller than this part of the largest, distances apart, need not be as exact as others."""
@@ -119,17 +121,19 @@ def _samples(
 def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
     """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix.
 
-    source: (m,) of each row; of some sources all rows are taken. Which, is found from random sums of the columns.
+    source: (m,) of each row; of some sources all rows are taken. Random sums of columns show
+    which, if the matrix is large.
     """
     limit, n, width, enough = tolerance / 2.0 * np.linalg.norm(sampled), sampled.shape[1], FIRST_SUMS, False
     while not enough:
-        mean = width < n
+        mean = sampled.size > LARGE and width < n
         sums = sampled @ _random(n, width) if mean else sampled.copy()
-        chosen, enough = skeleton_sources(sums, source, limit, mean)
+        chosen, parts, enough = skeleton_sources(sums, source, limit, mean)
         width *= 2
     places = np.flatnonzero(np.isin(source, chosen if len(chosen) else [0]))
-    basis, _ = np.linalg.qr(sampled[places].T)
-    parts = sampled @ basis
+    if mean:
+        basis, _ = np.linalg.qr(sampled[places].T)
+        parts = sampled @ basis
     # pivoted QR: singular values would cost most of the block
     solved = lstsq(parts[places].T, parts.T, cond=tolerance / 100.0, check_finite=False, lapack_driver="gelsy")
     left: Array = solved[0].T

@@ -59,7 +59,8 @@ def enter_samples(u, t, rows, samples, squares):
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def skeleton_sources(rest, source, limit, mean):
-    """Sources whose rows of a matrix (m, n) span all of it, ascending; overwrites the matrix.
+    """Sources whose rows of a matrix (m, n) span all of it, rising, and all rows in an orthonormal basis of these,
+    (m, r); overwrites the matrix.
 
     source: (m,) of each row, rising. All rows of a source are taken together, because they cost as much as one; the
     next source is the one whose rows are farthest from what is spanned, until the Frobenius norm of all that is left
@@ -69,7 +70,7 @@ def skeleton_sources(rest, source, limit, mean):
     m, n = rest.shape
     n_sources = source[-1] + 1
     basis, left = np.empty((min(m, n), n)), np.zeros(n_sources)
-    projected = np.empty((m, n))
+    parts, projected = np.zeros((m, len(basis))), np.empty((m, n))
     taken = np.zeros(n_sources, np.bool_)
     for i in range(m):
         left[source[i]] += (rest[i] ** 2).sum()
@@ -88,7 +89,9 @@ def skeleton_sources(rest, source, limit, mean):
             if rank < len(basis) and remains > 1e-13 * norm:
                 basis[rank] = row / remains
                 rank += 1
-        np.dot(np.dot(rest, basis[first:rank].T), basis[first:rank], projected)
+        dots = np.dot(rest, basis[first:rank].T)
+        parts[:, first:rank] = dots
+        np.dot(dots, basis[first:rank], projected)
         left[:] = 0.0
         for i in range(m):
             square = 0.0
@@ -101,4 +104,4 @@ def skeleton_sources(rest, source, limit, mean):
             shown = 1.0 - rank / n
             if shown < 0.25:
                 break
-    return np.flatnonzero(taken), shown >= 0.25
+    return np.flatnonzero(taken), parts[:, :rank].copy(), shown >= 0.25
