@@ -249,7 +249,7 @@ def _roofline(record: Record) -> list[str]:
             f" sorting the points by them {parts['sorting']:.3f} µs. What is left of a pair in an assembly,"
             f" {rest:.3f} µs, moves numbers: values into the order of blocks of points, and 400 bytes of results out of"
             f" it. In the largest call these are {400 * count / 1e6:.0f} MB, written in the order of the points. The"
-            " call makes them in memory fresh from the system, which must clear it first, in"
+            " call makes them in memory fresh from the system, in whole huge pages, which the system must clear first:"
             f" {largest_us:.3f} µs a pair; written over older ones they take {record['reused_us']:.3f} µs."
         ),
     ]
