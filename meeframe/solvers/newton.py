@@ -27,7 +27,7 @@ FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
 ROUND_OFF: Final = 1e-14
 """A normal traction below this fraction of the characteristic one is none."""
-LOOSEST: Final = 0.05
+LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
 ENOUGH: Final = 0.2 * Limits().tolerance
