@@ -104,22 +104,12 @@ class ProjectedCG(Solver):
         checked_modes(problem)
         return self._begun(problem, start, problem_scales(problem))
 
-    def _begun(
-        self, problem: ContactProblem, start: ContactState | None, scales: Scales, coarse: bool = False
-    ) -> Iterate:
-        """coarse: the problem is a coarser one, of which any solution will do if there are more than one."""
+    def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> Iterate:
         # what is characteristic of the problem is so on any division
-        start = start or nested_start(problem, lambda other: self._coarse_solution(other, scales))
+        start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
         load, motion = start_load(start, len(problem.gap)), start_motion(problem, start)
-        conducting = conducts(problem.electric_law) or conducts(problem.magnetic_law)
-        if not conducting or (coarse and start is None):
-            memory = _started(Insulated.of(problem, scales), load, motion)
-            if not conducting:
-                return _iterate(memory)
-            # what touches, roughly, before anything flows there: conducting, nodes would lift off and touch for long
-            found = self._rough(problem, _iterate(memory))
-            near = ContactState(found.load, problem.system.offset, found.closed, found.motion)
-            return _iterate(_conducting(_memory(found), Conducting.of(problem, scales, near)))
+        if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
+            return _iterate(_started(Insulated.of(problem, scales), load, motion))
         # fractions of a start are those of other nodes: what touches tells more, after a step
         memory = _started(Conducting.of(problem, scales, start), load, motion)
         return _iterate(replace(memory, start=np.inf))
@@ -155,7 +145,7 @@ class ProjectedCG(Solver):
 
         If nothing conducts, there is tension where the contact is open.
         """
-        iterate = self._rough(problem, self._begun(problem, None, scales, coarse=True))
+        iterate = self._rough(problem, self._begun(problem, None, scales))
         if isinstance(_memory(iterate).response, Conducting):
             return iterate
         gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
@@ -257,15 +247,6 @@ def _refreshed(memory: _Memory) -> _Memory:
     if not kept:
         still = np.zeros(len(memory.free))
         memory = replace(memory, residual=still, direction=still, product=0.0)
-    return replace(memory, start=_violation(memory))
-
-
-def _conducting(memory: _Memory, response: Conducting) -> _Memory:
-    """Memory at its pressure, at which nothing conducted, with a response that does."""
-    effect, still = memory.effect, np.zeros(len(memory.free))
-    near = Effect(effect.gap, np.zeros((len(effect.gap), 2)), effect.motion)
-    memory = replace(memory, response=response, effect=near, residual=still, direction=still, product=0.0, age=0)
-    memory = _renewed(memory, memory.pressure)
     return replace(memory, start=_violation(memory))
 
 
