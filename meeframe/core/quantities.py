@@ -13,10 +13,17 @@ if TYPE_CHECKING:
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
 _PREFIXED: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eE]([-+]?[0-9]+))?\s*([A-Za-zµμ]+)\s*")
+# a number, and what comes after it; and of that, powers of units by numbers of two digits, then all else in units
 _NUMBER: Final = re.compile(
-    r"\s*[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?(?![0-9.,_])|inf(?!\w))(?:\s*1?\s*/)?"
+    r"\s*([-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?(?![\d.,_])|inf(?!\w)))\s*(?:[*·×](?!\*))?(.*)",
+    re.DOTALL,
 )
-_EXPONENT: Final = re.compile(r"(?<=[^\W\d)])\s*(?:\^|\*\*)\s*-?[0-9](?:\.[0-9]+)?(?!\s*(?:[0-9.^]|\*\*))")
+_FACTOR: Final = r"\s*[-+]?(?:[0-9]{1,2}(?:\.[0-9]*)?|\.[0-9]+)\s*"
+_RATIO: Final = f"{_FACTOR}(?:/{_FACTOR})?"
+_POWER: Final = re.compile(
+    rf"(?:(?:\^|\*\*)(?>\s*(?:\({_RATIO}\)|\{{{_RATIO}\}})\s*|{_FACTOR})|⁻?[⁰¹²³⁴-⁹]{{1,2}})(?![0-9.^⁻⁰¹²³⁴-⁹]|\*\*)"
+)
+_UNITS: Final = re.compile(r"\s*(?:1?\s*/)?(?:[^\W\d⁰¹²³⁴-⁹]|(?<=[A-Za-z0-9])[0-9]|[\s()/*·×⋅°%.])*")
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
@@ -86,22 +93,14 @@ class Quantity:
         number = self._prefixed(text)
         if number is not None:
             return number
-        match = _NUMBER.match(text)
-        # one number and then units: pint would add up, multiply "50,5" out to 505 and compute powers without end
-        if match is None or re.search(r"[0-9+,]", _EXPONENT.sub("", text[match.end() :])):
-            raise ValueError(f"cannot be read as a quantity; expected {self.expected}")
-        # pint takes half a second to start: imported when the first text of another kind comes along
-        import pint
-
         try:
-            registry = unit_registry()
-            quantity = registry.Quantity(text)
+            quantity = read_quantity(text)
             fitting = next((unit for unit in self.units if quantity.is_compatible_with(unit)), self.units[0])
-            return float(quantity.to(registry.Unit(fitting)).magnitude)
-        except pint.DimensionalityError:
+            return float(quantity.to(fitting).magnitude)
+        except ValueError as error:
+            raise ValueError(f"{error}; expected {self.expected}") from None
+        except TypeError:  # pint's error of dimensions is one
             raise ValueError(f"has the wrong unit; expected {self.expected}") from None
-        except Exception:  # pint's parser lets many kinds of errors through
-            raise ValueError(f"cannot be read as a quantity; expected {self.expected}") from None
 
     def _prefixed(self, text: str) -> float | None:
         """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
@@ -122,6 +121,25 @@ def unit_registry() -> Any:
     import pint
 
     return pint.UnitRegistry()
+
+
+def read_quantity(text: str) -> Any:
+    """The quantity, of pint, that a text of one number and then units means. Raises ValueError for any other text.
+
+    Further numbers are only powers of units, of two digits and not of each other: pint would add up, multiply "50,5"
+    out to 505 and compute powers of powers without end.
+    """
+    refused = ValueError("cannot be read as one number and then units")
+    match = _NUMBER.fullmatch(text)
+    if match is None or not _UNITS.fullmatch(_POWER.sub(" ", match[2])):
+        raise refused
+    units = re.sub(r"^\s*/", "1/", match[2])
+    # pint takes half a second to start: imported when the first text of another kind comes along
+    registry = unit_registry()
+    try:
+        return registry.Quantity(float(match[1]), registry.parse_units(units))
+    except Exception:  # pint's parser lets many kinds of errors through
+        raise refused from None
 
 
 def check_quantities(record: Any) -> None:

@@ -11,14 +11,13 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
 from meeframe.core.errors import CaseError
-from meeframe.core.quantities import unit_registry
+from meeframe.core.quantities import read_quantity
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.study.quantities import NODAL, TOTALS
 
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
 
-_QUANTITY: Final = re.compile(r"\s*[+-]?\.?\d")
 _PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -66,9 +65,9 @@ def words(value: Any) -> str:
 
 def place_of(value: Any) -> float | None:
     """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
-    if isinstance(value, str) and _QUANTITY.match(value):
-        with suppress(Exception):  # pint's parser lets many kinds of errors through
-            return float(unit_registry().Quantity(value).to_base_units().magnitude)
+    if isinstance(value, str):
+        with suppress(ValueError):
+            return float(read_quantity(value).to_base_units().magnitude)
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.quantities import unit_registry
+from meeframe.core.quantities import read_quantity
 from meeframe.core.sweep import INCREMENT, POINT, SweepAxis
 from meeframe.io.sweep import NODE
 from meeframe.plugin.validation import choices
@@ -208,7 +208,7 @@ def _unit(values: Sequence[Any]) -> str:
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):
-            units.setdefault(f"{unit_registry().Quantity(value).to_base_units().units:~}", value)
+            units.setdefault(f"{read_quantity(value).to_base_units().units:~}", value)
     if len(units) > 1:
         told = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
         raise ValueError(f"values: {told}; allowed: units of one quantity")

@@ -168,7 +168,7 @@ WRONG = {
     "missing key": ([('radius = "100 mm"\n', "")], "indenter.radius: missing key"),
     "missing table": ([('[material]\nname = "batio3-cofe2o4"\n', "")], "material: missing key"),
     "wrong unit": ([('"100 mm"', '"100 V"')], "indenter.radius = '100 V': has the wrong unit; expected a number in m"),
-    "no quantity": ([('"10 um"', '"deep"')], "steps[1].approach = 'deep': cannot be read as a quantity"),
+    "no quantity": ([('"10 um"', '"deep"')], "steps[1].approach = 'deep': cannot be read as one number and then units"),
     "NaN": ([('"10 um"', "nan")], "steps[1].approach = nan: is not a number (NaN)"),
     "infinite": ([('"10 um"', "inf")], "steps[1].approach = inf: must be finite"),
     "not positive": ([('radius = "100 mm"', "radius = -0.1")], "indenter.radius = -0.1: must be > 0"),
@@ -351,6 +351,6 @@ def test_tables_from_python(registry):
 
 
 def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
-    expect(write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')), registry, "cannot be read as a quantity")
+    expect(write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')), registry, "cannot be read as one number and then units")
     assert not (tmp_path / "oops").exists()
     assert not issubclass(ContactLaw, dict)

@@ -75,7 +75,7 @@ REFUSED = {
     "direction = 1": "steps[2].direction = 1: needs the size of a translation",
     'translation = "1 N"\ndirection = 0': "steps[2].translation = '1 N': has the wrong unit; expected a number in m",
     'force_ratio = "1 N"\ndirection = 0': "steps[2].force_ratio = '1 N': has the wrong unit; expected a number without",
-    'force_ratio = 1\ndirection = "x"': "steps[2].direction = 'x': cannot be read as a quantity",
+    'force_ratio = 1\ndirection = "x"': "steps[2].direction = 'x': cannot be read as one number and then units",
     "increments = 0": "steps[2].increments = 0: should be greater than or equal to 1",
     "duration = 0": "steps[2].duration = 0: must be > 0",
     'duration = "1 m"': "steps[2].duration = '1 m': has the wrong unit; expected a number in s",

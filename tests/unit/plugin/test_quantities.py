@@ -7,6 +7,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from meeframe.core.quantities import Quantity, unit_registry
+from meeframe.study.declare import place_of
 
 LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
@@ -55,13 +56,53 @@ def test_a_prefixed_number_is_the_nearest_there_is():
 
 
 @pytest.mark.parametrize(
-    "given",
-    ["mm", "inf2 mm", "50,5 mm", "1,000 mm", "1_000 mm", "5 mm + 3 mm", "2 * 5 mm", "1 m**9**9**9**9", "9**9**9**9 mm"],
+    ("unit", "given", "number"),
+    [
+        ("m^2/s^2", "5 (mm/s)^2", 5e-6),
+        ("Pa", "5 N/(mm)^2", 5e6),
+        ("1/m^2", "5 mm^(-2)", 5e6),
+        ("1/m^2", "5 mm**(-2)", 5e6),
+        ("1/m^3", "5 cm^{-3}", 5e6),
+        ("m^2", "5 mm^+2", 5e-6),
+        ("m^2", "5 mm²", 5e-6),
+        ("1/m^2", "5 (mm)⁻²", 5e6),
+        ("Pa m^.5", "5 MPa m^(1/2)", 5e6),
+        ("m^0.5", "5 m^.5", 5.0),
+        ("m^12", "5 dm^12", 5e-12),
+        ("Pa", "2 cmH2O", 196.133),
+        ("Pa", "2 inH2O", 498.17782),
+        ("S/m^2", "inf S/m^2", math.inf),
+        ("N m", "5 N.mm", 5e-3),
+        ("N m", "5 N·mm", 5e-3),
+        ("m", "5 * mm", 5e-3),
+        ("1/m", "5 /mm", 5e3),
+        ("rad", "0.5 pi rad", math.pi / 2),
+        ("", "50 %", 0.5),
+    ],
 )
+def test_any_unit_will_do(unit, given, number):
+    """Numbers by hand; a column of water at 4 degrees weighs 98.0665 Pa for each centimetre."""
+    assert Quantity(unit).convert(given) == pytest.approx(number, rel=1e-5)
+
+
+NEITHER = [
+    *("mm", "inf2 mm", "50,5 mm", "1,000 mm", "1_000 mm", "- 5 mm", "1/2 mm", "5٥ mm", "5⅓ mm", "5 mm!", "5 mm 2"),
+    *("5 mm + 3 mm", "5 mm - um", "2 * 5 mm", "5 * 1e-3 m", "5² mm", "9⁹⁹⁹⁹⁹⁹⁹⁹ m", "9**9**9**9 mm"),
+    *("1 m**9**9**9**9", "1 m^(9^9^9^9)", "1 m^(9)^9^9^9", "1 m^9⁹⁹⁹⁹⁹⁹⁹", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99", "1 (9)^99999999 m"),
+]
+"""What pint would make of these is something else, or never ends."""
+
+
+@pytest.mark.parametrize("given", NEITHER)
 def test_one_number_and_then_units(given):
-    """What pint would make of these is something else, or never ends."""
-    with pytest.raises(ValidationError, match="cannot be read"):
+    with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
         LENGTH.validate_python(given)
+    assert place_of(given) is None
+
+
+@pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
+def test_places_on_axes_are_read_in_the_same_way(given, place):
+    assert place_of(given) == pytest.approx(place)
 
 
 @pytest.mark.parametrize("given", ["5 V", "5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
