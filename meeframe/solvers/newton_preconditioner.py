@@ -141,13 +141,15 @@ class _Turn:
 
     @classmethod
     def of(cls, rows: Rows) -> "_Turn":
-        """To principal axes of what the tangential rows say of their loads."""
+        """To those along which the tangential rows A say most and least of their loads: the principal axes of A A^T,
+        since A is not symmetric where friction is orthotropic."""
         if rows.components[:2] != [0, 1]:
             return cls(None)
-        askew = rows.a.entry(0, 1) + rows.a.entry(1, 0)
+        (a, b), (c, d) = ([rows.a.entry(row, column) for column in (0, 1)] for row in (0, 1))
+        askew = 2.0 * (a * c + b * d)
         if not askew.any():
             return cls(None)
-        angle = 0.5 * np.arctan2(askew, rows.a.entry(0, 0) - rows.a.entry(1, 1)) * rows.coupled[:2].all(axis=0)
+        angle = 0.5 * np.arctan2(askew, a**2 + b**2 - c**2 - d**2) * rows.coupled[:2].all(axis=0)
         return cls((np.cos(angle).astype(rows.precision), np.sin(angle).astype(rows.precision)))
 
     def blocks(self, blocks: NodeBlocks) -> NodeBlocks:
