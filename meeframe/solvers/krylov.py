@@ -27,6 +27,8 @@ def gmres(
     preconditioner need not be linear to the last digit, so that it may be of single precision.
     Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
+    unit = float(np.abs(right).max(initial=0.0)) or 1.0
+    right = right / unit  # whose squares are numbers in single precision too
     solution, residual = np.zeros_like(right), right
     size = float(np.linalg.norm(residual))
     goal = tolerance * size
@@ -35,12 +37,12 @@ def gmres(
         solution = solution + change
         most -= products + 1
         if most <= 0 or not goal < left < LEAST_FALL * size:
-            return solution, left
+            return unit * solution, unit * left
         residual = right - multiply(solution)
         before, size = size, float(np.linalg.norm(residual))
         if not size < LEAST_FALL * before:  # round-off: what was left by the equations of the cycle is not there
             break
-    return solution, size
+    return unit * solution, unit * size
 
 
 def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float, most: int) -> tuple[Array, float, int]:

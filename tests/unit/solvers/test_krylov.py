@@ -87,3 +87,15 @@ def test_single_precision_ends_at_its_round_off() -> None:
     assert found.dtype == np.float32
     assert np.linalg.norm(right - matrix.astype(float) @ found) <= 1e-6 * np.linalg.norm(right)
     assert len(products) <= 20
+
+
+@pytest.mark.parametrize("size", [1e-35, 1e-24, 1.0, 1e25])
+def test_single_precision_whose_squares_are_no_numbers_of_it(size: float) -> None:
+    matrix, right = system()
+    matrix, right = matrix.astype(np.float32), (size * right).astype(np.float32)
+    found, left = gmres(lambda x: matrix @ x, unchanged, right, 1e-4)
+    assert found.dtype == np.float32
+    rest = right - matrix.astype(float) @ found.astype(float)
+    norm = float(np.linalg.norm(right.astype(float)))
+    assert float(np.linalg.norm(rest)) <= 1.1e-4 * norm
+    assert 0.0 < left <= 1e-4 * norm
