@@ -100,9 +100,11 @@ class SemismoothNewton(Solver):
         return _iterate(_Memory(point, (rise * point.merit,), np.zeros(n), leaps=LEAPS if _matrixless(problem) else 0))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """One Newton step, a fraction of it, or a burst of gradient steps."""
+        """One Newton step, a fraction of it, or a burst of gradient steps; none from where no law is violated."""
         memory = _memory(iterate)
         point = memory.point
+        if point.merit == 0.0:
+            return iterate
         direction = newton_step(point.equation, point.linearise(), _tolerance(memory.fall, point.violation))
         allowed = FALL * max(memory.merits)
         flips = memory.flips
@@ -138,7 +140,8 @@ def _matrixless(problem: ContactProblem) -> bool:
 
 
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
-    """Roughly that of a problem on a coarser system, from which to start, with tension where the contact is open.
+    """Roughly that of a problem on a coarser system, from which to start, with tension where the contact is open; None
+    if it is not found, or without load.
 
     With friction without: where nodes graze more steps were counted.
     """
@@ -148,6 +151,8 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         if steps == most:
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1
+    if not iterate.load.any():
+        return None
     if problem.contact_law.tangential_scaling().any():
         return iterate
     gap = _memory(iterate).point.ahead[:, 2]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.solvers.conduction import Mask
@@ -32,10 +33,12 @@ def krylov_step(
 ) -> tuple[Array, Array]:
     """Step (n, 6) and amounts (m,) of the motions, with what is given of the step (n, 6) off the coupled rows.
 
-    The residual that is left is that fraction of the one before.
+    The residual that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
     """
     rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
     right = _right(rows, blocks, given, tolerance)
+    if not (rows.a.finite and rows.b.finite and np.isfinite(right).all()):
+        raise LinAlgError("equations of what is no number")
     multiplication, precondition = rows.multiplication(), preconditioner(rows)
     border = _Border.of(rows, precondition)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])

@@ -28,6 +28,11 @@ class NodeBlocks:
         """Of entries (c,) that may be zero."""
         return cls({place: entry for place, entry in entries.items() if entry.any()}, shape)
 
+    @property
+    def finite(self) -> bool:
+        """Whether all entries are numbers."""
+        return all(bool(np.isfinite(entry).all()) for entry in self.entries.values())
+
     def entry(self, row: int, column: int) -> Array:
         """An entry (c,)."""
         found = self.entries.get((row, column))

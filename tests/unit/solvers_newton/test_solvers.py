@@ -16,6 +16,7 @@ from meeframe.materials import library_material
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
+    Limits,
     Nesterov,
     ProjectedCG,
     SemismoothNewton,
@@ -280,3 +281,13 @@ def test_foreign_iterates_are_refused(sphere, solver) -> None:
     problem = sphere("transverse", Signorini(), cells=8)
     with pytest.raises(TypeError, match="was not made by"):
         solver.step(problem, Iterate(np.zeros((64, 5)), np.zeros(64)))
+
+
+def test_nothing_is_touched_whatever_ends_the_iteration(sphere) -> None:
+    """Newton's method is asked for a step though no law is violated."""
+    problem = sphere("transverse", IsotropicCoulomb(0.3))
+    apart = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
+    solution = solve(apart, SemismoothNewton(), Limits(1e-6, criterion="paper"))
+    assert solution.status is Status.CONVERGED, solution.message
+    assert solution.residual == 0.0
+    assert solution.iterations == 1

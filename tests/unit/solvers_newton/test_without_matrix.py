@@ -27,14 +27,14 @@ from meeframe.testing.half_space import indentation_problem
 WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
 
 
-def dragged(n: int, law: ContactLaw, flux: ConductivityLaw) -> ContactProblem:
+def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE) -> ContactProblem:
     """A sphere on the orthotropic medium, pressed by a force and dragged by half of what friction bears."""
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH * (n - 1) / n, n - 1, 1, Quad4())
     system = HalfSpace(matrix_up_to=0).reduce(Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact"))
     x, y, _ = system.points.T
-    freedoms = [freedom(system, PRESS, FORCE)]
+    freedoms = [freedom(system, PRESS, force)]
     if law.tangential_scaling().any():
-        freedoms += [freedom(system, SLIDE, 0.5 * MU * FORCE), freedom(system, ASIDE, 0.0)]
+        freedoms += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, ASIDE, 0.0)]
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
     return ContactProblem(Counted.of(system), law, flux, flux, gap, none, none, tuple(freedoms))
@@ -184,19 +184,32 @@ def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -
         assert (np.abs(solution.state.load).max(axis=0) <= 1e-12 * np.abs(pressed.state.load).max(axis=0)).all()
 
 
+@pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
+@pytest.mark.parametrize(("n", "limits"), [(64, Limits()), (24, Limits(1e-6, criterion="paper"))])
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+def test_a_force_that_is_none(law: ContactLaw, n: int, limits: Limits, solver: Solver) -> None:
+    """No law is violated from the beginning, on the coarser grid of the larger one as well."""
+    solution = solve(dragged(n, law, Insulating(), 0.0), solver, limits)
+    assert solution.status is Status.CONVERGED, solution.message
+    assert solution.residual == 0.0
+    assert not solution.state.load.any()
+
+
 @final
 @dataclass(frozen=True)
 class Torn(ContactLaw):
-    """Signorini's law with a derivative that is no number at the nodes under the most pressure."""
+    """A law with a derivative that is no number at the nodes under the most pressure."""
+
+    whole: ContactLaw
 
     def project(self, trial: Array) -> Array:
-        return Signorini().project(trial)
+        return self.whole.project(trial)
 
     def tangential_scaling(self) -> Array:
-        return Signorini().tangential_scaling()
+        return self.whole.tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
-        tangent = Signorini().tangent(trial)
+        tangent = self.whole.tangent(trial)
         tangent[np.argsort(trial[:, 2])[:3]] = np.nan
         return tangent
 
@@ -204,6 +217,18 @@ class Torn(ContactLaw):
 def test_tangents_that_are_no_numbers_leave_gradient_steps() -> None:
     given = dragged(16, Signorini(), Insulating())
     expected = solve(given, SemismoothNewton()).state.load
-    solution = solve(replace(given, contact_law=Torn()), SemismoothNewton(), Limits(1e-8))
+    solution = solve(replace(given, contact_law=Torn(Signorini())), SemismoothNewton(), Limits(1e-8))
     assert solution.status is Status.CONVERGED, solution.message
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+@pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
+def test_no_step_from_tangents_that_are_no_numbers(law: ContactLaw, free: bool) -> None:
+    """Rather than one of zero, which would pass for the solution."""
+    problem = replace(dragged(16, Torn(law), Insulating()), gap=np.full(256, -1e-5))
+    problem = problem if free else replace(problem, freedoms=())
+    equation = Equation.of(problem)
+    motion, closed = np.zeros(len(problem.freedoms)), np.ones(256)
+    blocks = equation.at(np.zeros((256, 5)), closed, np.zeros(256, bool), motion).linearise()
+    assert not newton_step(equation, blocks).finite
