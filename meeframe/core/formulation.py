@@ -96,6 +96,11 @@ class ReducedSystem(ABC):
         """The same body on a coarser division of its zone, from which to start; None if there is none."""
         return None
 
+    def within(self, nodes: Indices) -> "Part | None":
+        """The same body on a part of its zone that holds these nodes (k,), where products take much less time; None if
+        there is none."""
+        return None
+
     def kept(self) -> Mapping[str, AnyArray] | None:
         """Arrays of numbers, by name, of which Formulation.restored makes the same system again; None where there is a
         matrix, which is kept instead, or where the system is made so fast that it need not be kept."""
@@ -153,6 +158,15 @@ class Coarsening:
     system: ReducedSystem
     kept: Indices
     prolong: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A reduced system on a part of a zone: what loads there cause there. kept: (m,) the nodes of the whole zone that
+    are its nodes, in its order."""
+
+    system: ReducedSystem
+    kept: Indices
 
 
 @dataclass(frozen=True)

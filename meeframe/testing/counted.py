@@ -1,17 +1,19 @@
 """A reduced system that counts its products: what iterations cost, whatever the machine does."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import final
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.mesh import Indices
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Counted(ReducedSystem):
-    """A reduced system that counts its products; without approximate inverse and coarser division if not `helped`.
+    """A reduced system that counts its products; without approximate inverse, coarser division and parts if not
+    `helped`.
 
     products: one entry for each.
     """
@@ -59,6 +61,14 @@ class Counted(ReducedSystem):
     def coarser(self) -> Coarsening | None:
         """See ReducedSystem."""
         return self.inner.coarser() if self.helped else None
+
+    def within(self, nodes: Indices) -> Part | None:
+        """See ReducedSystem: products there are counted, too."""
+        part = self.inner.within(nodes) if self.helped else None
+        if part is None:
+            return None
+        counted = Counted.of(part.system)
+        return replace(part, system=replace(counted, products=self.products))
 
     def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
         """See ReducedSystem."""

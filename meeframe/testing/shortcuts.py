@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, ReducedSystem
+from meeframe.core.formulation import Coarsening, Part, ReducedSystem
+from meeframe.core.mesh import Indices
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
 
@@ -22,18 +23,24 @@ SINGLE: Final = 1e-4
 """Of a load: an approximate inverse may work in single precision."""
 BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
 """Of a displacement: that of a load in single precision may be found in single precision."""
+PARTS: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
+"""Of the zone's half widths, from where to where: parts that are asked for, one of them at a corner."""
 COARSELY: Final = 0.2
 """By how much a coarser division may respond otherwise to a smooth load, relative to the largest displacement."""
 
 
 def check_shortcuts(system: ReducedSystem) -> None:
-    """`response`, `block_response`, `approximate_inverse` and `coarser` belong to `apply`. Raises AssertionError."""
+    """`response`, `block_response`, `approximate_inverse`, `coarser` and `within` belong to `apply`.
+
+    Raises AssertionError.
+    """
     check_response(system)
     check_block_response(system)
     check_inverse(system)
     coarse = system.coarser()
     if coarse is not None:
         check_coarser(system, coarse)
+    check_parts(system)
 
 
 def check_response(system: ReducedSystem) -> None:
@@ -106,6 +113,37 @@ def check_coarser(system: ReducedSystem, coarse: Coarsening) -> None:
     require(error < COARSELY, "weights of a coarser division give other resultants", error)
     error = worst(there.apply(load), system.apply(fine)[kept])
     require(error < COARSELY, "a coarser division responds otherwise: a start from it would lead astray", error)
+
+
+def check_parts(system: ReducedSystem) -> None:
+    """Parts hold the nodes that are asked for, one after another, and respond to loads there as the whole does."""
+    nodes, place = np.arange(len(system.points)), _place(system)
+    for low, high in PARTS:
+        asked = nodes[((place >= low) & (place <= high)).all(axis=1)]
+        part = system.within(asked)
+        if part is not None:
+            check_part(system, part, asked)
+    require(system.within(nodes[:0]) is None, "within gives a part that holds no node", 0)
+
+
+def check_part(system: ReducedSystem, part: Part, asked: Indices) -> None:
+    """A part holds the nodes asked for (k,), with what belongs to them, and responds there as the whole does."""
+    kept, there = part.kept, part.system
+    distinct = len(np.unique(kept)) == len(kept) == len(there.points) < len(system.points)
+    require(distinct, "kept of a part is not a part of the nodes, each once", len(kept))
+    require(bool(np.isin(asked, kept).all()), "a part does not hold the nodes that were asked for", len(kept))
+    for name in ("points", "frames", "offset", "weights"):
+        same = np.array_equal(getattr(there, name), getattr(system, name)[kept])
+        require(same, f"{name} of a part are not those of its nodes", len(kept))
+    load = np.zeros_like(system.offset)
+    load[kept] = np.random.default_rng(5).normal(size=(len(kept), load.shape[1])) * typical_load(system)
+    error = worst(there.apply(load[kept]), system.apply(load)[kept])
+    require(error < ROUND_OFF, "a part responds otherwise than the whole: another problem would be solved", error)
+    own, expected = there.diagonal_blocks(), system.diagonal_blocks()[kept]
+    error = worst(own.reshape(len(kept), -1), expected.reshape(len(kept), -1))
+    require(error < ROUND_OFF, "diagonal_blocks of a part are not those of its nodes", error)
+    check_response(there)
+    check_block_response(there)
 
 
 def _fading(system: ReducedSystem) -> Array:

@@ -1,8 +1,9 @@
-"""Every second node of a grid, and values at all of them."""
+"""Every second node of a grid, and values at all of them; parts of a grid."""
 
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
@@ -10,6 +11,8 @@ from meeframe_halfspace.grid import Grid
 
 FEWEST: Final = 24
 """Nodes along an axis of the coarsest grid."""
+STEPS: Final = 16
+"""At which parts of a grid may begin and end along an axis: they are to serve for contacts that change a little."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
@@ -19,6 +22,26 @@ def coarse_grid(grid: Grid) -> Grid | None:
         return None
     spacing = 2.0 * grid.spacing[0], 2.0 * grid.spacing[1]
     return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
+
+
+def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
+    """A part of a grid of that size, numbered anew row by row."""
+    return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
+
+
+def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
+    """A part of a grid that holds these nodes (k,), from one of STEPS along each axis to another."""
+    inside = np.zeros((1, grid.nodes.size), bool)
+    inside[0, nodes] = True
+    (placed,) = grid.place(inside)
+    along, across = (_span(placed.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
+    return along, across
+
+
+def _span(held: NDArray[np.bool_], count: int) -> slice:
+    """A part of range(count) that holds those of them, (count,)."""
+    there, step = np.flatnonzero(held), -(-count // STEPS)
+    return slice(there[0] // step * step, min((there[-1] // step + 1) * step, count))
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:

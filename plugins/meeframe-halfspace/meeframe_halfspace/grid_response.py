@@ -44,6 +44,10 @@ class GridResponse(ABC):
     def coarser(self) -> "GridResponse | None":
         """Of the same half space on a grid of every second node; None if that does not fit."""
 
+    @abstractmethod
+    def within(self, size: tuple[int, int]) -> "GridResponse | None":
+        """Of the same half space on a part of the grid of that size; None if no part has its own response."""
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -90,9 +94,16 @@ class FreeGrid(GridResponse):
     def coarser(self) -> "FreeGrid":
         """See GridResponse. The response falls like 1/r: as many spacings away it is twice that of the finer grid."""
         spacing, size = _doubled(self.spacing), _halved(self.size)
-        (nx, ny), middle = near_size(spacing, size), self._near.shape[2] // 2
-        near = 2.0 * self._near[:, :nx, middle - ny + 1 : middle + ny]
-        return replace(self, spacing=spacing, size=size, near=near)
+        return replace(self, spacing=spacing, size=size, near=2.0 * self._nearer(near_size(spacing, size)))
+
+    def within(self, size: tuple[int, int]) -> "FreeGrid":
+        """See GridResponse. As if the nodes around the part were not there."""
+        return replace(self, size=size, near=self._nearer(near_size(self.spacing, size)))
+
+    def _nearer(self, size: tuple[int, int]) -> Array:
+        """All entries still nearer to the node, on a grid of that size."""
+        (nx, ny), middle = size, self._near.shape[2] // 2
+        return self._near[:, :nx, middle - ny + 1 : middle + ny]
 
 
 @final
@@ -156,6 +167,10 @@ class PeriodicGrid(GridResponse):
         if any(n % 2 for n in self.size):
             return None
         return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+
+    def within(self, size: tuple[int, int]) -> None:
+        """See GridResponse: what repeats itself with the whole does not with a part."""
+        return
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:

@@ -1,15 +1,16 @@
 """The reduced system of a half space: a convolution on the grid of the contact zone, without a matrix."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Final, final
 
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
-from meeframe_halfspace.coarsening import bilinear, coarse_cells, coarse_grid
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.mesh import Indices
+from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.grid import Grid
@@ -19,6 +20,8 @@ from meeframe_halfspace.response import entries_to_matrix
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
+SMALL: Final = 0.6
+"""Of the nodes: parts with more of them are not worth entries of their own."""
 
 
 @final
@@ -35,6 +38,7 @@ class HalfSpaceSystem(ReducedSystem):
     grid_response: GridResponse
     shares: Array
     edge_waves: Array | None = None
+    _last: list[Part] = field(default_factory=list, init=False, repr=False)
 
     @cached_property
     def convolution(self) -> Convolution:
@@ -130,6 +134,24 @@ class HalfSpaceSystem(ReducedSystem):
         )
         return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
 
+    def within(self, nodes: Indices) -> Part | None:
+        """On a free grid the half space on a smaller one; the last that was asked for is kept."""
+        if not nodes.size:
+            return None
+        places = self.grid.nodes[box(self.grid, nodes)]
+        for last in self._last:
+            if SMALL * len(last.kept) <= places.size and np.isin(nodes, last.kept).all():
+                return last
+        size = places.shape[0], places.shape[1]
+        response = self.grid_response.within(size) if places.size <= SMALL * len(self.points) else None
+        if response is None:
+            return None
+        kept, grid = places.ravel(), numbered(self.grid, size)
+        parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
+        part = Part(HalfSpaceSystem(*parts, grid, response, self.shares[kept]), kept)
+        self._last[:] = [part]
+        return part
+
     def recover(self, load: Array) -> NodalFields:
         """Fields on the contact zone for a load (n, 5): the half space around it has none on its surface but decays."""
         values = (self.offset + self.apply(load)) * SIGNS
@@ -153,10 +175,10 @@ def dense_matrix(system: HalfSpaceSystem) -> Array:
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)
     kernel = np.empty((N_FIELDS, N_FIELDS, *wide.size))
-    for field in range(N_FIELDS):
+    for loaded in range(N_FIELDS):
         load = np.zeros((1, *wide.size))
         load[0, 0, 0] = 1.0
-        kernel[:, field] = wide.response(load, [field], range(N_FIELDS))
+        kernel[:, loaded] = wide.response(load, [loaded], range(N_FIELDS))
     place = np.empty((n, 2), np.int64)
     place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
     i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end

@@ -12,8 +12,9 @@ from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
 from meeframe.core.edged import edged
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, NodalFields, ReducedSystem
+from meeframe.core.formulation import Coarsening, NodalFields, Part, ReducedSystem
 from meeframe.core.law import ContactLaw
+from meeframe.core.mesh import Indices
 from meeframe.core.pair import pair
 from meeframe.core.turned import turned
 from meeframe.elements import Quad4
@@ -178,6 +179,24 @@ def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int,
     check_shortcuts(system_of(formulation, divisions))
 
 
+def test_parts_of_free_grids() -> None:
+    """Around the nodes, little larger than need be; kept while these change a little; none where it is hardly less."""
+    n = 96
+    system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1))
+    distance = np.abs(system.points[:, :2]).max(axis=1) / WIDTH
+    inner, wider = (np.flatnonzero(distance < half) for half in (0.2, 0.21))
+    part = system.within(wider)
+    assert part is not None
+    assert len(wider) <= len(part.kept) <= 1.5 * len(wider)
+    assert system.within(inner) is part
+    smaller = system.within(np.flatnonzero(distance < 0.1))
+    assert smaller is not None
+    assert len(smaller.kept) < 0.5 * len(part.kept)
+    assert system.within(np.flatnonzero(distance < 0.4)) is None
+    periodic = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n, n))
+    assert periodic.within(np.arange(10)) is None
+
+
 def test_shortcuts_of_systems_made_of_others() -> None:
     system = system_of(*GRIDS[0])
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
@@ -235,11 +254,19 @@ class Wrong(ReducedSystem):
             return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
         return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
 
+    def within(self, nodes: Indices) -> Part | None:
+        part = self.inner.within(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
+        if part is not None and self.wrong == "response of a part":
+            return replace(part, system=Wrong.of(part.system, "block_response"))
+        return replace(part, kept=part.kept[::-1]) if part is not None and self.wrong == "nodes of a part" else part
+
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
-    + [("single precision", "block_response to loads float32")],
+    + [("single precision", "block_response to loads float32")]
+    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")]
+    + [("response of a part", "block_response")],
 )
 def test_wrong_shortcuts_are_caught(wrong: str, said: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
