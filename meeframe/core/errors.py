@@ -25,5 +25,9 @@ class PluginError(MeeframeError):
     """A plugin is unknown, duplicate or broken."""
 
 
+class PluginFault(PluginError):
+    """Code of a plugin failed while it was used: mended, or another time, the same case may run."""
+
+
 class ResultError(MeeframeError):
     """A result cannot be written or read."""

@@ -16,7 +16,7 @@ from typing import Final
 
 from packaging.requirements import InvalidRequirement, Requirement
 
-from meeframe.core.errors import MeeframeError, PluginError
+from meeframe.core.errors import MeeframeError, PluginError, PluginFault
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
@@ -120,22 +120,22 @@ def file_fault(path: Path | str, cause: str, line: int | None) -> str:
 
 
 @contextmanager
-def faults_of_plugins() -> Iterator[None]:
-    """Turns an exception that came through the code of a plugin into a PluginError that names file, line and cause.
+def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
+    """Turns an exception that came through the code of a plugin into a PluginFault that names file, line and cause.
 
     The exception itself is its __cause__. One in which no plugin had a part passes, as a defect of meeframe, and so
-    does what a user can mend.
+    does what a user can mend. said: further kinds of exceptions by which plugins say that.
     """
     try:
         yield
-    except (MeeframeError, MemoryError):
+    except (MeeframeError, MemoryError, *said):
         raise
     except Exception as error:
         own = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _of_plugin(frame)]
         if not own:
             raise
         code, line = own[-1][0].f_code, own[-1][1]
-        raise PluginError(f"plugin file {code.co_filename}, line {line}, in {code.co_name}: {reason(error)}") from error
+        raise PluginFault(f"plugin file {code.co_filename}, line {line}, in {code.co_name}: {reason(error)}") from error
 
 
 def _of_plugin(frame: FrameType) -> bool:

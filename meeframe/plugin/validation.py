@@ -89,7 +89,7 @@ def build(
     except ValidationError as error:
         raise TableError(*problems_of(error, model, other_keys)) from None
     try:
-        with faults_of_plugins():
+        with faults_of_plugins(ValueError):
             return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
     except (MeeframeError, ValueError) as error:
         raise TableError(Problem((), str(error))) from error

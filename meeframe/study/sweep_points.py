@@ -14,7 +14,7 @@ from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import case_from_tables
 from meeframe.case.solve import joined, provenance, solve_steps, zone_of
-from meeframe.core.errors import MeeframeError, ResultError, TooLargeError
+from meeframe.core.errors import MeeframeError, PluginFault, ResultError, TooLargeError
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import Result, RunStatus
 from meeframe.io.results import create_result, finish_result, read_result
@@ -28,8 +28,8 @@ REFUSED_FILE: Final = "refused.json"
 class PointStatus(StrEnum):
     """How a point stands.
 
-    REFUSED: its case is none, or a formulation, law or solver does not take it; FAILED: it ran out of memory, or
-    brought down its worker time and again: not kept, so that the next run tries again.
+    REFUSED: its case is none, or a formulation, law or solver does not take it; FAILED: it ran out of memory, code of a
+    plugin failed, or it brought down its worker time and again: not kept, so that the next run tries again.
     """
 
     CONVERGED = "converged"
@@ -75,13 +75,14 @@ class Outcome:
 
     @classmethod
     def without_result(cls, error: MeeframeError | MemoryError) -> "Outcome":
-        """Of what ended a computation. Raises it if it tells of files that cannot be written, and so nothing of the
-        point."""
-        if isinstance(error, ResultError):
+        """Of what ended a computation. Raises it if it tells of files that cannot be written, by meeframe or a plugin,
+        and so nothing of the point."""
+        if isinstance(error, ResultError) or isinstance(error.__cause__, OSError):
             raise error
         if isinstance(error, MemoryError):
             return cls(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")
-        return cls(PointStatus.FAILED if isinstance(error, TooLargeError) else PointStatus.REFUSED, str(error))
+        passing = isinstance(error, TooLargeError | PluginFault)
+        return cls(PointStatus.FAILED if passing else PointStatus.REFUSED, str(error))
 
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:

@@ -175,6 +175,60 @@ def test_a_law_that_fails_is_told_with_line_and_cause_and_finished_steps_stay(wr
     assert f"{case_file}: contact.law: IsotropicCoulomb: mu = 'none': cannot be read" in done.stderr
 
 
+PASSING = """
+    from dataclasses import dataclass
+    from pathlib import Path
+
+    from meeframe.laws import Signorini
+    from meeframe.plugin import ContactLaw, Record, hookimpl
+
+
+    @dataclass(frozen=True)
+    class Passing(ContactLaw):
+        flag: str
+
+        def project(self, trial):
+            return Signorini().project(trial)
+
+        def tangential_scaling(self):
+            return Signorini().tangential_scaling()
+
+        def for_increment(self, slip_path, duration):
+            if slip_path.any() and Path(self.flag).exists():
+                FAULT
+            return self
+
+
+    @hookimpl
+    def meeframe_contact_laws():
+        return [Record("passing", Passing, "fails while there is a file", "nobody")]
+"""
+
+
+@pytest.mark.parametrize(
+    ("fault", "told", "status"),
+    [("1 / 0", "ZeroDivisionError: division by zero", 1), ("raise OSError(28, 'No room')", "[Errno 28] No room", 2)],
+)
+def test_a_sweep_tries_a_law_again_that_failed(write, write_case, tmp_path, fault, told, status):
+    """And a full disk ends it."""
+    flag, out, study = tmp_path / "flag", tmp_path / "out", tmp_path / "study.toml"
+    flag.touch()
+    file = write(PASSING.replace("FAULT", fault))
+    drag = '\n[[steps]]\ntranslation = ["1 um", 0]\nincrements = 2\n'
+    springs = 'name = "winkler"\nstiffness = "1e14 Pa/m"'
+    bem = 'name = "dense-bem"\nquadrature_tolerance = 1e-3'
+    write_case((springs, bem), more=f'{drag}[contact]\nlaw = {{name = "passing", flag = "{flag}"}}\n')
+    study.write_text('case = "case.toml"\n[axes]\n"steps[1].approach" = ["10 um"]\n', encoding="utf-8")
+    arguments = ["sweep", str(study), "--out", str(out), "--workers", "1", "--plugin", str(file)]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == status, done.stdout + done.stderr
+    assert told in done.stdout + done.stderr
+    flag.unlink()
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.stdout + done.stderr
+    assert "converged" in done.stdout
+
+
 def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_file):
     file = write(LAW.replace("np.maximum", "np.maxinum"))
     with case_file.open("a", encoding="utf-8") as text:
@@ -188,6 +242,21 @@ def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_f
 def test_defects_of_others_are_not_laid_to_plugins():
     with pytest.raises(ZeroDivisionError), faults_of_plugins():
         1 / 0  # noqa: B018
+
+
+def test_what_a_class_says_of_its_keys_is_said_at_them(write, case_file):
+    """A ValueError of its __post_init__ is no defect of the plugin; another error is one."""
+    method = "def __post_init__(self):\n            CHECK\n\n        def conductivity"
+    refusing = LAW.replace("def conductivity", method)
+    with case_file.open("a", encoding="utf-8") as text:
+        text.write('[conductivity]\nelectric = {name = "linear", slope = 1e-12}\n')
+    for number, (check, told) in enumerate(
+        [("raise ValueError('slope is too small')", "slope is too small\n"), ("1 / 0", "plugin file ")]
+    ):
+        file = write(refusing.replace("CHECK", check), f"laws_{number}.py")
+        done = CliRunner().invoke(app, ["check", str(case_file), "--plugin", str(file)])
+        assert done.exit_code == 2
+        assert f"error: {case_file}: conductivity.electric: {told}" in done.stderr
 
 
 def test_files_that_register_one_name_twice_are_refused(write):

@@ -12,7 +12,7 @@ from meeframe.case import solve
 from meeframe.case.cache import case_key, code_key, system_key
 from meeframe.case.load import load_case
 from meeframe.case.solve import bodies_of, reduce, solve_case
-from meeframe.core.errors import CaseError, MeshError, ResultError, TooLargeError
+from meeframe.core.errors import CaseError, MeshError, PluginFault, ResultError, TooLargeError
 from meeframe.core.formulation import Formulation, NodalFields, ReducedSystem
 from meeframe.core.result import resultants
 from meeframe.formulations.dense_bem import DenseBEM
@@ -201,6 +201,7 @@ ENDS = [
     (CaseError, PointStatus.REFUSED),
     (MeshError, PointStatus.REFUSED),
     (TooLargeError, PointStatus.FAILED),
+    (PluginFault, PointStatus.FAILED),
     (MemoryError, PointStatus.FAILED),
 ]
 
