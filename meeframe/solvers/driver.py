@@ -5,8 +5,8 @@ from functools import cache
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from meeframe.core.blas import ONE_BLAS_THREAD
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
@@ -131,7 +131,7 @@ def solve(
     fields = judged_fields(problem) if by_residual else ALL_FIELDS
     hopeless = cache(lambda: unreachable(problem, scales) if problem.freedoms else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
-    with np.errstate(all="ignore"), threadpool_limits(1, user_api="blas"):
+    with np.errstate(all="ignore"), ONE_BLAS_THREAD:
         scales = problem_scales(problem)
         iterate = solver.init(problem, start)
         state, value = _judged(problem, iterate, scales, fields, limits.tolerance)

@@ -1,13 +1,12 @@
 """Truncated LU factors of hierarchical matrices, and solutions with them.
 
-Products that are to be subtracted from a block are not formed at once: they wait (Pending) and are handed down with the
-elimination, until they meet an undivided block and are subtracted in one compression, the sum of all of them with the
-block itself. Accumulated updates: Boerm, Numerische Mathematik 142 (2019) 1-41, here with a random range finder.
+Products that are to be subtracted from a block are not formed at once: they wait (`pending`) and are handed down with
+the elimination, until they meet an undivided block.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, partial
@@ -16,31 +15,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numba import get_num_threads
 from numpy.typing import DTypeLike
-from threadpoolctl import threadpool_limits
 
+from meeframe.core.blas import ONE_BLAS_THREAD
 from meeframe.core.fields import Array
-from meeframe_hmatrix.blocks import (
-    Block,
-    Dense,
-    LowRank,
-    Split,
-    compress,
-    converted,
-    multiply,
-    multiply_transposed,
-    rank,
-    shape,
-    to_dense,
-    transposed,
-    within,
-)
-from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
-from meeframe_hmatrix.truncation import truncated
+from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transposed
+from meeframe_hmatrix.pending import NOTHING, Pending, handed_down, subtracted, with_product
 
 Result = TypeVar("Result")
-
-SMALL = 250
-"""Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +45,10 @@ class Truncation:
 
 @contextmanager
 def helpers() -> Iterator[Executor]:
-    """Threads beside this one, which works, too; each has BLAS for itself."""
-    with ThreadPoolExecutor(max(1, get_num_threads() - 1)) as pool, threadpool_limits(1, "blas"):
+    """Threads beside this one, which works, too; each has BLAS for itself. What they have not begun ends with it."""
+    with ONE_BLAS_THREAD, ExitStack() as at_end:
+        pool = ThreadPoolExecutor(max(1, get_num_threads() - 1))
+        at_end.callback(pool.shutdown, cancel_futures=True)
         yield pool
 
 
@@ -129,115 +112,23 @@ def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
     return Triangle((0, 1), parts, factors.lower if form is Form.LOWER else factors.upper_transposed)
 
 
-@dataclass(frozen=True, eq=False)
-class Pending:
-    """What is still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of divided blocks."""
-
-    terms: tuple[tuple[Array, Array], ...] = ()
-    products: tuple[tuple[Block, Block], ...] = ()
-
-
-NOTHING = Pending()
-
-
-def _with_product(pending: Pending, first: Block, second: Block) -> Pending:
-    """One more product to subtract; where a factor has low rank the product has, too."""
-    if isinstance(first, LowRank) and not (isinstance(second, LowRank) and rank(second) < rank(first)):
-        right = multiply_transposed(second, first.right.T).T
-        return Pending((*pending.terms, (first.left, right)), pending.products)
-    if isinstance(second, LowRank):
-        return Pending((*pending.terms, (multiply(first, second.left), second.right)), pending.products)
-    return Pending(pending.terms, (*pending.products, (first, second)))
-
-
-def _part(block: Block, row: int, column: int) -> Block:
-    return block.parts[row][column] if isinstance(block, Split) else block
-
-
-def _inner_parts(first: Block, second: Block) -> int:
-    if isinstance(first, Split):
-        return len(first.parts[0])
-    return len(second.parts) if isinstance(second, Split) else 1
-
-
-def _handed_down(pending: Pending, block: Split, row: int, column: int) -> Pending:
-    """The share of one part of a block."""
-    part = block.parts[row][column]
-    rows, columns = within(part.rows, block.rows), within(part.columns, block.columns)
-    share = Pending(tuple((left[rows], right[:, columns]) for left, right in pending.terms))
-    for first, second in pending.products:
-        for inner in range(_inner_parts(first, second)):
-            share = _with_product(share, _part(first, row, inner), _part(second, inner, column))
-    return share
-
-
-def _subtracted(block: Dense | LowRank, pending: Pending, truncation: Truncation) -> Dense | LowRank:
-    """An undivided block less all that is pending."""
-    converted_block = converted(block, truncation.dtype)
-    assert not isinstance(converted_block, Split)
-    block = converted_block
-    if not pending.terms and not pending.products:
-        return block
-    if isinstance(block, Dense) or min(shape(block)) <= SMALL:
-        array = np.array(to_dense(block), order="C")
-        outer = [(block.rows, block.columns, left, right) for left, right in pending.terms]
-        for first, second in pending.products:
-            outer += _outer_products(first, second)
-        subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array)
-        if isinstance(block, Dense):
-            return Dense(block.rows, block.columns, array)
-        return LowRank(block.rows, block.columns, *truncated(array, truncation.tolerance))
-    left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
-    right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
-
-    def product(x: Array) -> Array:
-        y = left @ (right @ x)
-        for first, second in pending.products:
-            y -= multiply(first, multiply(second, x))
-        return y
-
-    def transposed(x: Array) -> Array:
-        y = right.T @ (left.T @ x)
-        for first, second in pending.products:
-            y -= multiply_transposed(second, multiply_transposed(first, x))
-        return y
-
-    expected = rank(block)  # elimination hardly changes it
-    factors = compress(product, transposed, shape(block), expected, truncation.tolerance, truncation.dtype)
-    return LowRank(block.rows, block.columns, *factors)
-
-
-def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
-    """A product as products of two matrices, each in its range of rows and columns."""
-    if isinstance(first, LowRank) or isinstance(second, LowRank):
-        ((left, right),) = _with_product(NOTHING, first, second).terms
-        yield first.rows, second.columns, left, right
-    elif isinstance(first, Dense) and isinstance(second, Dense):
-        yield first.rows, second.columns, first.array, second.array
-    else:
-        rows = len(first.parts) if isinstance(first, Split) else 1
-        columns = len(second.parts[0]) if isinstance(second, Split) else 1
-        for row, column, inner in np.ndindex(rows, columns, _inner_parts(first, second)):
-            yield from _outer_products(_part(first, row, inner), _part(second, inner, column))
-
-
 def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Factors:
     """LU factors of a square block less what is pending."""
     if isinstance(block, Dense):
-        rest = _subtracted(block, pending, truncation)
+        rest = subtracted(block, pending, truncation.tolerance, truncation.dtype)
         assert isinstance(rest, Dense)
         return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
-    first = eliminate(block.parts[0][0], truncation, _handed_down(pending, block, 0, 0))
+    first = eliminate(block.parts[0][0], truncation, handed_down(pending, block, 0, 0))
 
     def left() -> Block:
-        return solve_from_right(first, block.parts[1][0], truncation, _handed_down(pending, block, 1, 0))
+        return solve_from_right(first, block.parts[1][0], truncation, handed_down(pending, block, 1, 0))
 
     def above() -> Block:
-        return solve(first, Form.LOWER, block.parts[0][1], truncation, _handed_down(pending, block, 0, 1))
+        return solve(first, Form.LOWER, block.parts[0][1], truncation, handed_down(pending, block, 0, 1))
 
     lower, upper = truncation.shared([left, above])
-    remaining = _with_product(_handed_down(pending, block, 1, 1), lower, upper)
+    remaining = with_product(handed_down(pending, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
@@ -245,7 +136,7 @@ def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) 
 def solve(factors: Factors, form: Form, block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Block:
     """X of triangle @ X = block - pending, for one of the triangles of factors."""
     if not isinstance(block, Split):
-        rest = _subtracted(block, pending, truncation)
+        rest = subtracted(block, pending, truncation.tolerance, truncation.dtype)
         if isinstance(rest, Dense):
             return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
         return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
@@ -261,13 +152,13 @@ def _column(
 ) -> list[Block]:
     """The parts of a solution in one of its columns."""
     parts = [line[column] for line in block.parts]
-    shares = [_handed_down(pending, block, row, column) for row in range(len(parts))]
+    shares = [handed_down(pending, block, row, column) for row in range(len(parts))]
     if isinstance(factors, Eliminated):
         return [solve(factors, form, parts[0], truncation, shares[0])]
     triangle = _triangle(factors, form)
     first, second = triangle.order
     parts[first] = solve(triangle.parts[0], form, parts[first], truncation, shares[first])
-    share = _with_product(shares[second], triangle.coupling, parts[first])
+    share = with_product(shares[second], triangle.coupling, parts[first])
     parts[second] = solve(triangle.parts[1], form, parts[second], truncation, share)
     return parts
 

@@ -120,9 +120,9 @@ def _by_leaves(block: Split, x: Array, turned: bool) -> Array:
     """block @ x, or its transpose @ x."""
     here, there = (block.columns, block.rows) if turned else (block.rows, block.columns)
     result = np.zeros((here.stop - here.start, x.shape[1]), block.dtype)
-    values = x.astype(block.dtype, copy=False)
-    if len(values) != there.stop - there.start:
-        raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(values)} rows")
+    if len(x) != there.stop - there.start:
+        raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(x)} rows")
+    values = np.ascontiguousarray(x, block.dtype)
     add_products(block.table, turned, (*located(values, block.dtype), there.start), result, here.start)
     return result
 

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Annotated, final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from meeframe.core.blas import ONE_BLAS_THREAD
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import N_FIELDS, Array, FieldScaling
@@ -137,7 +137,7 @@ class HierarchicalBEM(Formulation):
         tree = cluster_tree(mesh, layout, sources, LEAF_SIZE)
         kernel = self.fundamental_solution.bind(stiffness)
         share = BLOCK_SHARE * self.tolerance
-        with threadpool_limits(1, "blas"):
+        with ONE_BLAS_THREAD:
             integrals = prepare(mesh, layout, sources, tree, kernel, accuracy)
             system = assemble(integrals, share, progress)
             factors = factorise(system, share, progress)

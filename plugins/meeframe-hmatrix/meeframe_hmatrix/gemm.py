@@ -102,7 +102,7 @@ def add_products(table, turned, x, result, origin):
         part = _below((x[0], x[1], x[2]), c - x[3], size)
         if k == FULL:
             _multiply(kind, m, width, n, one, left, part, one, target)
-        elif k > 0:
+        elif k > 0 and n > 0:
             _multiply(kind, k, width, n, one, right, part, zero, middle)
             _multiply(kind, m, width, k, one, left, (middle[0], width, 0), one, target)
     return inner[0, 0], numbers[0]  # they live until here

@@ -1,10 +1,13 @@
 """Hierarchical matrices by themselves: products, compression, truncated factors, against dense linear algebra."""
 
 import pickle
+from functools import partial
+from threading import Event
+from time import sleep
 
 import numpy as np
 import pytest
-from meeframe_hmatrix import arithmetic
+from meeframe_hmatrix import pending
 from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, helpers, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
@@ -93,6 +96,32 @@ def test_copies_are_multiplied_from_their_own_numbers(matrices):
     assert np.array_equal(multiply(block, x), expected)
 
 
+def test_vectors_may_lie_in_memory_in_any_way(matrices):
+    square, _, block, _ = matrices
+    x = np.random.default_rng(8).normal(size=(2 * block.columns.stop, 4))
+    one = np.broadcast_to(x[0, 0], (block.columns.stop, 1))
+    for part in (x[::2], x[-2::-2], x[: len(square), ::2], np.asfortranarray(x)[: len(square)], one):
+        assert error(multiply(block, part), square @ part) < 1e-8
+        assert error(multiply_transposed(block, part), square.T @ part) < 1e-8
+
+
+def test_nothing_that_waits_is_begun_after_an_error():
+    raised, begun = Event(), []
+
+    def fail():
+        raised.set()
+        raise ZeroDivisionError
+
+    def wait(number):
+        raised.wait()
+        sleep(0.01)
+        begun.append(number)
+
+    with pytest.raises(ZeroDivisionError), helpers() as pool:
+        Truncation(1e-3, np.float64, pool).shared([fail, *(partial(wait, number) for number in range(300))])
+    assert len(begun) < 200
+
+
 def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matrices):
     _, _, block, _ = matrices
     ((first, second), (third, fourth)) = block.parts
@@ -145,10 +174,10 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
         truncated(matrix, 1e-3)
 
 
-@pytest.mark.parametrize("small", [0, arithmetic.SMALL], ids=["random vectors", "entry by entry"])
+@pytest.mark.parametrize("small", [0, pending.SMALL], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
-    monkeypatch.setattr(arithmetic, "SMALL", small)
+    monkeypatch.setattr(pending, "SMALL", small)
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     tall = whole(np.ascontiguousarray(wide.T), 1e-9)

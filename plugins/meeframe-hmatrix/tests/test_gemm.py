@@ -40,6 +40,18 @@ def test_parts_are_added(dtype, width):
 
 
 @PRECISIONS
+@pytest.mark.parametrize("width", [1, 3])
+def test_low_rank_without_columns_adds_nothing(dtype, width):
+    left, nothing, x = np.ones((300, 200), dtype), np.ones((200, 0), dtype), np.ones((0, width), dtype)
+    table = np.array([(0, 300, 0, 0, 200, *located(left, dtype), *located(nothing, dtype))])
+    for _ in range(20):
+        np.full(200 * width, np.nan, dtype)  # what fresh memory may hold
+        result = np.ones((300, width), dtype)
+        add_products(table, False, (*located(x, dtype), 0), result, 0)
+        assert (result == 1).all()
+
+
+@PRECISIONS
 def test_products_are_subtracted_in_their_places(dtype):
     left, right = arrays(dtype)[3], arrays(dtype)[1].T
     target = np.random.default_rng(3).normal(size=(9, 11)).astype(dtype)

@@ -1,0 +1,40 @@
+"""One limit of BLAS for all threads that are within it."""
+
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from meeframe.core.blas import ONE_BLAS_THREAD
+
+
+def counts() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_the_limit_holds_until_the_last_one_is_out():
+    entered, leave = Event(), Event()
+
+    def overlap() -> None:
+        with ONE_BLAS_THREAD:
+            entered.set()
+            leave.wait()
+
+    with threadpool_limits(2, "blas"), ThreadPoolExecutor(1) as pool:
+        with ONE_BLAS_THREAD:
+            other = pool.submit(overlap)
+            entered.wait()
+        assert counts() == {1}
+        with ONE_BLAS_THREAD:
+            leave.set()
+            other.result()
+            assert counts() == {1}
+        assert counts() == {2}
+
+
+def test_it_ends_with_errors_and_within_itself():
+    with threadpool_limits(2, "blas"):
+        with pytest.raises(ZeroDivisionError), ONE_BLAS_THREAD, ONE_BLAS_THREAD:
+            raise ZeroDivisionError
+        assert counts() == {2}
