@@ -41,7 +41,8 @@ def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tol
 
     Cross approximation: some quadrature points of the elements give sample columns of all equations; a pivoted QR of
     them chooses k equations that the others are combinations of, and those are integrated over all elements. Points
-    that are held out judge it; there are twice as many until the error there is below the tolerance.
+    that are held out judge it; there are twice as many until the error there is below the tolerance, or none are left:
+    then all of them judge it, and it is all equations if the error is above.
     """
     origin, parts = np.zeros(3), []
     for kind, numbers in integrals.elements(columns):
@@ -96,11 +97,14 @@ def _skeleton(
         away = np.linalg.norm(places[spread] - centre, axis=1, keepdims=True) ** [1, 2]
         factors = 1.0 / np.maximum(sizes, LEAST * (away * sizes).max(axis=0) / away)
         sampled = raw * np.repeat(factors, N_FIELDS, axis=1)
-        known = samples if len(spread) == samples + held_out else len(spread)
+        exhausted = len(spread) < samples + held_out
+        known = len(spread) if exhausted else samples
         left, chosen = interpolation(sampled[:, :known].reshape(len(source), -1), source, tolerance)
-        test = sampled[:, known:].reshape(len(source), -1)
+        test = sampled[:, 0 if exhausted else known :].reshape(len(source), -1)
         if np.linalg.norm(left @ test[chosen] - test) <= tolerance * np.linalg.norm(test):
             return left, chosen
+        if exhausted:
+            return np.eye(len(source)), np.arange(len(source))
         samples *= 2
 
 
@@ -121,8 +125,8 @@ def _samples(
 def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
     """left (m, k) and k rows of a matrix (m, n), such that left times those rows is the matrix.
 
-    source: (m,) of each row; of some sources all rows are taken. Random sums of columns show
-    which, if the matrix is large.
+    source: (m,) of each row; of some sources all rows are taken. Random sums of columns show which, if the matrix is
+    large.
     """
     limit, n, width, enough = tolerance / 2.0 * np.linalg.norm(sampled), sampled.shape[1], FIRST_SUMS, False
     while not enough:

@@ -6,9 +6,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from meeframe_hmatrix import HierarchicalBEM, formulation
+from meeframe_hmatrix import HierarchicalBEM, cross_approximation, formulation
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import LowRank, leaves, stored, to_dense
+from meeframe_hmatrix.cross_approximation import interpolation
 from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.rows import near_rows
 from meeframe_hmatrix.system import MOST_PRODUCTS
@@ -76,8 +77,19 @@ def clusters(cluster):
     return [cluster, *(below for child in cluster.children for below in clusters(child))]
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypatch, tolerance):
+def first_source(sampled, source, tolerance):
+    """A choice of equations that is good for nothing."""
+    places = np.flatnonzero(source == 0)
+    return np.zeros((len(sampled), len(places))), places
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "choice"),
+    [(1e-3, interpolation), (1e-5, interpolation), (1e-3, first_source)],
+    ids=["1e-3", "1e-5", "bad choices"],
+)
+def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypatch, tolerance, choice):
+    monkeypatch.setattr(cross_approximation, "interpolation", choice)
     seen = []
     monkeypatch.setattr(formulation, "assemble", lambda *given: seen.append(given) or assemble(*given))
     boundary = HierarchicalBEM(tolerance=tolerance).boundary(make_block(8))
