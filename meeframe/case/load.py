@@ -1,6 +1,5 @@
 """From a case file to a case: every problem of the file is found before anything is computed."""
 
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
+from meeframe.io.toml import read_toml
 from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
@@ -33,13 +33,7 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     Raises CaseError with one line for each problem found: file, key, value and what is allowed.
     """
     file = Path(path)
-    try:
-        text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
-        tables = tomllib.loads(text)
-    except OSError as error:
-        raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CaseError(f"{file}: is not a TOML file: {error}") from None
+    text, tables = read_toml(file)
     if "case" in tables and "material" not in tables:
         raise CaseError(
             f"{file}: is a study of the case file {tables['case']!r}: run it by `meeframe sweep` or `reproduce`"

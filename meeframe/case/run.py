@@ -7,6 +7,7 @@ from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import load_case
 from meeframe.case.solve import provenance, reduce, solve_steps, zone_of
+from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.result import Result
 from meeframe.io.output import RESULT_FILE, SUMMARY_FILE, check_output, clear_output, replacing
@@ -72,11 +73,16 @@ def _identity(folder: Path) -> tuple[int, int] | None:
 def _content(folder: Path, earlier: tuple[int, int] | None) -> str:
     """What the folder holds now, in words; earlier: identity of its result file before the run."""
     now = _identity(folder)
-    if now is None:
+    if now is None and earlier is None:
         return f"no step was finished; nothing was written to {folder}"
     if now == earlier:
         return f"no step was finished; {folder} holds the results of an earlier run as before"
-    result = read_result(folder)
+    if now is None:
+        return f"no step was finished; the results of an earlier run are gone from {folder}"
+    try:
+        result = read_result(folder)
+    except ResultError as error:
+        return str(error)
     return f"{len(result.steps)} of {result.planned_steps} increments are finished and in {folder}"
 
 

@@ -1,12 +1,27 @@
-"""Tables as TOML: a case with keys changed is written as a case file again."""
+"""Tables as TOML: files of them are read, and a case with keys changed is written as a case file again."""
 
 import json
 import math
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
+from meeframe.core.errors import CaseError
+
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
+    """Text and tables of a TOML file. Raises CaseError."""
+    try:
+        text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
+        return text, tomllib.loads(text)
+    except OSError as error:
+        raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CaseError(f"{file}: is not a TOML file: {error}") from None
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:

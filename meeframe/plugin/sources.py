@@ -128,9 +128,9 @@ def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
     """
     try:
         yield
-    except (MeeframeError, MemoryError, *said):
-        raise
     except Exception as error:
+        if isinstance(error, (MeeframeError, MemoryError, *said)):
+            raise
         own = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _of_plugin(frame)]
         if not own:
             raise

@@ -185,21 +185,18 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
         yield Problem(location, "missing key" if isinstance(location[-1], str) else "missing entry")
     elif kind == "value_error":
         yield Problem(location, str(inner), value)
-    elif kind == "tuple_type" and isinstance(value, Mapping):
-        yield Problem(location, f"should be a list of tables, each under a header [[{location[-1]}]]", value)
+    elif kind == "tuple_type" and isinstance(value, Mapping) and _model_within(_hint_at(location, model)):
+        header = ".".join(key for key in location if isinstance(key, str))
+        yield Problem(location, f"should be a list of tables, each under a header [[{header}]]", value)
     else:
         text = item["msg"].replace("Input should", "should", 1)
         yield Problem(location, _TEXTS[kind].format(**item.get("ctx", {})) if kind in _TEXTS else text, value)
 
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
-    """What is allowed where an unknown key was found; follows nested pydantic models."""
-    current: Any = model
-    for key in location[:-1]:
-        if isinstance(key, str):
-            field = current.model_fields.get(key) if _is_model(current) else None
-            current = _model_within(field.annotation) if field is not None else None
-    fields = current.model_fields if _is_model(current) else {}
+    """What is allowed where an unknown key was found."""
+    current = _model_within(_hint_at(location[:-1], model))
+    fields = {} if current is None else current.model_fields
     keys = [*(field.alias or key for key, field in fields.items()), *other_keys]
     return f"unknown key; {choices(str(location[-1]), keys) if keys else 'no keys are taken here'}"
 
@@ -211,12 +208,18 @@ def choices(name: str, names: Collection[str]) -> str:
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 
 
-def _is_model(candidate: Any) -> bool:
-    return isinstance(candidate, type) and issubclass(candidate, BaseModel)
+def _hint_at(location: tuple[str | int, ...], model: type[BaseModel]) -> Any:
+    """What type a place in nested pydantic models has; None if they do not lead there."""
+    hint: Any = model
+    for key in location:
+        if isinstance(key, str):
+            field = getattr(_model_within(hint), "model_fields", {}).get(key)
+            hint = field and field.annotation
+    return hint
 
 
-def _model_within(hint: Any) -> Any:
-    if _is_model(hint):
+def _model_within(hint: Any) -> type[BaseModel] | None:
+    if isinstance(hint, type) and issubclass(hint, BaseModel):
         return hint
     return next((found for part in get_args(hint) if (found := _model_within(part)) is not None), None)
 

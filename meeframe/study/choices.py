@@ -137,7 +137,9 @@ def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
     """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body."""
     bodies = bodies_of(tables)
-    each = dict.fromkeys(bodies, value) if isinstance(value, str) or "name" in value else dict(value)
+    each: dict[str, Any] = dict.fromkeys(bodies, value)
+    if isinstance(value, Mapping) and not value.keys().isdisjoint(_BODIES):
+        each = dict(value)
     for name, formulation in each.items():
         if name not in bodies:
             raise CaseError(f"--formulation {words(value)}: no body {name!r}; allowed: a name, or {', '.join(bodies)}")

@@ -15,12 +15,12 @@ from meeframe.core.formulation import Formulation, Progress, ReducedSystem, sile
 from meeframe.core.result import Zone
 from meeframe.geometry import zone_frames
 from meeframe.io.output import check_output, replacing
+from meeframe.io.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json
 from meeframe.report.figures import save_figure
 from meeframe.study.choices import Combination, combinations, read_choices
-from meeframe.study.declare import read_tables
 
 NUMBERS_FILE: Final = "compare.json"
 FIGURE_FILE: Final = "sections.png"
@@ -46,14 +46,14 @@ def compare(
     combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
     """
     registry = registry or plugins.load()
-    tables = read_tables(file)
+    text, tables = read_toml(file)
     chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
     cases = [combination.case for combination in chosen if combination.case is not None]
-    for text in warnings_of(distinct_bodies(cases).values()):
-        warn(text)
+    for warning in warnings_of(distinct_bodies(cases).values()):
+        warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
-    comparison = Comparison(str(tables.get("title", "")), file.read_text(encoding="utf-8"), versions)
+    comparison = Comparison(str(tables.get("title", "")), text, versions)
     for runs in _solved(chosen, cases[0], progress):
         comparison = replace(comparison, runs=runs)
         out.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,6 @@
 """What a study file may say: one frozen model for each table. Documented in docs/reproduce.md."""
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from copy import deepcopy
@@ -12,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, Valid
 
 from meeframe.core.errors import CaseError
 from meeframe.core.quantities import read_quantity
+from meeframe.io.toml import read_toml
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.study.quantities import NODAL, TOTALS
 
@@ -166,12 +166,12 @@ def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
     Raises CaseError with a line for each problem found.
     """
     study = checked(StudyTable, file)
-    return study, read_tables(file.parent / study.case)
+    return study, read_toml(file.parent / study.case)[1]
 
 
 def checked(model: type[Model], file: Path) -> Model:
     """The tables of a file as a model. Raises CaseError with a line for each problem found."""
-    tables = read_tables(file)
+    _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
         raise CaseError(f"{file}: is a case file; allowed: a study, whose key `case` names one (docs/sweep.md)")
     try:
@@ -184,16 +184,6 @@ def checked(model: type[Model], file: Path) -> Model:
 def _brief(problem: Problem) -> Problem:
     """The problem; of a whole study without the study, as its text names what is wrong in it."""
     return problem if problem.location else Problem((), problem.text)
-
-
-def read_tables(file: Path) -> dict[str, Any]:
-    """The tables of a TOML file. Raises CaseError."""
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CaseError(f"{file}: is not a TOML file: {error}") from None
 
 
 def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:

@@ -16,11 +16,12 @@ from meeframe.core.result import Result
 from meeframe.core.sweep import SweepResult
 from meeframe.io.output import replacing
 from meeframe.io.sweep import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
+from meeframe.io.toml import read_toml
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.report.figures import save_figure
 from meeframe.report.sweep import sweep_figure
-from meeframe.study.declare import changed, checked, read_tables
+from meeframe.study.declare import changed, checked
 from meeframe.study.quantities import NODAL
 from meeframe.study.sweep_declare import SweepTable
 from meeframe.study.sweep_engine import InProcess, Pool, solve_points
@@ -83,7 +84,7 @@ def _swept(
 def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
     """All points of a study. Raises CaseError if a key leads nowhere or no point is a case."""
     case_file = file.parent / study.case
-    tables = read_tables(case_file)
+    _, tables = read_toml(case_file)
     title = str(tables.get("title", ""))
     points = []
     for label, changes in study.changes():
@@ -181,5 +182,5 @@ def _shared(rows: Array, over_axes: Any) -> Array:
 
 
 def _notes(file: Path, study: SweepTable) -> Iterator[tuple[str, str]]:
-    yield "study", file.read_text(encoding="utf-8")
-    yield "case", (file.parent / study.case).read_text(encoding="utf-8")
+    yield "study", read_toml(file)[0]
+    yield "case", read_toml(file.parent / study.case)[0]

@@ -21,6 +21,7 @@ from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.indenter import COLUMNS, MOTIONS
 from meeframe.core.result import StepResult, Zone, resultants
 from meeframe.io.output import check_output, replacing
+from meeframe.io.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.report.extrapolation import MESHES, SECOND
@@ -28,7 +29,6 @@ from meeframe.report.figures import save_figure
 from meeframe.report.verified import Measured, Verification, VerifiedRun
 from meeframe.report.verify import verification_figure, verification_json
 from meeframe.study.choices import Choice, enter
-from meeframe.study.declare import read_tables
 from meeframe.study.quantities import TOTALS
 from meeframe.study.refinement import coarser, element_size
 
@@ -137,7 +137,7 @@ def planned_runs(
 
     Raises CaseError if the meshes cannot be coarsened or two of them are one.
     """
-    tables = read_tables(file)
+    _, tables = read_toml(file)
     runs: list[Planned] = []
     refusals: dict[str, str] = {}
     sizes = [element_size(coarser(tables, size, registry)) for size in meshes.sizes()]

@@ -337,6 +337,17 @@ def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_
     np.testing.assert_allclose(np.array(forces) / forces[0], np.array([0.75, 1.0, 2.0, 0.5]) / 0.75, rtol=1e-9)
 
 
+def test_a_formulation_without_a_name_is_the_default_one(write_case, laws, tmp_path):
+    """As in a case file; which may begin with the mark of Windows' editors."""
+    file = write_case()
+    file.write_text(file.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    made = compare(file, {"formulation": ["{quadrature_tolerance = 1e-3}"]}, tmp_path / "o", registry=laws)
+    named = {"formulation": ['{name = "dense-bem", quadrature_tolerance = 1e-3}']}
+    same = compare(file, named, tmp_path / "p", registry=laws)
+    np.testing.assert_array_equal(made.runs[0].steps[0].traction, same.runs[0].steps[0].traction)
+    assert made.text == file.read_text(encoding="utf-8-sig")
+
+
 def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
     with pytest.raises(CaseError, match="no body 'counter_body'; allowed: a name, or body"):
         compare(write_case(), {"formulation": ['{counter_body = "winkler"}']}, tmp_path / "o", registry=laws)

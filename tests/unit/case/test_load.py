@@ -232,6 +232,14 @@ WRONG = {
         [("[[steps]]", "[steps]")],
         "steps = {'approach': '10 um'}: should be a list of tables, each under a header [[steps]]",
     ),
+    "table for a list in a table": (
+        [("title", "counter_body.boundary = {}\ntitle")],
+        "counter_body.boundary = {}: should be a list of tables, each under a header [[counter_body.boundary]]",
+    ),
+    "table for a list of numbers": (
+        [("[[steps]]", "[contact]\naxes = {direction = {x = 1}}\n[[steps]]")],
+        "contact.axes.direction = {'x': 1}: should be a list",
+    ),
     "no text": ([('title = "tiny"', "title = 3")], "title = 3: should be a text"),
     "no steps": (
         [('[[steps]]\napproach = "10 um"', ""), ("title", "steps = []\ntitle")],
@@ -351,6 +359,10 @@ def test_tables_from_python(registry):
 
 
 def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
-    expect(write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')), registry, "cannot be read as one number and then units")
+    expect(
+        write_case(('"100 mm"', '''"__import__('os').mkdir('oops') m"''')),
+        registry,
+        "cannot be read as one number and then units",
+    )
     assert not (tmp_path / "oops").exists()
     assert not issubclass(ContactLaw, dict)

@@ -116,6 +116,31 @@ def test_interrupted_before_the_first_step_nothing_is_written(case, tmp_path, st
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+def test_what_a_run_that_failed_leaves_behind_is_told(case, tmp_path, monkeypatch):
+    """Earlier results that are gone, and results that cannot be read; neither hides the error itself."""
+    out = tmp_path / "out"
+    meeframe.run(case, out)
+
+    def fails(folder, *_):
+        raise ResultError("no space left")
+
+    def spoils(folder, *_):
+        (folder / "result.h5").write_bytes(b"nonsense")
+        raise ResultError("no space left")
+
+    for name, fault, told in (
+        ("create_result", fails, "of an earlier run are gone"),
+        ("append_step", spoils, "result.h5"),
+    ):
+        monkeypatch.setattr(run_module, name, fault)
+        monkeypatch.setattr(run_module, "finish_result", lambda *_: None)
+        monkeypatch.setattr(run_module, "_write_summary", lambda *_: None)
+        with pytest.raises(ResultError, match="no space left") as caught:
+            meeframe.run(case, out, overwrite=True)
+        assert told in caught.value.__notes__[0]
+        monkeypatch.undo()
+
+
 def test_a_body_too_large_for_the_memory_is_bad_input(case, tmp_path, monkeypatch):
     monkeypatch.setattr(type(case.formulation), "reduce", lambda *_: np.empty(1 << 59))
     with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than there is"):
