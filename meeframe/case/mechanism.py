@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from meeframe.case.case import Case, gap_of_law, law_of_increment
 from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap
-from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap, indenter_position
+from meeframe.core.errors import CaseError
+from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
 from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
-from meeframe.core.law import attracts, augmented_traction
+from meeframe.core.law import attracts, augmented_traction, contact_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
 from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
@@ -193,6 +194,29 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
         # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
         trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
         return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
+
+
+def check_conduction(problem: ContactProblem, state: ContactState) -> None:
+    """Raises CaseError if a conductivity is negative or NaN in a state.
+
+    An iteration that went astray leaves no state to ask for: then under pressures of the size of the problem's.
+    """
+    ahead = indenter_position(problem, state.motion) - state.displacement
+    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
+    if not (np.isfinite(traction).all() and np.isfinite(state.displacement).all()):
+        traction = -problem_scales(problem).pressure * np.linspace(1.0, 0.0, len(traction), endpoint=False)
+        ahead = np.zeros_like(ahead)
+    gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
+    asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
+    for law, drop in ((problem.electric_law, ahead[:, ELECTRIC]), (problem.magnetic_law, ahead[:, MAGNETIC])):
+        with np.errstate(all="ignore"):
+            kappa = law.conductivity(traction[asked], gap[asked], drop[asked])
+        wrong = np.flatnonzero(~(kappa >= 0.0))
+        if wrong.size:
+            raise CaseError(
+                f"conductivity of the conductivity law {type(law).__name__} is {kappa[wrong[0]]:g} under a normal "
+                f"traction of {traction[asked][wrong[0]]:g} Pa; allowed: numbers >= 0 and inf"
+            )
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:

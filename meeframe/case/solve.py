@@ -12,7 +12,7 @@ import numpy as np
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.history import Controls, Converged, at_rest, held, ramped
-from meeframe.case.mechanism import Increment, Mechanism, regions, slip_of, touching
+from meeframe.case.mechanism import Increment, Mechanism, check_conduction, regions, slip_of, touching
 from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
@@ -170,6 +170,7 @@ def _solve(
     rim = partial(mechanism.rim, increment)
     solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
     increment = replace(increment, problem=problem)
+    check_conduction(increment.problem, solution.state)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=mechanism.settled(increment, solution.state, touches))
     region = regions(increment, solution, touches)

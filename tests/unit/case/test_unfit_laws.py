@@ -9,12 +9,16 @@ import meeframe
 from meeframe.case.load import load_case
 from meeframe.case.mechanism import Mechanism
 from meeframe.case.solve import reduce
+from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
 from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.geometry import Placement
 from meeframe.laws import Signorini
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
+from meeframe.solvers import Auto
+from meeframe.solvers.conjugate_gradients import ProjectedCG
+from meeframe.solvers.uzawa import Uzawa
 
 N = 25
 """Nodes of the tiny case's zone."""
@@ -98,14 +102,56 @@ class Strange(ConductivityLaw):
     [
         (None, rf"has shape \(\); allowed: \({N},\)"),
         (((1.0,), (2.0,)), rf"has shape \(2, {N}\); allowed: \({N},\)"),
-        (-1e-3, "is -0.001 under a normal traction of -1e"),
-        (np.nan, "is nan under a normal traction of -1e"),
     ],
 )
 @pytest.mark.parametrize("field", ["electric_law", "magnetic_law"])
 def test_unfit_conductivities_are_found_before_anything_is_computed(case, field, kappa, text):
     with pytest.raises(CaseError, match=f"conductivity of the conductivity law Strange {text}"):
         replace(case, **{field: Strange(kappa)})
+
+
+@dataclass(frozen=True)
+class Falling(ConductivityLaw):
+    """kappa = 1e-6 (1 - pressure / limit), and beyond the limit that or another number."""
+
+    limit: float
+    beyond: float | None = None
+
+    def conductivity(self, normal_traction, gap, drop):
+        kappa = 1e-6 * (1.0 + normal_traction / self.limit)
+        return kappa if self.beyond is None else np.where(normal_traction < -self.limit, self.beyond, kappa)
+
+
+@pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")  # of the equations with negative resistances
+@pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
+def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyond):
+    """The sphere presses with 1 GPa: a law may be anything beyond, and nothing but a conductivity up to there."""
+    case = replace(case, solver=solver, potentials=(100.0, 0.0))
+    (step,) = meeframe.solve_case(replace(case, electric_law=Falling(1e10, beyond))).steps
+    assert step.status is Status.CONVERGED
+    with pytest.raises(CaseError, match=r"law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numb"):
+        meeframe.solve_case(replace(case, electric_law=Falling(1e8, beyond)))
+
+
+@dataclass(frozen=True)
+class Bare(Signorini):
+    """Signorini's law; whatever returns too few columns is named in `short`."""
+
+    short: str = ""
+
+    def resolve(self, trial, gap, r):
+        return self.project(trial)[:, : 2 if self.short == "resolve" else 3]
+
+    def tangent(self, trial):
+        return np.zeros((len(trial), 3, 2 if self.short == "tangent" else 3))
+
+
+@pytest.mark.parametrize(("short", "shape"), [("resolve", rf"\({N}, 2\)"), ("tangent", rf"\({N}, 3, 2\)")])
+def test_results_of_other_shapes_are_found_before_anything_is_computed(case, short, shape):
+    with pytest.raises(CaseError, match=f"{short} of the contact law Bare has shape {shape}"):
+        replace(case, contact_law=Bare(short))
+    assert replace(case, contact_law=Bare()).contact_law == Bare()
 
 
 def test_a_law_that_is_unfit_later_is_refused_then(case):
