@@ -21,13 +21,15 @@ def gmres(
     multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400
 ) -> tuple[Array, float]:
     """x, (k,), with |right - multiply(x)| <= tolerance |right| (k,), or as near to it as so many products come; and
-    that norm, as the iteration has it: round-off apart.
+    that norm, as the iteration has it: round-off apart. Zero where the right-hand side is not finite.
 
     Flexible restarted GMRES, preconditioned from the right: the norm is that of the residual itself, and the
     preconditioner need not be linear to the last digit, so that it may be of single precision.
     Source: Saad, SIAM J. Sci. Comput. 14 (1993) 461.
     """
-    unit = float(np.abs(right).max(initial=0.0)) or 1.0
+    unit = float(np.abs(right).max(initial=0.0))
+    if not 0.0 < unit < np.inf:
+        return np.zeros_like(right), unit
     right = right / unit  # whose squares are numbers in single precision too
     solution, residual = np.zeros_like(right), right
     size = float(np.linalg.norm(residual))

@@ -99,3 +99,12 @@ def test_single_precision_whose_squares_are_no_numbers_of_it(size: float) -> Non
     norm = float(np.linalg.norm(right.astype(float)))
     assert float(np.linalg.norm(rest)) <= 1.1e-4 * norm
     assert 0.0 < left <= 1e-4 * norm
+
+
+@pytest.mark.parametrize("one", [np.inf, np.nan])
+def test_nothing_is_found_for_what_is_no_number(one: float) -> None:
+    """And what is left is no number either."""
+    matrix, right = system()
+    found, left = gmres(lambda x: matrix @ x, unchanged, np.where(np.arange(120) == 7, one, right), 1e-4)
+    assert not found.any()
+    assert not np.isfinite(left)
