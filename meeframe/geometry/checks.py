@@ -41,7 +41,8 @@ def check_mesh(mesh: SurfaceMesh) -> None:
     if inverted.any():
         middles = _middles(mesh)[inverted[parts]]
         how = "is" if inverted.all() else f"has {inverted.sum()} of {len(inverted)} closed parts"
-        what = f"the surface {how} inside out (elements must be counter-clockwise seen from outside)"
+        must = "elements must be counter-clockwise seen from outside; reorient = true turns those of a file"
+        what = f"the surface {how} inside out ({must})"
         _refuse(what, middles, "element")
 
 

@@ -1,5 +1,6 @@
 """The cited library of materials, and the entry point for the [material] table of a case file."""
 
+import difflib
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -91,7 +92,9 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
 def _entry(name: Any) -> LibraryEntry:
     entries = {entry.name: entry for entry in library()}
     if not isinstance(name, str) or name not in entries:
-        raise MaterialError(f"unknown material {name!r}; the library has {', '.join(entries)}")
+        near = difflib.get_close_matches(str(name).lower(), entries, n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise MaterialError(f"unknown material {name!r}; {hint}the library has {', '.join(entries)}")
     return entries[name]
 
 

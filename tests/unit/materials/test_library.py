@@ -117,6 +117,8 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
     [
         ({}, "name.*components or file"),
         ({"name": "unobtainium"}, "'unobtainium'; the library has .*batio3.*isotropic"),
+        ({"name": "BaTiO3"}, r"'BaTiO3'; did you mean 'batio3'\? the library has"),
+        ({"name": "batio-3"}, r"'batio-3'; did you mean 'batio3'\? the library has"),
         ({"name": 3}, "unknown material 3"),
         ({"components": {"c_11": 1e9}, "file": "x.toml"}, "one of"),
         ({"name": "batio3", "scale": 2}, "'scale' in material 'batio3'; allowed: name, rotation"),
