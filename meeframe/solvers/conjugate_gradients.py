@@ -23,7 +23,7 @@ RENEWAL: Final = 50
 """Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
 COARSE, MOST_COARSE = 1e-2, 100
 """Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
-SETTLED: Final = 1.0
+SETTLED: Final = 0.3
 """Of the gaps that closed fractions are to close: those that pressures are to close need be no smaller before."""
 LOOKS: Final = 3
 """At the conduction, one after another: what it opened may touch again, gaps of nodes that graze be the largest."""
@@ -81,9 +81,9 @@ class ProjectedCG(Solver):
     Minimises the quadratic form of the compliance for the conduction as it is, on the nodes with pressure or overlap;
     nodes that lose their pressure leave, nodes that overlap come in. Inner products are weighted by the nodes' areas,
     in which a compliance by reciprocity is symmetric; it need not be exactly so, as the directions are those of Polak
-    and Ribiere. When the violation has fallen to a hundredth the conduction follows, of nodes that graze by Broyden's
-    method; where nothing conducts, gaps change in single precision and are found anew when it has fallen to a
-    ten-thousandth.
+    and Ribiere. When the violation has fallen to a hundredth, to a third where nodes graze, the conduction follows, of
+    these by Broyden's method; where nothing conducts, gaps change in single precision and are found anew when it has
+    fallen to a ten-thousandth.
 
     If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
     hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.

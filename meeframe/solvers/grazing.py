@@ -54,7 +54,9 @@ class Grazing:
         with np.errstate(divide="ignore", invalid="ignore"):
             found = rise / moved
         grows = (np.abs(moved) > LEAST_MOVE) & (found > 0.0)
-        slope = np.where(grows & (astray | ~known), found, self.slope)
+        # a slope that sends a node from one end to the other is none of its own, and no update would ever see it
+        thrown = np.abs(moved) == 1.0
+        slope = np.where(grows & (astray | ~known | thrown), found, self.slope)
         size = float(moved[nodes] @ moved[nodes])
         if astray or size <= LEAST_MOVE**2:
             return Grazing(closed, trial, slope, () if astray else self.changes)

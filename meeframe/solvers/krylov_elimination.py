@@ -23,19 +23,40 @@ SINGLE: Final = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
+class _Places:
+    """Of pairs (a of them) of nodes and k fields. numbers: (a,) among `shape`, (k, n), one field after another."""
+
+    numbers: Indices
+    shape: tuple[int, int]
+
+    def spread(self, flux: Array) -> Array:
+        """Of the pairs (a,): (n, k), stored one field after another."""
+        block = np.zeros(self.shape, flux.dtype)
+        block.reshape(-1)[self.numbers] = flux
+        return block.T
+
+    def taken(self, values: Array) -> Array:
+        """Of (k, n): those of the pairs (a,)."""
+        taken: Array = values.reshape(-1)[self.numbers]
+        return taken
+
+
+@dataclass(frozen=True, eq=False)
 class _Equations:
     """(C + R) flux = difference on the (node, potential) pairs that conduct (a of them), both sides divided by `size`.
 
-    fields: those of 3 and 4 that conduct; conducting: (n, 2) the pairs; nodes: those of the pairs; places: (a,) of the
-    pairs in (len(fields), n), one field after another; own: (a,) response to their own flux; resistance: (a,); size:
-    (a,) roots of the sums of both; inverse: the system's approximate one, None if it has none.
+    system: the part of the body's that holds the pairs, if it has one; fields: those of 3 and 4 that conduct;
+    conducting: (n, 2) the pairs; nodes: those of the pairs; places, inner: of the pairs in the zone and in that part;
+    own: (a,) response to their own flux; resistance: (a,); size: (a,) roots of the sums of both; inverse: the body's
+    approximate one, None if it has none.
     """
 
     system: ReducedSystem
     fields: list[int]
     conducting: Mask
     nodes: Indices
-    places: Indices
+    places: _Places
+    inner: _Places
     own: Array
     resistance: Array
     size: Array
@@ -53,26 +74,21 @@ class _Equations:
         """Of resistances and own responses (n, 2)."""
         conducting = np.isfinite(resistance)
         at, potentials = np.nonzero(conducting)
-        places = np.searchsorted(fields, potentials + POTENTIALS.start) * len(own) + at
+        chosen, n = np.searchsorted(fields, potentials + POTENTIALS.start), len(own)
         nodes = np.flatnonzero(conducting[:, 0] | conducting[:, 1])
+        places = inner = _Places(chosen * n + at, (len(fields), n))
+        part = system.within(nodes)
+        if part is not None:
+            system, m, number = part.system, len(part.kept), np.empty(n, np.int64)
+            number[part.kept] = np.arange(m)
+            inner = _Places(chosen * m + number[at], (len(fields), m))
         resistance, own = resistance[conducting], own[conducting]
         size = np.sqrt(own + resistance)
-        return cls(system, fields, conducting, nodes, places, own, resistance, size, inverse)
-
-    def spread(self, flux: Array) -> Array:
-        """Of the pairs (a,): (n, k) in the fields, stored one after another."""
-        block = np.zeros((len(self.fields), len(self.conducting)), flux.dtype)
-        block.reshape(-1)[self.places] = flux
-        return block.T
-
-    def taken(self, values: Array) -> Array:
-        """Of (k, n) in the fields: those of the pairs (a,)."""
-        taken: Array = values.reshape(-1)[self.places]
-        return taken
+        return cls(system, fields, conducting, nodes, places, inner, own, resistance, size, inverse)
 
     def left(self, moved: Array, flux: Array) -> Array:
         """What a displacement (k, n) that is not to be there leaves of the equations (a,), with the flux (a,)."""
-        return -(self.taken(moved) + self.resistance * flux) / self.size
+        return -(self.places.taken(moved) + self.resistance * flux) / self.size
 
     def solve(self, left: Array, goal: float) -> Array:
         """Flux (a,) that takes what is left (a,) down to a norm.
@@ -94,7 +110,7 @@ class _Equations:
 
     def _multiply(self, scaled: Array) -> Array:
         flux = (scaled / self.size).astype(scaled.dtype)
-        raised = self.taken(self.system.block_response(self.spread(flux), self.fields, self.fields).T)
+        raised = self.inner.taken(self.system.block_response(self.inner.spread(flux), self.fields, self.fields).T)
         product: Array = ((raised + self.resistance * flux) / self.size).astype(scaled.dtype)
         return product
 
@@ -105,7 +121,7 @@ class _Equations:
         if self.inverse is None or not well.any():
             return scaled
         asked = np.where(well, scaled * self.size, 0.0).astype(scaled.dtype)
-        found = self.taken(self.inverse(self.spread(asked)).T)
+        found = self.places.taken(self.inverse(self.places.spread(asked)).T)
         return np.where(well, found * self.size, scaled).astype(scaled.dtype)
 
 
@@ -176,7 +192,7 @@ class KrylovElimination(Elimination):
         potentials += self.problem.potentials.T[[field - POTENTIALS.start for field in self.conducting]]
         # what potentials are made of, not displacements: these may be anything beside them where nothing couples both
         terms = np.hypot(
-            np.linalg.norm(start * equations.size), np.linalg.norm(equations.taken(potentials) / equations.size)
+            np.linalg.norm(start * equations.size), np.linalg.norm(equations.places.taken(potentials) / equations.size)
         )
         moved = unloaded + self._moved(traction, start, equations)
         totals, enough = conductors.floating.totals, max(enough, EXACT * float(terms))
@@ -205,7 +221,7 @@ class KrylovElimination(Elimination):
         found = moved[:count].astype(float, copy=False)
         if change.any():
             rough = enough[1] > SINGLE * float(np.linalg.norm(change * equations.size))
-            load = equations.spread(change.astype(precision or (np.float32 if rough else np.float64)))
+            load = equations.places.spread(change.astype(precision or (np.float32 if rough else np.float64)))
             found = found + self.problem.system.block_response(load, self.conducting, self.mechanical).T
         displacement = np.zeros((3, len(self.own))).T
         displacement[:, self.mechanical] = found.T
@@ -216,7 +232,7 @@ class KrylovElimination(Elimination):
         fields = self.mechanical + self.conducting
         load = {field: traction[:, field] for field in self.mechanical}
         if flux.any():
-            load |= dict(zip(self.conducting, equations.spread(flux.astype(traction.dtype)).T, strict=True))
+            load |= dict(zip(self.conducting, equations.places.spread(flux.astype(traction.dtype)).T, strict=True))
         return self.problem.system.block_response(np.array(list(load.values())).T, list(load), fields).T
 
 

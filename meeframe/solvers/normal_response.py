@@ -22,7 +22,9 @@ NO_FLUX: Final = np.zeros((0, 2))
 CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
 FOLLOWING: Final = 0.01
-"""The conduction is brought up to date when violations have fallen to this fraction since the last time."""
+"""The conduction is brought up to date when violations have fallen to this fraction since the last time, ..."""
+FOLLOWING_GRAZING: Final = 0.3
+"""... or to this one while nodes graze: secants of their fractions are found early or not at all."""
 LEFT: Final = 1e-2
 """What is left of the potentials when they are found anew, as part of the violation, both in roots of own responses."""
 SINGLE: Final = 1e-4
@@ -206,7 +208,7 @@ class Conducting(NormalResponse):
     @property
     def lasting(self) -> float:
         """See NormalResponse: the conduction is to follow."""
-        return FOLLOWING
+        return FOLLOWING if self.held is None or not self.held.any() else FOLLOWING_GRAZING
 
     def closed(self, pressure: Array) -> Array:
         """See NormalResponse: as the conduction has it."""

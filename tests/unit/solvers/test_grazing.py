@@ -60,3 +60,18 @@ def test_many_that_graze_are_left_to_others() -> None:
     assert first.fractions(np.zeros(20, bool)) is not None
     second = first.next(np.zeros(20), -root)
     assert second.fractions(np.ones(20, bool)) is None
+
+
+def test_slopes_that_others_spoiled_throw_no_node_to_and_fro() -> None:
+    """All four that graze open at once at first: what that does to one of them hides how stiff it is itself."""
+    n, root = 50, np.array([0.4, 0.5, 0.5, 0.5])
+    closed, grazing = np.ones(n), Grazing.unknown(n)
+    for _ in range(12):
+        trial = np.full(n, -1.0)
+        trial[:4] = closed[:4] - root
+        trial[0] -= 0.9 * (closed[1:4].mean() - 0.5)
+        grazing = grazing.next(closed, trial)
+        found = grazing.fractions(trial < 0.0)
+        assert found is not None
+        closed = found
+    assert closed[:4] == pytest.approx(root, abs=1e-9)
