@@ -58,12 +58,13 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     prescribed = [COLUMNS[key] for key in step.loading.prescribed]
     free = [key for key in ("tangential_force", "torque") if RESULTANTS[key] in prescribed]
     slips = step.region == Region.SLIP
-    if not free or not slips.any():
+    if not free or not slips.any() or not law.tangential_scaling().any():
         return False
     numbers = np.concatenate([np.r_[COLUMNS[key]] for key in free])
     modes = motion_modes(zone.points, zone.frames, step.loading.axes, step.loading.reference)[numbers, :, :2]
     modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
-    along = step.slip / np.where(slips, np.linalg.norm(step.slip, axis=1), 1.0)[:, None]
+    way = np.linalg.norm(step.slip, axis=1)
+    along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
     # the free motion that is least across the slip
     across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
     motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])

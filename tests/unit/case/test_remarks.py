@@ -11,7 +11,7 @@ from meeframe.case.load import load_case
 from meeframe.case.remarks import remarks
 from meeframe.core.contact import Status
 from meeframe.core.result import Region
-from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
 SLIDING = "everything slips under the prescribed force or torque"
@@ -42,6 +42,22 @@ def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides
     *_, step = meeframe.solve_case(load_case(write_case(more=more), registry)).steps
     assert step.status is Status.CONVERGED
     assert (SLIDING in step.message) == slides
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.0), IsotropicCoulomb(0.3)])
+@pytest.mark.parametrize(
+    "prescribed",
+    [{"torque": 0.0}, {"torque": 0.0, "force_ratio": (0.0, 0.0)}, {"tangential_force": (0.0, 0.0), "torque": 0.0}],
+)
+def test_nothing_slides_where_nothing_pulls(write_case, registry, law, prescribed):
+    """Without friction all nodes in contact are free to slip, and without a force none does."""
+    step = meeframe.Step(approach=1e-5, **prescribed)
+    case = replace(load_case(write_case(), registry), contact_law=law, steps=(step,))
+    (result,) = meeframe.solve_case(case).steps
+    assert result.status is Status.CONVERGED
+    assert result.touching.any()
+    assert not result.slip.any()
+    assert SLIDING not in result.message
 
 
 def slid(synthetic, law, motion, prescribed):
