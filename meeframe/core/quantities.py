@@ -24,6 +24,7 @@ _POWER: Final = re.compile(
     rf"(?:(?:\^|\*\*)(?>\s*(?:\({_RATIO}\)|\{{{_RATIO}\}})\s*|{_FACTOR})|⁻?[⁰¹²³⁴-⁹]{{1,2}})(?![0-9.^⁻⁰¹²³⁴-⁹]|\*\*)"
 )
 _UNITS: Final = re.compile(r"\s*(?:1?\s*/)?(?:[^\W\d⁰¹²³⁴-⁹]|(?<=[A-Za-z0-9])[0-9]|[\s()/*·×⋅°%.])*")
+_HIGHEST: Final = 99
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
@@ -127,7 +128,7 @@ def read_quantity(text: str) -> Any:
     """The quantity, of pint, that a text of one number and then units means. Raises ValueError for any other text.
 
     Further numbers are only powers of units, of two digits and not of each other: pint would add up, multiply "50,5"
-    out to 505 and compute powers of powers without end.
+    out to 505 and compute powers of powers without end. It can be converted to base units.
     """
     refused = ValueError("cannot be read as one number and then units")
     match = _NUMBER.fullmatch(text)
@@ -135,11 +136,34 @@ def read_quantity(text: str) -> Any:
         raise refused
     units = re.sub(r"^\s*/", "1/", match[2])
     # pint takes half a second to start: imported when the first text of another kind comes along
+    from pint import UndefinedUnitError
+
     registry = unit_registry()
     try:
-        return registry.Quantity(float(match[1]), registry.parse_units(units))
+        quantity = registry.Quantity(float(match[1]), registry.parse_units(units))
+    except UndefinedUnitError as error:
+        raise ValueError(_unknown(error.unit_names[0])) from None
     except Exception:  # pint's parser lets many kinds of errors through
         raise refused from None
+    # powers of brackets multiply, and conversion raises whole numbers such as 60 to them
+    if any(abs(power) > _HIGHEST for _, power in quantity.unit_items()):
+        raise refused
+    try:
+        quantity.to_base_units()
+    except Exception:  # decibels in products, factors beyond what floats hold
+        raise refused from None
+    return quantity
+
+
+def _unknown(name: str) -> str:
+    """That there is no unit of this name, with another where it has an exponent without sign or other capitals."""
+    registry = unit_registry()
+    stem = name.rstrip("0123456789")
+    found = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
+    for prefix, unit, _ in registry.parse_unit_name(name, case_sensitive=False):
+        unit = registry.Unit(prefix + unit)
+        found += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
+    return f"unknown unit {name!r}" + (f"; did you mean {found[0]!r}?" if found else "")
 
 
 def check_quantities(record: Any) -> None:

@@ -14,7 +14,7 @@ from meeframe.case.load import case_from_tables
 from meeframe.case.values import DEFAULT_FORMULATION
 from meeframe.core.errors import CaseError
 from meeframe.plugin.registry import Kind, Registry
-from meeframe.plugin.validation import TableError
+from meeframe.plugin.validation import TableError, choices
 from meeframe.solvers import Limits
 from meeframe.study.declare import words
 
@@ -135,11 +135,17 @@ def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body."""
+    """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and for a key that is
+    neither a body nor, without a name, one of the default formulation."""
     bodies = bodies_of(tables)
     each: dict[str, Any] = dict.fromkeys(bodies, value)
     if isinstance(value, Mapping) and not value.keys().isdisjoint(_BODIES):
         each = dict(value)
+    elif isinstance(value, Mapping) and "name" not in value:
+        keys = _keys(Kind.FORMULATION, DEFAULT_FORMULATION, registry)
+        if unknown := value.keys() - keys:
+            allowed = choices(min(unknown), ("name", *bodies, *sorted(keys)))
+            raise CaseError(f"--formulation {words(value)}: unknown key {min(unknown)!r}; {allowed}")
     for name, formulation in each.items():
         if name not in bodies:
             raise CaseError(f"--formulation {words(value)}: no body {name!r}; allowed: a name, or {', '.join(bodies)}")

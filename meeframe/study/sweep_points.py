@@ -1,5 +1,6 @@
 """Points of a sweep: cases known by their content, what became of each, and the files in which that is kept."""
 
+import errno
 import hashlib
 import json
 import shutil
@@ -23,6 +24,9 @@ from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError
 
 REFUSED_FILE: Final = "refused.json"
+
+_NO_PLACE: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+"""Errors of files that would meet every other point, too."""
 
 
 class PointStatus(StrEnum):
@@ -75,9 +79,10 @@ class Outcome:
 
     @classmethod
     def without_result(cls, error: MeeframeError | MemoryError) -> "Outcome":
-        """Of what ended a computation. Raises it if it tells of files that cannot be written, by meeframe or a plugin,
-        and so nothing of the point."""
-        if isinstance(error, ResultError) or isinstance(error.__cause__, OSError):
+        """Of what ended a computation. Raises it if it tells of files that meeframe cannot write, or of a disk on which
+        a plugin cannot, and so nothing of the point."""
+        cause = error.__cause__
+        if isinstance(error, ResultError) or (isinstance(cause, OSError) and cause.errno in _NO_PLACE):
             raise error
         if isinstance(error, MemoryError):
             return cls(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")

@@ -351,6 +351,9 @@ def test_a_formulation_without_a_name_is_the_default_one(write_case, laws, tmp_p
 def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
     with pytest.raises(CaseError, match="no body 'counter_body'; allowed: a name, or body"):
         compare(write_case(), {"formulation": ['{counter_body = "winkler"}']}, tmp_path / "o", registry=laws)
+    told = "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
+    with pytest.raises(CaseError, match=told):
+        compare(write_case(), {"formulation": ['{boddy = "winkler"}']}, tmp_path / "o", registry=laws)
 
 
 def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write_case, laws, tmp_path):

@@ -1,6 +1,7 @@
 """Quantities: what case files may write for a number with a unit."""
 
 import math
+import re
 from typing import Annotated
 
 import pytest
@@ -97,6 +98,33 @@ NEITHER = [
 def test_one_number_and_then_units(given):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
         LENGTH.validate_python(given)
+    assert place_of(given) is None
+
+
+@pytest.mark.parametrize(
+    "given",
+    ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 (m^10)^10", "1 hour^99"],
+)
+def test_powers_and_products_that_have_no_value_in_si(given):
+    """pint says so with errors of other kinds, or would raise 60 to a power of ten digits."""
+    with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
+        Quantity("m").convert(given)
+    assert place_of(given) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("5 Gpa", "unknown unit 'Gpa'; did you mean 'GPa'?; expected a number in Pa"),
+        ("5 N/mm2", "unknown unit 'mm2'; did you mean 'mm^2'?; expected"),
+        ("5 Newton/m^2", "unknown unit 'Newton'; did you mean 'newton'?; expected"),
+        ("5 mmm", "unknown unit 'mmm'; expected"),
+        ("5 foo123", "unknown unit 'foo123'; expected"),
+    ],
+)
+def test_units_that_there_are_not(given, told):
+    with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
+        Quantity("Pa").convert(given)
     assert place_of(given) is None
 
 

@@ -1,5 +1,6 @@
 """The engine of sweeps: groups that share systems, keys by content, systems that travel, what is kept."""
 
+import errno
 import tomllib
 from dataclasses import dataclass, field, replace
 from threading import Lock
@@ -256,6 +257,19 @@ def test_a_full_disk_is_nothing_of_a_point(point, tmp_path, monkeypatch):
             reduced(key, Sealed.of(body, ()), str(folders[0]))
     ((_, outcome),) = solve_points([here], InProcess(), *folders)
     assert outcome.status is PointStatus.CONVERGED
+
+
+@pytest.mark.parametrize(("number", "ends"), [(errno.ENOSPC, True), (errno.EIO, True), (errno.ENOENT, False)])
+def test_files_of_a_plugin_end_a_sweep_if_the_disk_does(number, ends):
+    """A file that it does not find is an affair of its point, which is tried again."""
+    fault = PluginFault("no")
+    fault.__cause__ = OSError(number, "no")
+    if ends:
+        with pytest.raises(PluginFault) as raised:
+            Outcome.without_result(fault)
+        assert raised.value is fault
+    else:
+        assert Outcome.without_result(fault).status is PointStatus.FAILED
 
 
 def test_one_group_holds_its_systems_at_a_time(point, tmp_path):
