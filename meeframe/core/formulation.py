@@ -98,7 +98,7 @@ class ReducedSystem(ABC):
 
     def within(self, nodes: Indices) -> "Part | None":
         """The same body on a part of its zone that holds these nodes (k,), where products take much less time; None if
-        there is none."""
+        there is none, or if no node is asked for."""
         return None
 
     def kept(self) -> Mapping[str, AnyArray] | None:

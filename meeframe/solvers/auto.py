@@ -78,7 +78,7 @@ class Auto(Solver):
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
         residual = _residual(problem, inner, memory.scales)
-        if residual < FALL * memory.residual:
+        if residual < FALL * memory.residual or not np.isfinite(memory.residual):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)

@@ -184,7 +184,7 @@ class KrylovElimination(Elimination):
         rest: float = 0.0,
         enough: float = 0.0,
     ) -> Response:
-        """See Elimination. In the precision of the tractions."""
+        """See Elimination. What the fluxes change is found in single precision where as much of it may be left."""
         equations: _Equations = conductors.parts
         start = conductors.fixed(flux, potential)[equations.conducting]
         unloaded = self.problem.system.offset.T[self.mechanical + self.conducting]

@@ -182,12 +182,12 @@ class Conducting(NormalResponse):
         further from their characteristic magnitudes than that is; in single precision while that does not show."""
         wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
         far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
-        conducts = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
+        conducting = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
         potential = [
             displacement / np.sqrt(own.max())
             for displacement, own in zip(self.scales.displacement[POTENTIALS], self.ground.own.T, strict=True)
         ]
-        left = min([LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), *(far * np.array(potential)[conducts])])
+        left = min([LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), *(far * np.array(potential)[conducting])])
         traction = _traction(pressure.astype(np.float32) if far > SINGLE else pressure)
         slope = self.ground.slope(traction, self.conductors, near.flux, near.motion, left)
         return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)

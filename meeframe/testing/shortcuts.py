@@ -118,8 +118,8 @@ def check_coarser(system: ReducedSystem, coarse: Coarsening) -> None:
 def check_parts(system: ReducedSystem) -> None:
     """Parts hold the nodes that are asked for, one after another, and respond to loads there as the whole does."""
     nodes, place = np.arange(len(system.points)), _place(system)
-    for low, high in PARTS:
-        asked = nodes[((place >= low) & (place <= high)).all(axis=1)]
+    single = [nodes[np.abs(place - (x, y)).sum(axis=1).argmin()][None] for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    for asked in (*(nodes[((place >= low) & (place <= high)).all(axis=1)] for low, high in PARTS), *single):
         part = system.within(asked)
         if part is not None:
             check_part(system, part, asked)

@@ -27,7 +27,7 @@ from meeframe.solvers.scales import problem_scales
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.matrix_free import MatrixFree
-from meeframe.testing.shortcuts import check_shortcuts
+from meeframe.testing.shortcuts import check_parts, check_shortcuts
 
 ISOTROPIC = Material.isotropic(200e9, 0.3).stiffness
 ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -177,6 +177,15 @@ def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> No
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
 def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
     check_shortcuts(system_of(formulation, divisions))
+
+
+def test_parts_of_single_nodes() -> None:
+    """Of 17 x 17 nodes a corner is a part of its own."""
+    system = system_of(HalfSpace(matrix_up_to=0), (16, 16))
+    corner = system.within(np.array([len(system.points) - 1]))
+    assert corner is not None
+    assert len(corner.kept) == 1
+    check_parts(system)
 
 
 def test_parts_of_free_grids() -> None:

@@ -97,7 +97,7 @@ def stored(block: Block) -> int:
 
 
 def multiply(block: Block, x: Array) -> Array:
-    """block @ x for x (n, k), in the precision of the block."""
+    """block @ x for x (n, k) in the precision of the block; that of a divided block is converted to it."""
     if isinstance(block, Dense):
         product: Array = block.array @ x
         return product
@@ -123,7 +123,8 @@ def _by_leaves(block: Split, x: Array, turned: bool) -> Array:
     if len(x) != there.stop - there.start:
         raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(x)} rows")
     values = np.ascontiguousarray(x, block.dtype)
-    add_products(block.table, turned, (*located(values, block.dtype), there.start), result, here.start)
+    if not add_products(block.table, turned, (*located(values, block.dtype), there.start), result, here.start):
+        raise RuntimeError("BLAS cannot be called from compiled code")
     return result
 
 

@@ -58,7 +58,8 @@ def table_of(products, first_row, first_column, dtype):
 def _multiply(kind, m, n, k, factor, left, right, share, target):
     """target (m, n) = share * target + factor * left (m, k) @ right (k, n); the last three by address, lines, order.
 
-    factor and share are addresses of numbers; target is ordered by rows, that is, transposed for BLAS.
+    factor and share are addresses of numbers; target is ordered by rows, that is, transposed for BLAS. Not zero if BLAS
+    could not be called.
     """
     if n == 1 and target[1] == 1 and right[1] == 1:
         inner, outer, turn = (m, k, ord("n")) if left[2] else (k, m, ord("t"))
@@ -76,7 +77,7 @@ def _below(place, lines, size):
 
 @njit(cache=True, nogil=True)
 def add_products(table, turned, x, result, origin):
-    """result (m, w) += matrix @ x, for a matrix given by its parts; turned: by its transpose.
+    """result (m, w) += matrix @ x, for a matrix given by its parts; turned: by its transpose. True if BLAS did it.
 
     x: address, distance of lines, order, first row in terms of the table; origin: the first row of the result.
     """
@@ -88,7 +89,7 @@ def add_products(table, turned, x, result, origin):
     rank = max(1, table[:, 4].max()) if len(table) else 1
     inner = np.empty((rank, width), result.dtype)
     middle = inner.ctypes.data, width
-    base = result.ctypes.data
+    base, failed = result.ctypes.data, 0
     for line in range(len(table)):
         r, m, c, n, k = table[line, :5]
         left = table[line, 5], table[line, 6], table[line, 7]
@@ -101,17 +102,17 @@ def add_products(table, turned, x, result, origin):
         target = base + (r - origin) * width * size, width
         part = _below((x[0], x[1], x[2]), c - x[3], size)
         if k == FULL:
-            _multiply(kind, m, width, n, one, left, part, one, target)
+            failed |= _multiply(kind, m, width, n, one, left, part, one, target)
         elif k > 0 and n > 0:
-            _multiply(kind, k, width, n, one, right, part, zero, middle)
-            _multiply(kind, m, width, k, one, left, (middle[0], width, 0), one, target)
-    return inner[0, 0], numbers[0]  # they live until here
+            failed |= _multiply(kind, k, width, n, one, right, part, zero, middle)
+            failed |= _multiply(kind, m, width, k, one, left, (middle[0], width, 0), one, target)
+    return failed == 0 and numbers[1] == 1.0 and inner.size >= 0  # arrays live until here
 
 
 @njit(cache=True, nogil=True)
 def subtract_products(table, target):
-    """target (m, n), ordered by rows, less products of two factors."""
-    size, columns = target.itemsize, target.shape[1]
+    """target (m, n), ordered by rows, less products of two factors. True if BLAS did it."""
+    size, columns, failed = target.itemsize, target.shape[1], 0
     kind = ord("s") if size == 4 else ord("d")
     numbers = np.array([-1.0, 1.0]).astype(target.dtype)
     minus = numbers.ctypes.data
@@ -121,5 +122,5 @@ def subtract_products(table, target):
         right = table[line, 8], table[line, 9], table[line, 10]
         place = target.ctypes.data + (r * columns + c) * size, columns
         if k > 0:
-            _multiply(kind, m, n, k, minus, left, right, minus + size, place)
-    return numbers[0]  # they live until here
+            failed |= _multiply(kind, m, n, k, minus, left, right, minus + size, place)
+    return failed == 0 and numbers[1] == 1.0  # arrays live until here

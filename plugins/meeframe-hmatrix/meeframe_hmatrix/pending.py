@@ -86,7 +86,8 @@ def subtracted(block: Dense | LowRank, pending: Pending, tolerance: float, dtype
         outer = [(block.rows, block.columns, left, right) for left, right in pending.terms]
         for first, second in pending.products:
             outer += _outer_products(first, second)
-        subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array)
+        if not subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array):
+            raise RuntimeError("BLAS cannot be called from compiled code")
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
         return LowRank(block.rows, block.columns, *truncated(array, tolerance))

@@ -35,7 +35,7 @@ def test_parts_are_added(dtype, width):
                 for order in ("C", "F"):
                     ordered = np.array(x, order=order)
                     result = np.ones((len(whole), width), dtype)
-                    add_products(np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0])
+                    assert add_products(np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0])
                     np.testing.assert_allclose(result, 1 + whole @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
@@ -47,7 +47,7 @@ def test_low_rank_without_columns_adds_nothing(dtype, width):
     for _ in range(20):
         np.full(200 * width, np.nan, dtype)  # what fresh memory may hold
         result = np.ones((300, width), dtype)
-        add_products(table, False, (*located(x, dtype), 0), result, 0)
+        assert add_products(table, False, (*located(x, dtype), 0), result, 0)
         assert (result == 1).all()
 
 
@@ -59,7 +59,7 @@ def test_products_are_subtracted_in_their_places(dtype):
     expected[1:8, 2:9] -= left @ right
     expected[0:4, 3:4] -= right @ left[:, 1:2]
     places = [(slice(21, 28), slice(32, 39), left, right), (slice(20, 24), slice(33, 34), right, left[:, 1:2])]
-    subtract_products(table_of(places, 20, 30, dtype), target)
+    assert subtract_products(table_of(places, 20, 30, dtype), target)
     np.testing.assert_allclose(target, expected, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
