@@ -35,7 +35,9 @@ def test_parts_are_added(dtype, width):
                 for order in ("C", "F"):
                     ordered = np.array(x, order=order)
                     result = np.ones((len(whole), width), dtype)
-                    assert add_products(np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0])
+                    assert add_products(
+                        np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0]
+                    )
                     np.testing.assert_allclose(result, 1 + whole @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
