@@ -20,7 +20,7 @@ from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, kept_of, silent
 from meeframe.io.systems import read_kept, read_system, write_kept, write_system
-from meeframe.plugin.sources import LOCAL
+from meeframe.plugin.sources import LOCAL, faults_of_plugins
 
 _ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
 _CONTACT_ROOMS: Final = ("laws", "solvers")
@@ -51,10 +51,11 @@ def cached_body(
         return found
     arrays = read_kept(path, key)
     if arrays is not None:
-        with suppress(ValueError):  # not what this formulation kept
+        with suppress(ValueError), faults_of_plugins(ValueError):  # not what this formulation kept
             return formulation.restored(body, arrays)
     system = reduce_for_contact(formulation, body, progress)
-    matrix, kept = system.dense(), kept_of(formulation, system)
+    with faults_of_plugins():
+        matrix, kept = system.dense(), kept_of(formulation, system)
     if matrix is not None or kept is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)

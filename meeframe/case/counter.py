@@ -9,6 +9,7 @@ from meeframe.core.pair import match_nodes
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import check_contact_zone, zone_frames
 from meeframe.materials import Material
+from meeframe.plugin.sources import faults_of_plugins
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,8 @@ class CounterBody:
 
     def __post_init__(self) -> None:
         check_contact_zone(self.mesh, self.zone)
-        self.formulation.check(self.body)
+        with faults_of_plugins():
+            self.formulation.check(self.body)
 
     @property
     def body(self) -> Body:

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from meeframe.case.case import Case, gap_of_law, law_of_increment
 from meeframe.case.history import Controls, Converged
 from meeframe.case.step import resisted
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, contact_gap, indenter_position
+from meeframe.core.contact import (
+    ContactProblem,
+    ContactSolution,
+    ContactState,
+    Freedom,
+    Status,
+    contact_gap,
+    indenter_position,
+)
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
 from meeframe.core.formulation import ReducedSystem, Rim
@@ -196,27 +204,40 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
         return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
 
 
-def check_conduction(problem: ContactProblem, state: ContactState) -> None:
-    """Raises CaseError if a conductivity is negative or NaN in a state.
+def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
+    """Raises CaseError if a conductivity is negative or NaN in a state that converged, or that is not finite.
 
-    An iteration that went astray leaves no state to ask for: then under pressures of the size of the problem's.
+    Any other state is one on the way, which a good law need not be fit for: then the message says so.
     """
+    state = solution.state
     ahead = indenter_position(problem, state.motion) - state.displacement
+    finite = np.isfinite(state.load).all(axis=1) & np.isfinite(state.displacement).all(axis=1)
     traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
-    if not (np.isfinite(traction).all() and np.isfinite(state.displacement).all()):
+    if not finite.all():  # no state to ask for: then under pressures of the size of the problem's
         traction = -problem_scales(problem).pressure * np.linspace(1.0, 0.0, len(traction), endpoint=False)
         ahead = np.zeros_like(ahead)
     gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
     asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    for law, drop in ((problem.electric_law, ahead[:, ELECTRIC]), (problem.magnetic_law, ahead[:, MAGNETIC])):
+    pressed, apart = traction[asked], gap[asked]
+    for key, law, column, unit in (
+        ("electric", problem.electric_law, ELECTRIC, "V"),
+        ("magnetic", problem.magnetic_law, MAGNETIC, "A"),
+    ):
+        drop = ahead[asked, column]
         with np.errstate(all="ignore"):
-            kappa = law.conductivity(traction[asked], gap[asked], drop[asked])
+            kappa = law.conductivity(pressed, apart, drop)
         wrong = np.flatnonzero(~(kappa >= 0.0))
         if wrong.size:
-            raise CaseError(
-                f"conductivity of the conductivity law {type(law).__name__} is {kappa[wrong[0]]:g} under a normal "
-                f"traction of {traction[asked][wrong[0]]:g} Pa; allowed: numbers >= 0 and inf"
+            node = wrong[0]
+            across = f", a gap of {apart[node]:g} m and a drop of {drop[node]:g} {unit}" if law.across_gap else ""
+            told = (
+                f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {kappa[node]:g} "
+                f"under a normal traction of {pressed[node]:g} Pa{across}; allowed: numbers >= 0 and inf"
             )
+            if solution.status is Status.CONVERGED or not finite.all():
+                raise CaseError(told)
+            solution = replace(solution, message=f"{solution.message}; {told}")
+    return solution
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:

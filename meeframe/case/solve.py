@@ -63,9 +63,10 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
 def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
     """The reduced system of a case, in frames along its friction axes; systems: those of bodies_of, in this order."""
     *counter, first = systems
-    if case.axes is not None:
-        first = turned(first, case.axes.directions(first.points))
-    return pair(first, *counter) if counter else first
+    with faults_of_plugins():
+        if case.axes is not None:
+            first = turned(first, case.axes.directions(first.points))
+        return pair(first, *counter) if counter else first
 
 
 def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
@@ -96,8 +97,9 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
     """
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
-        kept = kept_of(formulation, system)
-        return system if kept is None else formulation.restored(body, kept)
+        with faults_of_plugins():
+            kept = kept_of(formulation, system)
+            return system if kept is None else formulation.restored(body, kept)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 
@@ -119,7 +121,8 @@ def solve_steps(
     CaseError if the case continues a run whose state does not belong to this body.
     """
     mechanism = Mechanism(case, system)
-    here, controls = _beginning(mechanism)
+    with faults_of_plugins():
+        here, controls = _beginning(mechanism)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before = here, controls
@@ -134,7 +137,12 @@ def solve_steps(
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
-                result = replace(result, boundary=system.recover(result.state.load))
+                try:
+                    with faults_of_plugins():
+                        result = replace(result, boundary=system.recover(result.state.load))
+                except Exception:
+                    yield result  # it is solved all the same
+                    raise
             yield result
 
 
@@ -170,7 +178,7 @@ def _solve(
     rim = partial(mechanism.rim, increment)
     solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
     increment = replace(increment, problem=problem)
-    check_conduction(increment.problem, solution.state)
+    solution = check_conduction(increment.problem, solution)
     touches = touching(increment.problem, solution.state)
     solution = replace(solution, state=mechanism.settled(increment, solution.state, touches))
     region = regions(increment, solution, touches)

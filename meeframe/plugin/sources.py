@@ -6,7 +6,7 @@ import importlib
 import linecache
 import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
@@ -21,6 +21,9 @@ from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
 """How names of modules that come from local files begin."""
+_OWN: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
+"""Plugins of this project: a failure in them is its own defect, for which there is the traceback."""
+_LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
 
 @dataclass(frozen=True)
@@ -123,26 +126,43 @@ def file_fault(path: Path | str, cause: str, line: int | None) -> str:
 def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
     """Turns an exception that came through the code of a plugin into a PluginFault that names file, line and cause.
 
-    The exception itself is its __cause__. One in which no plugin had a part passes, as a defect of meeframe, and so
-    does what a user can mend. said: further kinds of exceptions by which plugins say that.
+    The exception itself is its __cause__; the innermost frame is named too where it is not the plugin's. One in which
+    no plugin had a part passes, as a defect of meeframe, and so does what a user can mend, and what the plugin's caller
+    raised where it called back. said: further kinds of exceptions by which plugins say that.
     """
     try:
         yield
     except Exception as error:
         if isinstance(error, (MeeframeError, MemoryError, *said)):
             raise
-        own = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _of_plugin(frame)]
-        if not own:
+        packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)} - _OWN
+        frames = list(traceback.walk_tb(error.__traceback__))
+        last = max((number for number, (frame, _) in enumerate(frames) if _of_plugin(frame, packages)), default=None)
+        if last is None or any(_of_caller(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
             raise
-        code, line = own[-1][0].f_code, own[-1][1]
-        raise PluginFault(f"plugin file {code.co_filename}, line {line}, in {code.co_name}: {reason(error)}") from error
+        inner = f"; raised in {_where(*frames[-1])}" if last + 1 < len(frames) else ""
+        raise PluginFault(f"plugin file {_where(*frames[last])}: {reason(error)}{inner}") from error
 
 
-def _of_plugin(frame: FrameType) -> bool:
-    """Whether its code is a plugin's, of a local file or of an installed package."""
+def _of_plugin(frame: FrameType, packages: Set[str]) -> bool:
+    """Whether its code is a plugin's, of a local file or of one of these installed packages."""
     module = frame.f_globals.get("__name__", "")
-    packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)}
     return module.startswith(LOCAL) or module.partition(".")[0] in packages
+
+
+def _of_caller(frame: FrameType, plugin: FrameType) -> bool:
+    """Whether its code is neither meeframe's, nor a library's, nor in the folder of a plugin, from which it came."""
+    package = frame.f_globals.get("__name__", "").partition(".")[0]
+    if package in sys.stdlib_module_names | _OWN | {PROJECT}:
+        return False
+    file = Path(frame.f_globals.get("__file__") or frame.f_code.co_filename)
+    beside = Path(plugin.f_code.co_filename).parent in file.parents
+    return package == "__main__" or not (beside or _LIBRARIES & set(file.parts))
+
+
+def _where(frame: FrameType, line: int) -> str:
+    """'laws.py, line 3, in project'."""
+    return f"{frame.f_code.co_filename}, line {line}, in {frame.f_code.co_name}"
 
 
 def reason(error: BaseException) -> str:

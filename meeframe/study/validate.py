@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, get_args
 
-from meeframe.core.errors import CaseError, MeeframeError, ResultError
+from meeframe.core.errors import CaseError, MeeframeError, PluginFault, ResultError
 from meeframe.core.formulation import Progress, silent
 from meeframe.io.output import check_output, replacing
 from meeframe.plugin import registry as plugins
@@ -152,7 +152,8 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
             raise CaseError(f"{folder / MODULE}: run(quick) checks nothing")
     except (Exception, SystemExit) as error:
         # one broken case is a line of the table: the others tell as much without it
-        words = str(error) if isinstance(error, MeeframeError) else traceback.format_exc()
+        told = isinstance(error, MeeframeError) and not isinstance(error, PluginFault)
+        words = str(error) if told else traceback.format_exc()
         report = replace(report, error=words or type(error).__name__)
     yield replace(report, seconds=time.perf_counter() - begin, finished=True)
 

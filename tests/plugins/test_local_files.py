@@ -3,18 +3,19 @@
 import hashlib
 import json
 import textwrap
+from functools import partial
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from meeframe.cli import app
-from meeframe.core.errors import PluginError
+from meeframe.core.errors import PluginError, PluginFault
 from meeframe.core.law import contact_conductivity
 from meeframe.io.results import read_result
 from meeframe.plugin.describe import find, parameters
 from meeframe.plugin.registry import Kind, load
-from meeframe.plugin.sources import faults_of_plugins
+from meeframe.plugin.sources import faults_of_plugins, load_file
 
 LAW = """
     import math
@@ -242,6 +243,37 @@ def test_a_law_that_fails_where_it_is_asked_first_fails_at_its_key(write, case_f
 def test_defects_of_others_are_not_laid_to_plugins():
     with pytest.raises(ZeroDivisionError), faults_of_plugins():
         1 / 0  # noqa: B018
+
+
+CALLING = """
+    class Callers:
+        def __init__(self, call):
+            self.call = call
+
+        def reduce(self):
+            self.call()
+"""
+
+
+def called_from_a_plugin(file, call):
+    with faults_of_plugins():
+        load_file(file)[1].Callers(call).reduce()
+
+
+def test_what_a_caller_raises_in_a_callback_passes(write, tmp_path):
+    (tmp_path / "plugin").mkdir()
+    file = write(CALLING, "plugin/calling.py")
+    with pytest.raises(ZeroDivisionError):
+        called_from_a_plugin(file, lambda: 1 / 0)
+
+
+def test_faults_name_the_innermost_frame_too(write, tmp_path):
+    """Of a library, or of meeframe, which the plugin called."""
+    file = write(CALLING)
+    told = rf"plugin file {file}, line 7, in reduce: LinAlgError: .*; raised in .*linalg.*\.py, line \d+, in \w+"
+    with pytest.raises(PluginFault, match=told) as caught:
+        called_from_a_plugin(file, partial(np.linalg.inv, np.zeros((2, 2))))
+    assert isinstance(caught.value.__cause__, np.linalg.LinAlgError)
 
 
 def test_what_a_class_says_of_its_keys_is_said_at_them(write, case_file):

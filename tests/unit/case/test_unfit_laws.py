@@ -1,5 +1,6 @@
 """Contact laws that do not keep their contract, and nodes that the approach never brings to touch."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,6 +123,9 @@ class Falling(ConductivityLaw):
         return kappa if self.beyond is None else np.where(normal_traction < -self.limit, self.beyond, kappa)
 
 
+TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
+
+
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")  # of the equations with negative resistances
 @pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
@@ -130,8 +134,20 @@ def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyon
     case = replace(case, solver=solver, potentials=(100.0, 0.0))
     (step,) = meeframe.solve_case(replace(case, electric_law=Falling(1e10, beyond))).steps
     assert step.status is Status.CONVERGED
-    with pytest.raises(CaseError, match=r"law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numb"):
+    with pytest.raises(CaseError, match=TOLD):
         meeframe.solve_case(replace(case, electric_law=Falling(1e8, beyond)))
+
+
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")  # of the equations with negative resistances
+@pytest.mark.parametrize("solver", [Auto(), Uzawa()])
+def test_states_on_the_way_are_told_and_not_judged(case, solver):
+    """Negative resistances, smoothly beyond 0.1 GPa: the iteration ends at its limit before they spoil it."""
+    limits = replace(case.limits, max_iterations=1)
+    case = replace(case, solver=solver, limits=limits, potentials=(100.0, 0.0), electric_law=Falling(1e8))
+    (step,) = meeframe.solve_case(case).steps
+    assert step.status is not Status.CONVERGED
+    assert np.isfinite(step.traction).all()
+    assert re.search(TOLD, step.message)
 
 
 @dataclass(frozen=True)
