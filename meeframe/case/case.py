@@ -166,33 +166,41 @@ def check_tractions(law: ContactLaw, n: int) -> None:
     What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
     """
     name = type(law).__name__
-    trial = np.tile([1e6, -2e6, -3e6], (n, 1))
-    given = trial.copy()
-    projected = law.project(given)
-    if not np.array_equal(given, trial):
-        raise CaseError(f"project of the contact law {name} changes the array that it is given; allowed: a new one")
-    made: dict[str, tuple[Array, tuple[int, ...]]] = {
-        "project": (projected, (n, 3)),
-        "tangential_scaling": (law.tangential_scaling(), (2, 2)),
+    trial, gap = np.tile([1e6, -2e6, -3e6], (n, 1)), np.zeros((n, 3))
+    asked: dict[str, tuple[Callable[[Array, Array], Array], tuple[int, ...]]] = {
+        "project": (lambda trial, _: law.project(trial), (n, 3)),
+        "tangential_scaling": (lambda _trial, _gap: law.tangential_scaling(), (2, 2)),
     }
     if type(law).resolve is not ContactLaw.resolve:
-        made["resolve"] = (law.resolve(trial, np.zeros((n, 3)), _STEPS), (n, 3))
+        asked["resolve"] = (lambda trial, gap: law.resolve(trial, gap, _STEPS), (n, 3))
     if type(law).tangent is not ContactLaw.tangent:
-        made["tangent"] = (law.tangent(trial), (n, 3, 3))
-    for method, (array, shape) in made.items():
+        asked["tangent"] = (lambda trial, _: law.tangent(trial), (n, 3, 3))
+    for method, (ask, shape) in asked.items():
+        given = trial.copy(), gap.copy()
+        array = ask(*given)
+        if not all(map(np.array_equal, given, (trial, gap))):
+            raise CaseError(
+                f"{method} of the contact law {name} changes the array that it is given; allowed: a new one"
+            )
         if np.shape(array) != shape:
             raise CaseError(f"{method} of the contact law {name} has shape {np.shape(array)}; allowed: {shape}")
 
 
 def check_conductivity(law: ConductivityLaw, n: int) -> None:
-    """Raises CaseError unless the law has a conductivity for each of n nodes.
+    """Raises CaseError unless the law has a conductivity for each of n nodes, and leaves alone what it is given.
 
     Whether it is one shows where the case needs it: check_conduction of meeframe.case.mechanism.
     """
+    asked = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
+    given = tuple(array.copy() for array in asked)
     with np.errstate(all="ignore"):
-        kappa = law.conductivity(np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n))
+        kappa = law.conductivity(*given)
+    name = type(law).__name__
+    if not all(map(np.array_equal, given, asked)):
+        raise CaseError(
+            f"conductivity of the conductivity law {name} changes the arrays that it is given; allowed: new ones"
+        )
     if np.shape(kappa) != (n,):
-        name = type(law).__name__
         raise CaseError(f"conductivity of the conductivity law {name} has shape {np.shape(kappa)}; allowed: ({n},)")
 
 

@@ -89,6 +89,41 @@ def test_a_law_that_changes_what_it_is_given_is_refused(case):
 
 
 @dataclass(frozen=True)
+class Overwriting(Signorini, ConductivityLaw):
+    """Zeroes what `method` is given first, or its gap."""
+
+    method: str = ""
+    argument: int = 0
+
+    def resolve(self, trial, gap, r):
+        return self._spoil("resolve", self.project(trial), trial, gap)
+
+    def tangent(self, trial):
+        return self._spoil("tangent", np.zeros((len(trial), 3, 3)), trial)
+
+    def conductivity(self, normal_traction, gap, drop):
+        return self._spoil("conductivity", np.zeros_like(gap), normal_traction, gap, drop)
+
+    def _spoil(self, method, made, *given):
+        if method == self.method:
+            given[self.argument][...] = 7.0
+        return made
+
+
+@pytest.mark.parametrize(("method", "argument"), [("resolve", 0), ("resolve", 1), ("tangent", 0)])
+def test_no_method_may_change_what_it_is_given(case, method, argument):
+    assert replace(case, contact_law=Overwriting()).contact_law == Overwriting()
+    with pytest.raises(CaseError, match=f"{method} of the contact law Overwriting changes the array"):
+        replace(case, contact_law=Overwriting(method, argument))
+
+
+@pytest.mark.parametrize("argument", [0, 1, 2])
+def test_conductivities_leave_alone_what_they_are_given(case, argument):
+    with pytest.raises(CaseError, match="conductivity of the conductivity law Overwriting changes the arrays"):
+        replace(case, electric_law=Overwriting("conductivity", argument))
+
+
+@dataclass(frozen=True)
 class Strange(ConductivityLaw):
     """kappa, whatever is asked for."""
 
