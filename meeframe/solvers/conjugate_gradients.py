@@ -12,7 +12,7 @@ from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import switch
 from meeframe.solvers.free_motion import start_motion
-from meeframe.solvers.frictionless import checked_modes
+from meeframe.solvers.frictionless import check_taken
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.normal_modes import NormalModes
@@ -99,9 +99,9 @@ class ProjectedCG(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or what a coarser division gives, or no load at all.
 
-        Raises CaseError as checked_modes.
+        Raises CaseError as check_taken.
         """
-        checked_modes(problem)
+        check_taken(problem)
         return self._begun(problem, start, problem_scales(problem))
 
     def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> Iterate:
@@ -145,7 +145,11 @@ class ProjectedCG(Solver):
 
         If nothing conducts, there is tension where the contact is open.
         """
-        iterate = self._rough(problem, self._begun(problem, None, scales))
+        iterate = self._begun(problem, None, scales)
+        for _ in range(MOST_COARSE):
+            if iterate.estimate is not None and iterate.estimate <= COARSE:
+                break
+            iterate = self.step(problem, iterate)
         if isinstance(_memory(iterate).response, Conducting):
             return iterate
         gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
@@ -153,14 +157,6 @@ class ProjectedCG(Solver):
         unit[firm] = 1.0
         own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
         return replace(iterate, load=tensed(iterate.load, gap, own))
-
-    def _rough(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
-        """After steps until the solver thinks that it is near enough to start a better problem from."""
-        for _ in range(MOST_COARSE):
-            if iterate.estimate is not None and iterate.estimate <= COARSE:
-                break
-            iterate = self.step(problem, iterate)
-        return iterate
 
 
 def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:

@@ -9,19 +9,16 @@ from meeframe.solvers.normal_modes import NormalModes
 from meeframe.solvers.scales import problem_scales
 
 
-def checked_modes(problem: ContactProblem) -> NormalModes:
-    """Motions of the indenter in a problem that ProjectedCG takes.
-
-    Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of.
-    """
+def check_taken(problem: ContactProblem) -> None:
+    """Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of."""
     _check(problem.contact_law, problem_scales(problem).pressure)
-    return NormalModes.of(problem)
+    NormalModes.of(problem)
 
 
 def takes(problem: ContactProblem) -> bool:
     """Whether ProjectedCG takes a problem."""
     try:
-        checked_modes(problem)
+        check_taken(problem)
     except CaseError:
         return False
     return True

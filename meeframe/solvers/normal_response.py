@@ -102,7 +102,7 @@ class Insulated(NormalResponse):
 
     @classmethod
     def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
-        """Of a problem, whatever its laws of conductivity say."""
+        """Of a problem in which nothing conducts."""
         modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.freedoms]).reshape(-1, len(problem.gap))
         return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
 
