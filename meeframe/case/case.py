@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.case.counter import CounterBody, check_match
+from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.case.outlook import check_solver, doubts
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter, motion_modes
 from meeframe.core.law import ConductivityLaw, ContactLaw
@@ -24,9 +24,6 @@ from meeframe.laws import Insulating, Signorini
 from meeframe.materials import Material
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.solvers import Auto, Limits
-
-_STEPS: Final = (1e12, 1e12)
-"""Of augmented tractions with which laws are tried [Pa/m]."""
 
 Warn = Callable[[str], None]
 """Is told what may come out wrong, in words."""
@@ -56,7 +53,8 @@ class Case:
     fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite or that has not
     one traction for each node, a conductivity law likewise, a counter body whose zone does not match, a first step
     that neither moves nor presses it, a step without the duration that the contact law needs, a resultant that the laws
-    cannot resist, a run to go on from that had another contact zone or other axes.
+    cannot resist, a solver that does not take the contact law or what is prescribed, a run to go on from that had
+    another contact zone or other axes.
     """
 
     material: Material
@@ -108,6 +106,7 @@ class Case:
             check_pull(step, self.contact_law)
             check_resisted(step, resists)
         law_of_increment(self.contact_law, np.zeros(len(place.points)), self.steps[0].increment_duration)
+        check_solver(self, self.solver)
 
     @property
     def body(self) -> Body:
@@ -116,9 +115,13 @@ class Case:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the formulations know that may come out wrong, in words; nothing that stops a run."""
+        """What may come out wrong, in words: what the formulations know, and an indenter that touches nothing.
+
+        Nothing that stops a run.
+        """
         counter = () if self.counter is None else ((self.counter.formulation, self.counter.body),)
-        return warnings_of(((self.formulation, self.body), *counter))
+        with faults_of_plugins():
+            return (*warnings_of(((self.formulation, self.body), *counter)), *doubts(self))
 
     @property
     def n_increments(self) -> int:
@@ -140,82 +143,6 @@ def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zon
     """Raises CaseError unless a part of the indenter lies above the contact zone."""
     if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
-
-
-def gap_of_law(law: ContactLaw, points: Array) -> Array:
-    """What the contact law adds to the gap at points (n, 3), (n,) [m]. Raises CaseError unless that is finite."""
-    gap = law.initial_gap(points)
-    name = type(law).__name__
-    if np.shape(gap) != (len(points),):
-        raise CaseError(
-            f"the initial gap of the contact law {name} has shape {np.shape(gap)}; allowed: ({len(points)},), a number "
-            "for each node of the contact zone"
-        )
-    if not np.isfinite(gap).all():
-        node = int(np.flatnonzero(~np.isfinite(gap))[0])
-        raise CaseError(
-            f"the initial gap of the contact law {name} is {gap[node]} at {points[node]} [m]; allowed: finite numbers"
-        )
-    return gap
-
-
-def check_tractions(law: ContactLaw, n: int) -> None:
-    """Raises CaseError unless the contact law has one traction for each of n nodes, and the scaling that belongs to it.
-
-    Or if it changes the tractions that it is given.
-    What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
-    """
-    name = type(law).__name__
-    trial, gap = np.tile([1e6, -2e6, -3e6], (n, 1)), np.zeros((n, 3))
-    asked: dict[str, tuple[Callable[[Array, Array], Array], tuple[int, ...]]] = {
-        "project": (lambda trial, _: law.project(trial), (n, 3)),
-        "tangential_scaling": (lambda _trial, _gap: law.tangential_scaling(), (2, 2)),
-    }
-    if type(law).resolve is not ContactLaw.resolve:
-        asked["resolve"] = (lambda trial, gap: law.resolve(trial, gap, _STEPS), (n, 3))
-    if type(law).tangent is not ContactLaw.tangent:
-        asked["tangent"] = (lambda trial, _: law.tangent(trial), (n, 3, 3))
-    for method, (ask, shape) in asked.items():
-        given = trial.copy(), gap.copy()
-        array = ask(*given)
-        if not all(map(np.array_equal, given, (trial, gap))):
-            raise CaseError(
-                f"{method} of the contact law {name} changes the array that it is given; allowed: a new one"
-            )
-        if np.shape(array) != shape:
-            raise CaseError(f"{method} of the contact law {name} has shape {np.shape(array)}; allowed: {shape}")
-
-
-def check_conductivity(law: ConductivityLaw, n: int) -> None:
-    """Raises CaseError unless the law has a conductivity for each of n nodes, and leaves alone what it is given.
-
-    Whether it is one shows where the case needs it: check_conduction of meeframe.case.mechanism.
-    """
-    asked = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
-    given = tuple(array.copy() for array in asked)
-    with np.errstate(all="ignore"):
-        kappa = law.conductivity(*given)
-    name = type(law).__name__
-    if not all(map(np.array_equal, given, asked)):
-        raise CaseError(
-            f"conductivity of the conductivity law {name} changes the arrays that it is given; allowed: new ones"
-        )
-    if np.shape(kappa) != (n,):
-        raise CaseError(f"conductivity of the conductivity law {name} has shape {np.shape(kappa)}; allowed: ({n},)")
-
-
-def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:
-    """The contact law during an increment of a duration [s], before which nodes have slipped slip_path (n,) [m].
-
-    Raises CaseError unless that is one, as check_tractions.
-    """
-    made = law.for_increment(slip_path, duration)
-    if not isinstance(made, ContactLaw):
-        raise CaseError(
-            f"for_increment of the contact law {type(law).__name__} returns {made!r}; allowed: a contact law"
-        )
-    check_tractions(made, len(slip_path))
-    return made
 
 
 def resistance(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +15,7 @@ from meeframe.case.locate import locate, locate_in_counter
 from meeframe.case.restart import Restart, read_restart
 from meeframe.case.schema import CaseTable, RestartTable
 from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
@@ -65,11 +67,12 @@ def case_from_tables(
     restart = _attempt(problems, lambda: _restart(checked.restart, folder, file))
     if material is None or mesh is None or problems:
         raise TableError(*problems)
+    assemble = partial(_assemble, checked, material, mesh, counter, restart, text)
     try:
-        return _assemble(checked, material, mesh, counter, restart, text)
+        return assemble(checked.solver.named)
     except MeeframeError as error:
         body = Body(material.stiffness, mesh, (), checked.contact.zone)
-        raise TableError(locate(error, checked, body, counter, restart)) from None
+        raise TableError(locate(error, checked, body, counter, restart, assemble)) from None
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 
@@ -122,6 +125,7 @@ def _assemble(
     counter: CounterBody | None,
     restart: Restart | None,
     text: str,
+    solver: Solver,
 ) -> Case:
     return Case(
         material=material,
@@ -138,7 +142,7 @@ def _assemble(
         electric_law=table.conductivity.electric,
         magnetic_law=table.conductivity.magnetic,
         formulation=table.formulation,
-        solver=table.solver.named,
+        solver=solver,
         limits=table.solver.record,
         output=Output(table.output.figures, table.output.vtu),
         counter=counter,

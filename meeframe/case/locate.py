@@ -8,38 +8,40 @@ from functools import partial
 import numpy as np
 
 from meeframe.case.body_tables import CounterBodyTable
-from meeframe.case.case import (
-    check_conductivity,
-    check_reach,
-    check_tractions,
-    gap_of_law,
-    law_of_increment,
-    resistance,
-)
+from meeframe.case.case import Case, check_reach, resistance
 from meeframe.case.counter import CounterBody, check_match
+from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.case.outlook import check_solver
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
 from meeframe.case.step import check_duration, check_first, check_pull, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions
+from meeframe.core.contact import Solver
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, check_supports, zone_frames
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem
+from meeframe.solvers import Auto
 
 Check = tuple[Problem, Callable[[], object]]
 """A place in the file with what is given there, and the check of it."""
 
 
 def locate(
-    error: MeeframeError, table: CaseTable, body: Body, counter: CounterBody | None, restart: Restart | None
+    error: MeeframeError,
+    table: CaseTable,
+    body: Body,
+    counter: CounterBody | None,
+    restart: Restart | None,
+    assemble: Callable[[Solver], Case],
 ) -> Problem:
     """The error at its place.
 
     It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
     else the mesh or the formulation. body: that of the case, without its boundary conditions; counter, restart: of the
-    case.
+    case; assemble: makes the case with another solver.
     """
-    return _locate(error, table, body, _case_checks(table, body, counter, restart))
+    return _locate(error, table, body, _case_checks(table, body, counter, restart, assemble))
 
 
 def locate_in_counter(error: MeeframeError, table: CounterBodyTable, body: Body) -> Problem:
@@ -78,7 +80,13 @@ def _body_checks(
     yield Problem(("boundary",), ""), partial(check_supports, body)
 
 
-def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, restart: Restart | None) -> Iterator[Check]:
+def _case_checks(
+    table: CaseTable,
+    body: Body,
+    counter: CounterBody | None,
+    restart: Restart | None,
+    assemble: Callable[[Solver], Case],
+) -> Iterator[Check]:
     zone = table.contact.zone
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
@@ -104,3 +112,13 @@ def _case_checks(table: CaseTable, body: Body, counter: CounterBody | None, rest
         yield Problem(("steps", number), ""), partial(check_resisted, step, resists)
     duration = steps[0].increment_duration
     yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
+    yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)
+
+
+def _check_solver(assemble: Callable[[Solver], Case], solver: Solver) -> None:
+    """As check_solver, of a case that nothing else is wrong with."""
+    try:
+        case = assemble(Auto())
+    except MeeframeError:
+        return
+    check_solver(case, solver)

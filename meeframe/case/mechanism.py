@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.case.case import Case, gap_of_law, law_of_increment
-from meeframe.case.history import Controls, Converged
+from meeframe.case.history import Controls, Converged, at_rest, held
+from meeframe.case.laws import gap_of_law, law_of_increment
 from meeframe.case.step import resisted
 from meeframe.core.contact import (
     ContactProblem,
@@ -28,6 +28,9 @@ from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
 from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
 from meeframe.solvers.scales import problem_scales
+
+if TYPE_CHECKING:
+    from meeframe.case.case import Case
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""
@@ -55,7 +58,7 @@ class Increment:
 class Mechanism:
     """The indenter of a case on the reduced system of its body."""
 
-    case: Case
+    case: "Case"
     system: ReducedSystem
 
     @cached_property
@@ -184,6 +187,18 @@ class Mechanism:
         """Those that work on its motions in a state of the contact zone, (8,)."""
         totals: Array = np.einsum("kni,ni->k", self.measures, state.load)
         return totals
+
+
+def beginning(mechanism: Mechanism) -> tuple[Converged, Controls]:
+    """The state to start from and what is in force there: the undeformed body, or where an earlier run ended."""
+    case = mechanism.case
+    if case.restart is None:
+        here = at_rest(case.potentials, len(mechanism.system.points))
+        return here, held(here, {})
+    step = case.restart.step
+    totals = mechanism.resultants(step.state)
+    here = Converged(step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
+    return here, held(here, step.loading.prescribed)
 
 
 def slip_of(increment: Increment, state: ContactState) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
-from meeframe.case.history import Controls, Converged, at_rest, held, ramped
-from meeframe.case.mechanism import Increment, Mechanism, check_conduction, regions, slip_of, touching
+from meeframe.case.history import Converged, ramped
+from meeframe.case.mechanism import Increment, Mechanism, beginning, check_conduction, regions, slip_of, touching
 from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
@@ -122,7 +122,9 @@ def solve_steps(
     """
     mechanism = Mechanism(case, system)
     with faults_of_plugins():
-        here, controls = _beginning(mechanism)
+        if case.restart is not None:
+            check_same_body(case.restart, system)
+        here, controls = beginning(mechanism)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before = here, controls
@@ -144,19 +146,6 @@ def solve_steps(
                     yield result  # it is solved all the same
                     raise
             yield result
-
-
-def _beginning(mechanism: Mechanism) -> tuple[Converged, Controls]:
-    """The state to start from and what is in force there: the undeformed body, or where an earlier run ended."""
-    case, system = mechanism.case, mechanism.system
-    if case.restart is None:
-        here = at_rest(case.potentials, len(system.points))
-        return here, held(here, {})
-    check_same_body(case.restart, system)
-    step = case.restart.step
-    totals = mechanism.resultants(step.state)
-    here = Converged(step.loading.motion, totals, step.total_slip, step.slip_path, step.state)
-    return here, held(here, step.loading.prescribed)
 
 
 def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float) -> None:

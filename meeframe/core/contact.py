@@ -163,14 +163,21 @@ class ContactSolution:
 class Solver(ABC):
     """An iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
 
-    A solver is `init` and `step`, nothing else: limits, history, the non-finite guard and the status belong to the
-    driver loop in meeframe.solvers.
+    A solver is `init` and `step`, and `check` if it does not take every problem; nothing else: limits, history, the
+    non-finite guard and the status belong to the driver loop in meeframe.solvers.
     """
 
     stride: ClassVar[int] = 1
     """Steps between two looks of the driver; more than one for solvers whose step costs less than such a look."""
     patience: ClassVar[int] = 2_000
     """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
+
+    def check(self, problem: ContactProblem) -> None:
+        """Raises CaseError for a problem that the solver does not take; by default it takes all.
+
+        Asked before the body is reduced: the compliance of the problem's system is then zero.
+        """
+        return
 
     @abstractmethod
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:

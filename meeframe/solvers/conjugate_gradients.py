@@ -96,6 +96,10 @@ class ProjectedCG(Solver):
 
     stride: ClassVar[int] = 5
 
+    def check(self, problem: ContactProblem) -> None:
+        """Raises CaseError as check_taken."""
+        check_taken(problem)
+
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or what a coarser division gives, or no load at all.
 

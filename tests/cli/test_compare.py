@@ -144,7 +144,7 @@ def test_what_a_solver_refuses_is_told_and_the_others_go_on(dragged, tmp_path):
     assert [run["status"] for run in runs] == ["refused", "converged"]
     assert [run["differences"]["force"] for run in runs] == [None, 0.0], "measured by the first that is not refused"
     assert "takes frictionless contact only" in runs[0]["message"]
-    assert "projected-cg: solver 'projected-cg' takes frictionless contact only" in out
+    assert "projected-cg: solver: solver 'projected-cg' takes frictionless contact only" in out
 
 
 def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from meeframe_laws.interface import SignoriniGap
 
-from meeframe.case.case import gap_of_law
+from meeframe.case.laws import gap_of_law
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.plugin.registry import Kind, load

@@ -1,0 +1,98 @@
+"""What a case leads to, as far as it shows before a body is reduced."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from meeframe.case.history import ramped
+from meeframe.case.mechanism import Increment, Mechanism, beginning
+from meeframe.core.contact import Solver
+from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.core.indenter import COLUMNS
+from meeframe.core.law import attracts, conducts
+from meeframe.core.turned import turned_frames
+from meeframe.geometry import zone_frames
+from meeframe.solvers.free_motion import motions
+
+if TYPE_CHECKING:
+    from meeframe.case.case import Case
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class RigidSystem(ReducedSystem):
+    """A body that no load deforms: the place of a contact zone, which is known before the body is reduced."""
+
+    def apply(self, load: Array) -> Array:
+        """No displacement, (n, 5) for load (n, 5)."""
+        return np.zeros_like(load)
+
+    def diagonal_blocks(self) -> Array:
+        """No response of a node to its own load, (n, 5, 5)."""
+        return np.zeros((len(self.points), N_FIELDS, N_FIELDS))
+
+    def dense(self) -> Array | None:
+        """No matrix is held."""
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        """The load (n, 5), and no displacement, on the contact zone alone."""
+        return NodalFields(self.points, self.cells, self.apply(load), load)
+
+
+def planned(case: "Case") -> Iterator[Increment]:
+    """The end of each load step on the rigid body, motions that are not prescribed where they began."""
+    place = zone_frames(case.mesh, case.zone)
+    frames = place.frames if case.axes is None else turned_frames(place.frames, case.axes.directions(place.points))
+    offset = np.zeros((len(place.points), N_FIELDS))
+    mechanism = Mechanism(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
+    here, controls = beginning(mechanism)
+    for step in case.steps:
+        controls = ramped(controls, here, step.given)
+        yield mechanism.increment(controls, here, step.increment_duration)
+
+
+def check_solver(case: "Case", solver: Solver) -> None:
+    """Raises CaseError if the solver does not take what a load step of the case leads to."""
+    if type(solver).check is Solver.check:
+        return
+    for increment in planned(case):
+        solver.check(increment.problem)
+
+
+def doubts(case: "Case") -> Iterator[str]:
+    """That the indenter touches nothing, in words, if the undeformed body shows it.
+
+    Not where it moves freely until it touches, where the surfaces need not touch for the laws, or where the case goes
+    on from an earlier run.
+    """
+    across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
+    if case.restart is not None or across or attracts(case.contact_law):
+        return
+    nearest, deepest = np.inf, 0.0
+    for increment in planned(case):
+        least = float(increment.problem.gap.min())
+        if least < 0.0 or motions(increment.problem).size:
+            return
+        if least < nearest:
+            nearest, deepest = least, float(increment.base[COLUMNS["approach"]][0])
+    yield (
+        f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
+        f"or more from the nodes of the contact zone {case.zone!r}{_beside(case)}"
+    )
+
+
+def _beside(case: "Case") -> str:
+    """That the lowest point of the indenter lies beside the contact zone, in words; '' if it does not."""
+    points = zone_frames(case.mesh, case.zone).points
+    x, y, _ = case.placement.lowest(points)
+    (least_x, least_y), (most_x, most_y) = (end(points @ case.placement.base[:2].T, axis=0) for end in (np.min, np.max))
+    if least_x <= x <= most_x and least_y <= y <= most_y:
+        return ""
+    return (
+        f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies beside that zone, which reaches from "
+        f"x = {least_x:.3g} to {most_x:.3g} m and from y = {least_y:.3g} to {most_y:.3g} m"
+    )

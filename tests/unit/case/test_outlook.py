@@ -1,0 +1,137 @@
+"""What shows of a case before its body is reduced: solvers that do not take it, an indenter that touches nothing."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.case.load import load_case
+from meeframe.core.contact import Solver
+from meeframe.core.errors import CaseError
+from meeframe.laws import IsotropicCoulomb
+from meeframe.solvers import Auto, ProjectedCG
+from meeframe.solvers.frictionless import takes
+
+PCG = '\n[solver]\nname = "projected-cg"\n'
+FRICTION = '\n[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n'
+REFUSED = (
+    "solver 'projected-cg' takes frictionless contact only, .* not IsotropicCoulomb; allowed contact law: signorini"
+)
+
+
+@pytest.fixture
+def case(write_case, registry):
+    """The sphere on springs."""
+    return load_case(write_case(), registry)
+
+
+def test_a_solver_that_does_not_take_the_law_is_told_at_its_key(write_case, registry, case):
+    with pytest.raises(CaseError, match=rf"case\.toml: solver: {REFUSED}"):
+        load_case(write_case(more=PCG + FRICTION), registry)
+    with pytest.raises(CaseError, match=f"^{REFUSED}"):
+        replace(case, solver=ProjectedCG(), contact_law=IsotropicCoulomb(0.3))
+    assert load_case(write_case(more=PCG + FRICTION.replace("0.3", "0")), registry).solver == ProjectedCG()
+
+
+def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
+    loose = ("displacement = [0, 0, 0]\n", "")
+    with pytest.raises(CaseError) as raised:
+        load_case(write_case(loose, more=PCG + FRICTION), registry)
+    assert "solver" not in str(raised.value)
+    assert "boundary" in str(raised.value)
+
+
+def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
+    """On a hill the sides bear a part of a tangential force by pressure, at another ratio everywhere."""
+    points = case.mesh.points.copy()
+    points[:, 2] -= 40.0 * np.minimum((points[:, :2] ** 2).sum(axis=1), 2.5e-5) * (points[:, 2] > -1e-9)
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(force_ratio=(0.01, 0.0)))
+    hill = replace(case, mesh=replace(case.mesh, points=points), steps=steps)
+    assert hill.solver == Auto()
+    with pytest.raises(CaseError, match="solver 'projected-cg' cannot find freedom 0 of the indenter: its resultant"):
+        replace(hill, solver=ProjectedCG())
+    assert replace(hill, solver=ProjectedCG(), steps=steps[:1]).steps == steps[:1]
+
+
+@dataclass(frozen=True)
+class Shallow(Solver):
+    """Takes no more than 15 um of approach."""
+
+    def check(self, problem):
+        if problem.gap.min() < -15e-6:
+            raise CaseError(f"solver 'shallow' at {problem.system.points[problem.gap.argmin()]}")
+
+    def init(self, problem, start):
+        raise NotImplementedError
+
+    def step(self, problem, iterate):
+        raise NotImplementedError
+
+
+def test_solvers_are_asked_about_every_step(case):
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(translation=(1e-6, 0.0)), meeframe.Step(approach=2e-5))
+    assert replace(case, solver=Shallow(), steps=steps[:2]).solver == Shallow()
+    with pytest.raises(CaseError, match=r"solver 'shallow' at \[0\. 0\. 0\.\]"):
+        replace(case, solver=Shallow(), steps=steps)
+
+
+@dataclass(frozen=True)
+class Capped(IsotropicCoulomb):
+    """Bears no more than a pressure [Pa]."""
+
+    most: float = np.inf
+
+    def project(self, trial):
+        return np.maximum(super().project(trial), [-np.inf, -np.inf, -self.most])
+
+
+@pytest.mark.parametrize(("law", "taken"), [(Capped(0.0), True), (Capped(0.0, 1e7), False), (Capped(0.1), False)])
+def test_laws_are_tried_at_pressures_of_all_sizes(case, law, taken):
+    problem = meeframe.case.outlook.planned(replace(case, contact_law=law))
+    assert takes(next(problem).problem) is taken
+
+
+AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ([], None),
+        ([('"10 um"', "0")], AWAY.format("0", "0")),  # it just touches, and presses nowhere
+        # the sphere's axis goes through the middle of a cell: 1.25 mm of side, so that R - sqrt(R^2 - 2 (side / 2)^2)
+        (
+            [('"100 mm"', '"100 mm"\nx = "625 um"\ny = "625 um"'), ('"10 um"', '"1 um"')],
+            AWAY.format("1e-06", "2.91e-06"),
+        ),
+        (
+            [('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"1 um"')],
+            AWAY.format("1e-06", "0.00153")
+            + " of the contact zone 'contact'; its lowest point, at x = 0.02 m and y = 0 m,"
+            " lies beside that zone, which reaches from x = -0.0025 to 0.0025 m and from y = -0.0025 to 0.0025 m",
+        ),
+        ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"2 mm"')], None),
+        ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('approach = "10 um"', 'normal_force = "1 N"')], None),
+    ],
+)
+def test_an_indenter_that_touches_nothing_is_warned_of(write_case, registry, changes, told):
+    """And one that is pressed by a force finds its way."""
+    warnings = load_case(write_case(*changes), registry).warnings
+    assert len(warnings) == (told is not None)
+    assert all(told in text for text in warnings)
+
+
+def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
+    above = ('"10 um"', '"-10 um"')
+    assert load_case(write_case(above), registry).warnings
+    across = '\n[conductivity]\nelectric = { name = "across-gap", gap_constant = "1e-11 F/m" }\n'
+    assert not load_case(write_case(above, more=across), registry).warnings
+    dmt = '\n[contact]\nlaw = { name = "dmt", work_of_adhesion = "0.1 J/m^2", equilibrium_distance = "1 nm" }\n'
+    assert not load_case(write_case(above, more=dmt), registry).warnings
+
+
+def test_one_step_that_touches_is_enough(case):
+    steps = (meeframe.Step(approach=-1e-5), meeframe.Step(approach=1e-5), meeframe.Step(approach=0.0))
+    assert replace(case, steps=steps[:1]).warnings
+    assert not replace(case, steps=steps).warnings
