@@ -18,8 +18,8 @@ from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
+from meeframe.core.toml import read_toml
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
-from meeframe.io.toml import read_toml
 from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry

@@ -1,16 +1,15 @@
 """Materials as TOML tables: in case files, material files and the library."""
 
-import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from meeframe.core.errors import MaterialError
+from meeframe.core.errors import CaseError, MaterialError
 from meeframe.core.fields import Array
 from meeframe.core.quantities import Quantity
+from meeframe.core.toml import read_toml, toml_text
 from meeframe.materials.components import UNITS, material_components, material_from_components, parse_component
 from meeframe.materials.material import Material
 from meeframe.materials.rotation import rotation_about, rotation_from_euler
@@ -52,23 +51,20 @@ def read_material(path: Path) -> Material:
     Raises MaterialError, naming the file, if it cannot be read or its table is not acceptable.
     """
     try:
-        return inline_material(tomllib.loads(path.read_text(encoding="utf-8-sig")))
-    except OSError as error:
-        raise MaterialError(f"material file {path}: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, MaterialError) as error:
+        _, table = read_toml(path)
+    except CaseError as error:
+        raise MaterialError(f"material file {error}") from None
+    try:
+        return inline_material(table)
+    except MaterialError as error:
         raise MaterialError(f"material file {path}: {error}") from None
 
 
 def write_material(material: Material, path: Path) -> None:
     """Write a material file; raises MaterialError if it exists or cannot be written."""
-    table = material_table(material)
-    components = table.pop("components")
-    # a JSON string is a TOML basic string, and repr of a float round-trips
-    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in table.items()]
-    lines += ["", "[components]", *(f"{key} = {value!r}" for key, value in components.items()), ""]
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write("\n".join(lines))
+            file.write(toml_text(material_table(material)))
     except OSError as error:
         raise MaterialError(f"material file {path}: {error.strerror or error}") from None
 

@@ -13,9 +13,9 @@ from meeframe.core.body import Body
 from meeframe.core.errors import MeeframeError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
 from meeframe.core.result import Zone
+from meeframe.core.toml import read_toml
 from meeframe.geometry import zone_frames
 from meeframe.io.output import check_output, replacing
-from meeframe.io.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, Valid
 
 from meeframe.core.errors import CaseError
 from meeframe.core.quantities import read_quantity
-from meeframe.io.toml import read_toml
+from meeframe.core.toml import read_toml
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.study.quantities import NODAL, TOTALS
 

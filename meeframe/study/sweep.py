@@ -14,9 +14,9 @@ from meeframe.core.fields import Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.result import Result
 from meeframe.core.sweep import SweepResult
+from meeframe.core.toml import read_toml
 from meeframe.io.output import replacing
 from meeframe.io.sweep import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
-from meeframe.io.toml import read_toml
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.report.figures import save_figure

@@ -18,8 +18,8 @@ from meeframe.case.solve import joined, provenance, solve_steps, zone_of
 from meeframe.core.errors import MeeframeError, PluginFault, ResultError, TooLargeError
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import Result, RunStatus
+from meeframe.core.toml import toml_text
 from meeframe.io.results import create_result, finish_result, read_result
-from meeframe.io.toml import toml_text
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError
 
@@ -60,6 +60,11 @@ class Point:
         except TableError as error:
             return cls(label, None, hashlib.sha256(text.encode()).hexdigest(), error.problems)
         return cls(label, case, case_key(case))
+
+    @property
+    def faulty(self) -> bool:
+        """Whether there is no case because the code of a plugin failed."""
+        return any(problem.cause is not None for problem in self.problems)
 
 
 @dataclass(frozen=True, eq=False)

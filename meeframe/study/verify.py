@@ -20,8 +20,8 @@ from meeframe.core.fields import ELECTRIC, N_FIELDS
 from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.indenter import COLUMNS, MOTIONS
 from meeframe.core.result import StepResult, Zone, resultants
+from meeframe.core.toml import read_toml
 from meeframe.io.output import check_output, replacing
-from meeframe.io.toml import read_toml
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.report.extrapolation import MESHES, SECOND

@@ -2,6 +2,7 @@
 
 import importlib.resources
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
         ({"name": "batio3", "rotation": {"axis": [0, 0], "angle": 1}}, r"rotation\.axis is \[0, 0\]"),
         ({"name": "batio3", "rotation": {"axis": [0, 0, 1]}}, r"rotation\.angle = None"),
         ({"name": "batio3", "rotation": {"axis": [0, 0, 1], "angel": 1}}, "'angel' in rotation; allowed: angle"),
-        ({"file": "absent.toml"}, "absent.toml: No such file"),
+        ({"file": "absent.toml"}, "absent.toml: cannot be read: No such file"),
     ],
 )
 def test_bad_tables(table: dict[str, object], message: str) -> None:
@@ -169,3 +170,11 @@ def test_bad_files_are_named(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(MaterialError, match=r"material file .*bad\.toml: "):
         read_material(path)
+
+
+def test_names_of_any_letters_are_kept(tmp_path: Path) -> None:
+    """A byte order mark, as Windows' editors put first, is no letter."""
+    material = replace(library_material("cofe2o4"), name='"µ\\\x7f\n"')
+    write_material(material, tmp_path / "m.toml")
+    (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf" + (tmp_path / "m.toml").read_bytes())
+    assert read_material(tmp_path / "m.toml").name == read_material(tmp_path / "marked.toml").name == material.name

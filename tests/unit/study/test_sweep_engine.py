@@ -16,8 +16,8 @@ from meeframe.case.solve import bodies_of, reduce, solve_case
 from meeframe.core.errors import CaseError, MeshError, PluginFault, ResultError, TooLargeError
 from meeframe.core.formulation import Formulation, NodalFields, ReducedSystem
 from meeframe.core.result import resultants
+from meeframe.core.toml import toml_text
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.io.toml import toml_text
 from meeframe.laws import IsotropicCoulomb
 from meeframe.study import sweep_dask
 from meeframe.study.declare import changed
