@@ -1,13 +1,14 @@
 """A reduced system in which the contact's edge lies between the nodes: nodes there respond more to their own load."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem, inverse_of_softer
+from meeframe.core.formulation import NodalFields, Part, ReducedSystem, inverse_of_softer
+from meeframe.core.mesh import Indices
 
 
 @final
@@ -61,6 +62,11 @@ class EdgedSystem(ReducedSystem):
             return None
         before, after = (system.diagonal_blocks()[:, fields, fields] for system in (self.original, self))
         return inverse_of_softer(inverse, before, after)
+
+    def within(self, nodes: Indices) -> Part | None:
+        """That of the original, whose nodes respond more likewise."""
+        part = self.original.within(nodes)
+        return None if part is None else replace(part, system=edged(part.system, self.own[part.kept]))
 
 
 def _each(blocks: Array, load: Array) -> Array:

@@ -21,7 +21,7 @@ import scipy  # its parts load where they are used
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Edges, NodalFields, ReducedSystem, Rim, inverse_of_softer
+from meeframe.core.formulation import Edges, NodalFields, Part, ReducedSystem, Rim, inverse_of_softer
 from meeframe.core.mesh import Indices
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -97,6 +97,20 @@ class PairSystem(ReducedSystem):
             return None
         alone, together = (system.diagonal_blocks()[:, fields, fields] for system in (self.first, self))
         return inverse_of_softer(inverse, alone, together)
+
+    def within(self, nodes: Indices) -> Part | None:
+        """If both bodies have a part there and on the same nodes, as they have on grids that are divided alike."""
+        part, theirs = self.first.within(nodes), self.counter.within(self.partners[nodes])
+        if part is None or theirs is None or len(part.kept) != len(theirs.kept):
+            return None
+        kept, number = part.kept, np.full(len(self.partners), -1)
+        number[theirs.kept] = np.arange(len(theirs.kept))
+        partners = number[self.partners[kept]]
+        if partners.min() < 0:
+            return None
+        first = part.system
+        geometry = first.points, first.frames, first.weights, first.cells, self.offset[kept]
+        return Part(PairSystem(*geometry, first, theirs.system, partners, self.rotation[kept], None), kept)
 
     @cached_property
     def _aligned(self) -> bool:

@@ -10,7 +10,8 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.mesh import Indices
 
 TANGENTIAL: Final = frozenset((0, 1))
 NORMAL_TO_SURFACE: Final = 1e-9
@@ -106,6 +107,15 @@ class TurnedSystem(ReducedSystem):
             return None
         directions = self.frames[coarse.kept, 0]
         return replace(coarse, system=turned(coarse.system, directions))
+
+    def within(self, nodes: Indices) -> Part | None:
+        """That of the original, turned likewise."""
+        part = self.original.within(nodes)
+        if part is None:
+            return None
+        there, kept = part.system, part.kept
+        geometry = there.points, self.frames[kept], there.weights, there.cells, self.offset[kept]
+        return Part(TurnedSystem(*geometry, there, self.cosine_sine[kept]), kept)
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""

@@ -12,7 +12,8 @@ from meeframe_halfspace.grid import Grid
 FEWEST: Final = 24
 """Nodes along an axis of the coarsest grid."""
 STEPS: Final = 16
-"""At which parts of a grid may begin and end along an axis: they are to serve for contacts that change a little."""
+"""At which parts of a grid may begin and end along an axis: few sizes, for contacts that change a little. Counted from
+either end, so that parts of turned grids are turned parts."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
@@ -41,7 +42,7 @@ def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
 def _span(held: NDArray[np.bool_], count: int) -> slice:
     """A part of range(count) that holds those of them, (count,)."""
     there, step = np.flatnonzero(held), -(-count // STEPS)
-    return slice(there[0] // step * step, min((there[-1] // step + 1) * step, count))
+    return slice(there[0] // step * step, count - (count - 1 - there[-1]) // step * step)
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:

@@ -16,7 +16,7 @@ from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
 from meeframe_halfspace.response import PointResponse
-from meeframe_halfspace.system import HalfSpaceSystem, dense_matrix
+from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_matrix
 
 
 @final
@@ -62,7 +62,7 @@ class HalfSpace(Formulation):
         progress("surface compliance", 0.0)
         response = PointResponse.of(body.stiffness, grid.frame)
         progress("surface compliance", 1.0)
-        weights = grid.weights(self.periodic)
+        weights, grid_response = grid.weights(self.periodic), self._grid_response(response, grid)
         system = HalfSpaceSystem(
             points=zone.points,
             frames=np.broadcast_to(zone.frame, (len(weights), 3, 3)),
@@ -70,7 +70,8 @@ class HalfSpace(Formulation):
             cells=zone.cells,
             offset=np.zeros((len(weights), N_FIELDS)),
             grid=grid,
-            grid_response=self._grid_response(response, grid),
+            grid_response=grid_response,
+            convolution=convolution_of(grid_response),
             shares=weights / weights.max(),
             edge_waves=response.wave_series()[0] if self.edges == "resolved" else None,
         )

@@ -51,7 +51,7 @@ class Grid:
         Fields are stored one after another.
         """
         if self._order == "C":
-            return values.reshape(len(values), -1).T
+            return values.reshape(len(values), self.nodes.size).T
         nodal = np.empty((len(values), self.nodes.size), values.dtype)
         for part, value in zip(nodal, values, strict=True):
             if self._order is None:

@@ -22,6 +22,8 @@ SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
 SMALL: Final = 0.6
 """Of the nodes: parts with more of them are not worth entries of their own."""
+SIZES: Final = 3
+"""Of parts whose entries are kept: that of the contact, what it was before, and one that is looked at besides."""
 
 
 @final
@@ -30,28 +32,16 @@ class HalfSpaceSystem(ReducedSystem):
     """displacement = convolution of (shares, load).
 
     shares: (n,) of the density around each node that belongs to the zone, 1 but on the border of a free grid;
-    grid_response: to the density around one node; edge_waves: series of Re Y with which edges are resolved between the
-    nodes, None if they are resolved to nodes.
+    grid_response: to the density around one node; convolution: see convolution_of; edge_waves: series of Re Y with
+    which edges are resolved between the nodes, None if they are resolved to nodes.
     """
 
     grid: Grid
     grid_response: GridResponse
+    convolution: Convolution
     shares: Array
     edge_waves: Array | None = None
-    _last: list[Part] = field(default_factory=list, init=False, repr=False)
-
-    @cached_property
-    def convolution(self) -> Convolution:
-        """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
-        response = self.grid_response
-        return Convolution(Symbol(response.symbol), response.size, response.padded, self.scale)
-
-    @property
-    def scale(self) -> Array:
-        """Of the scaled response, (5, 5)."""
-        factors = self.grid_response.response.factors
-        scale: Array = np.outer(factors * SIGNS, factors)
-        return scale
+    _parts: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
@@ -86,7 +76,7 @@ class HalfSpaceSystem(ReducedSystem):
     @cached_property
     def _own(self) -> Array:
         """Response (5, 5) of a node to the density around it."""
-        own: Array = entries_to_matrix(self.grid_response.own) * self.scale
+        own: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
         return own
 
     def dense(self) -> Array | None:
@@ -97,7 +87,7 @@ class HalfSpaceSystem(ReducedSystem):
         """The edge of the contact between the nodes, if that is asked for."""
         if self.edge_waves is None:
             return None
-        return resolved_edges(self.grid, self.edge_waves, self.scale, pressure, rim)
+        return resolved_edges(self.grid, self.edge_waves, self.convolution.scale, pressure, rim)
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
@@ -130,27 +120,35 @@ class HalfSpaceSystem(ReducedSystem):
             offset=self.offset[kept],
             grid=grid,
             grid_response=response,
+            convolution=convolution_of(response),
             shares=self.shares[kept],
         )
         return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
 
     def within(self, nodes: Indices) -> Part | None:
-        """On a free grid the half space on a smaller one; the last that was asked for is kept."""
+        """On a free grid the half space on a smaller one, which depends on the nodes alone."""
         if not nodes.size:
             return None
         places = self.grid.nodes[box(self.grid, nodes)]
-        for last in self._last:
-            if SMALL * len(last.kept) <= places.size and np.isin(nodes, last.kept).all():
-                return last
         size = places.shape[0], places.shape[1]
-        response = self.grid_response.within(size) if places.size <= SMALL * len(self.points) else None
-        if response is None:
+        answer = self._answer_within(size) if places.size <= SMALL * len(self.points) else None
+        if answer is None:
             return None
         kept, grid = places.ravel(), numbered(self.grid, size)
         parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        part = Part(HalfSpaceSystem(*parts, grid, response, self.shares[kept]), kept)
-        self._last[:] = [part]
-        return part
+        return Part(HalfSpaceSystem(*parts, grid, *answer, self.shares[kept]), kept)
+
+    def _answer_within(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
+        """Of a part of that size, wherever it is; None if it has none. The last ones that were asked for are kept."""
+        others = [answer for answer in self._parts if answer[1].size != size]
+        known = [answer for answer in self._parts if answer[1].size == size]
+        if not known:
+            response = self.grid_response.within(size)
+            if response is None:
+                return None
+            known = [(response, convolution_of(response))]
+        self._parts[:] = [*others, *known][-SIZES:]
+        return known[0]
 
     def recover(self, load: Array) -> NodalFields:
         """Fields on the contact zone for a load (n, 5): the half space around it has none on its surface but decays."""
@@ -161,6 +159,12 @@ class HalfSpaceSystem(ReducedSystem):
         turned = extended.copy()
         turned[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
         return turned
+
+
+def convolution_of(response: GridResponse) -> Convolution:
+    """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
+    factors = response.response.factors
+    return Convolution(Symbol(response.symbol), response.size, response.padded, np.outer(factors * SIGNS, factors))
 
 
 def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

@@ -26,6 +26,7 @@ from meeframe.solvers.nested import coarse_problem, nested_start, tensed
 from meeframe.solvers.scales import problem_scales
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import PRESS, freedom
+from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 from meeframe.testing.shortcuts import check_parts, check_shortcuts
 
@@ -189,25 +190,55 @@ def test_parts_of_single_nodes() -> None:
 
 
 def test_parts_of_free_grids() -> None:
-    """Around the nodes, little larger than need be; kept while these change a little; none where it is hardly less."""
+    """Around the nodes, little larger than need be; what answers wherever they are; none where it is hardly less."""
     n = 96
     system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1))
     distance = np.abs(system.points[:, :2]).max(axis=1) / WIDTH
-    inner, wider = (np.flatnonzero(distance < half) for half in (0.2, 0.21))
+    wider = np.flatnonzero(distance < 0.21)
     part = system.within(wider)
     assert part is not None
     assert len(wider) <= len(part.kept) <= 1.5 * len(wider)
-    assert system.within(inner) is part
-    smaller = system.within(np.flatnonzero(distance < 0.1))
+    shifted, smaller = system.within(wider + 12 * n), system.within(np.flatnonzero(distance < 0.1))
+    assert shifted is not None
     assert smaller is not None
+    assert shifted.system.convolution is part.system.convolution
     assert len(smaller.kept) < 0.5 * len(part.kept)
     assert system.within(np.flatnonzero(distance < 0.4)) is None
     periodic = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n, n))
     assert periodic.within(np.arange(10)) is None
 
 
+def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
+    """Bit for bit: larger and smaller contacts beforehand leave other parts behind, and none of them is used again."""
+
+    def solved(system: ReducedSystem, radius: float) -> Array:
+        height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
+        problem = indentation_problem(system, height, radius**2 / 0.1, conductivity=(np.inf, np.inf), potentials=(5, 1))
+        solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+        assert solution.status is Status.CONVERGED
+        return solution.state.load
+
+    first, second = (system_of(HalfSpace(matrix_up_to=0), (40, 40), ANISOTROPIC) for _ in range(2))
+    radii = np.array([0.16, 0.2, 0.24, 0.3]) * WIDTH
+    loads = [solved(first, radius) for radius in radii]
+    again = [solved(second, radius) for radius in radii[::-1]][::-1]
+    for load, other in zip(loads, again, strict=True):
+        np.testing.assert_array_equal(load, other)
+
+
+@SOLVERS
+def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
+    """Their solution is no load at all, in no field: that of this one, too."""
+    system = grid(64)
+    problem = replace(pressed_by(system, (system.points**2).sum(axis=1), 0.0), electric_law=StepConductivity(np.inf))
+    solution = solve(problem, solver, Limits(tolerance=1e-8))
+    assert solution.status is Status.CONVERGED
+    assert not solution.state.load.any()
+
+
 def test_shortcuts_of_systems_made_of_others() -> None:
     system = system_of(*GRIDS[0])
+    nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
     for whole in (
         pair(system, system),
@@ -216,6 +247,7 @@ def test_shortcuts_of_systems_made_of_others() -> None:
         Counted.of(system),
     ):
         check_shortcuts(whole)
+        assert whole.within(nodes) is not None
 
 
 @final
