@@ -108,8 +108,8 @@ def _far(
 
     def part(whole: Array, first: int, place: slice) -> tuple[LowRank, int]:
         last = first + place.stop - place.start
-        factor, right = truncated(r @ whole[:, first:last], tolerance)
-        return LowRank(row.unknowns, place, q @ factor, right), last
+        factor, right = truncated(r @ whole[:, first:last].astype(r.dtype), tolerance)
+        return LowRank(row.unknowns, place, (q @ factor).astype(float), right.astype(float)), last
 
     blocks: list[tuple[Block, Block]] = []
     unknown = load = 0

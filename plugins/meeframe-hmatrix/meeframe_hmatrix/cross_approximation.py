@@ -10,10 +10,11 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.layout import NONE
 from meeframe_hmatrix.clusters import Cluster
-from meeframe_hmatrix.integrals import Integrals
+from meeframe_hmatrix.integrals import Integrals, Kind
 from meeframe_hmatrix.kernels import Rows, enter
 from meeframe_hmatrix.rows import add, column_window, no_sums, orders_from, output, placed
 from meeframe_hmatrix.skeleton import enter_samples, skeleton_sources, spread_out
+from meeframe_hmatrix.truncation import precision
 
 FIRST_SAMPLES = 64
 """Points that sample the columns at first."""
@@ -25,15 +26,22 @@ LARGE = 1 << 18
 """More samples than that leave the second-level cache; random sums of them then show which equations are chosen."""
 FIRST_SUMS = 256
 """Random sums of columns that stand for all of them at first."""
+FAR = 3.0
+"""Error of an integral over a far element in terms of that over a near one: in the Frobenius norm, in which the blocks
+have their tolerance, rules for it err by a twentieth of it, and by half of it in the worst block (measured)."""
 LEAST = 1e-2
 """Columns smaller than this part of the largest, distances apart, need not be as exact as others."""
 
 
 def reachable(integrals: Integrals, row: Cluster, column: Cluster) -> bool:
     """Whether tensor rules serve all elements of a column cluster from everywhere in a row cluster."""
-    return all(
-        orders_from(integrals, row.row_box, kind, numbers).all() for kind, numbers in integrals.elements([column])
-    )
+    return all(_orders(integrals, row, kind, numbers).all() for kind, numbers in integrals.elements([column]))
+
+
+def _orders(integrals: Integrals, row: Cluster, kind: Kind, numbers: Indices) -> Indices:
+    """Orders (n, 2) of tensor rules that serve far elements from everywhere in a row cluster, 0 where none does."""
+    accuracy = integrals.accuracy
+    return orders_from(row.row_box, kind, numbers, accuracy._replace(tolerance=FAR * accuracy.tolerance))
 
 
 def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tolerance: float) -> tuple[Array, Rows]:
@@ -46,7 +54,7 @@ def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tol
     """
     origin, parts = np.zeros(3), []
     for kind, numbers in integrals.elements(columns):
-        orders = orders_from(integrals, row.row_box, kind, numbers)
+        orders = _orders(integrals, row, kind, numbers)
         points, _ = placed(integrals, origin, kind, numbers, orders, np.full(orders.shape, np.nan))
         parts.append((kind, numbers, points))
     places = np.concatenate([points.offsets for _, _, points in parts])
@@ -64,7 +72,7 @@ def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tol
         mine = np.flatnonzero(source[chosen] == number)
         own[field[chosen[mine]]] = mine
         enter(sums, own, integrals.columns, window, out)
-    placed_left = np.zeros((row.unknowns.stop - row.unknowns.start, len(chosen)))
+    placed_left = np.zeros((row.unknowns.stop - row.unknowns.start, len(chosen)), left.dtype)
     placed_left[equations] = left
     return placed_left, out
 
@@ -86,17 +94,18 @@ def _skeleton(
     rows = np.full((row.sources.stop - row.sources.start, N_FIELDS), NONE)
     rows[source, field] = np.arange(len(source))
     centre = row.row_box.mean(axis=0)
-    raw, sizes = np.empty((len(source), 0, 2 * N_FIELDS)), np.empty((0, 2))
+    raw, sizes = np.empty((len(source), 0, 2 * N_FIELDS), precision(tolerance)), np.empty((0, 2))
     samples = FIRST_SAMPLES
     while True:
         held_out = samples // HELD_OUT
         spread = spread_out(places, row.row_box[0], row.row_box[1], samples + held_out)
         new = spread[len(sizes) :]
-        more = _samples(integrals, integrals.positions[row.sources], rows, places[new], normals[new], len(source))
+        room = np.empty((len(source), len(new), 2 * N_FIELDS), raw.dtype)
+        more = room, _samples(integrals, integrals.positions[row.sources], rows, places[new], normals[new], room)
         raw, sizes = (np.concatenate(pair, axis=axis) for axis, pair in ((1, (raw, more[0])), (0, (sizes, more[1]))))
         away = np.linalg.norm(places[spread] - centre, axis=1, keepdims=True) ** [1, 2]
         factors = 1.0 / np.maximum(sizes, LEAST * (away * sizes).max(axis=0) / away)
-        sampled = raw * np.repeat(factors, N_FIELDS, axis=1)
+        sampled = raw * np.repeat(factors, N_FIELDS, axis=1).astype(raw.dtype)
         exhausted = len(spread) < samples + held_out
         known = len(spread) if exhausted else samples
         left, chosen = interpolation(sampled[:, :known].reshape(len(source), -1), source, tolerance)
@@ -109,17 +118,18 @@ def _skeleton(
 
 
 def _samples(
-    integrals: Integrals, positions: Array, rows: Indices, places: Array, normals: Array, n_equations: int
-) -> tuple[Array, Array]:
-    """Samples (m, p, 10) of u and t in m equations, rows (s, 5) of the positions (s, 3), and their norms (p, 2)."""
-    samples, squares = np.empty((n_equations, len(places), 2 * N_FIELDS)), np.zeros((len(places), 2))
+    integrals: Integrals, positions: Array, rows: Indices, places: Array, normals: Array, samples: Array
+) -> Array:
+    """Fill samples (m, p, 10) of u and t in m equations, rows (s, 5) of the positions (s, 3); their norms (p, 2)."""
+    squares = np.zeros((len(places), 2))
     for first in range(0, len(positions), SOURCES_PER_CALL):
         part = positions[first : first + SOURCES_PER_CALL]
         offsets = (places - part[:, None]).reshape(-1, 3)
         u, t = integrals.kernel.evaluate(offsets, np.tile(normals, (len(part), 1)))
         own = rows[first : first + SOURCES_PER_CALL]
         enter_samples(u.reshape(-1, 25), t.reshape(-1, 25), own, samples, squares)
-    return samples, np.sqrt(squares)
+    norms: Array = np.sqrt(squares)
+    return norms
 
 
 def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Array, Indices]:
@@ -131,7 +141,7 @@ def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Ar
     limit, n, width, enough = tolerance / 2.0 * np.linalg.norm(sampled), sampled.shape[1], FIRST_SUMS, False
     while not enough:
         mean = sampled.size > LARGE and width < n
-        sums = sampled @ _random(n, width) if mean else sampled.copy()
+        sums = sampled @ _random(n, width).astype(sampled.dtype) if mean else sampled.copy()
         chosen, parts, enough = skeleton_sources(sums, source, limit, mean)
         width *= 2
     places = np.flatnonzero(np.isin(source, chosen if len(chosen) else [0]))
@@ -139,9 +149,10 @@ def interpolation(sampled: Array, source: Indices, tolerance: float) -> tuple[Ar
         basis, _ = np.linalg.qr(sampled[places].T)
         parts = sampled @ basis
     # pivoted QR: singular values would cost most of the block
-    solved = lstsq(parts[places].T, parts.T, cond=tolerance / 100.0, check_finite=False, lapack_driver="gelsy")
+    least = max(tolerance / 100.0, 8.0 * float(np.finfo(parts.dtype).eps))
+    solved = lstsq(parts[places].T, parts.T, cond=least, check_finite=False, lapack_driver="gelsy")
     left: Array = solved[0].T
-    left[places] = np.eye(len(places))
+    left[places] = np.eye(len(places), dtype=left.dtype)
     return left, places
 
 

@@ -10,6 +10,7 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.elements.quadrature import gauss_table, shape_table
 from meeframe.formulations.dense_bem.layout import NONE
+from meeframe.kernels.assembly import Accuracy
 from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals, Kind
@@ -43,7 +44,7 @@ def near_rows(integrals: Integrals, row: Cluster, near: Sequence[Cluster]) -> Ro
         for kind, numbers in kinds:
             own, places = _own(integrals, source, kind)
             others = numbers[~np.isin(numbers, own)]
-            orders = orders_from(integrals, np.stack([position, position]), kind, others)
+            orders = orders_from(np.stack([position, position]), kind, others, integrals.accuracy)
             room = rooms.get(kind)
             points, room = placed(integrals, position, kind, others, orders, np.full(orders.shape, np.nan), room)
             add(integrals, kind, others, points, window, sums)
@@ -56,10 +57,10 @@ def near_rows(integrals: Integrals, row: Cluster, near: Sequence[Cluster]) -> Ro
     return out
 
 
-def orders_from(integrals: Integrals, box: Array, kind: Kind, numbers: Indices) -> Indices:
+def orders_from(box: Array, kind: Kind, numbers: Indices, accuracy: Accuracy) -> Indices:
     """Orders (n, 2) of tensor rules that serve elements seen from anywhere in a box (2, 3), 0 where none does."""
     orders, table = np.empty((len(numbers), 2), np.int64), shape_table(kind.element)
-    orders_from_box(box, numbers, kind.elements, table, integrals.accuracy, gauss_table(), orders)
+    orders_from_box(box, numbers, kind.elements, table, accuracy, gauss_table(), orders)
     return orders
 
 

@@ -69,8 +69,9 @@ def skeleton_sources(rest, source, limit, mean):
     """
     m, n = rest.shape
     n_sources = source[-1] + 1
-    basis, left = np.empty((min(m, n), n)), np.zeros(n_sources)
-    parts, projected = np.zeros((m, len(basis))), np.empty((m, n))
+    basis, left = np.empty((min(m, n), n), rest.dtype), np.zeros(n_sources)
+    parts, projected = np.zeros((m, len(basis)), rest.dtype), np.empty((m, n), rest.dtype)
+    round_off = 500.0 * np.finfo(rest.dtype).eps
     taken = np.zeros(n_sources, np.bool_)
     for i in range(m):
         left[source[i]] += (rest[i] ** 2).sum()
@@ -86,7 +87,7 @@ def skeleton_sources(rest, source, limit, mean):
                 for b in range(first, rank):
                     row -= (row * basis[b]).sum() * basis[b]
             remains = sqrt((row**2).sum())
-            if rank < len(basis) and remains > 1e-13 * norm:
+            if rank < len(basis) and remains > round_off * norm:
                 basis[rank] = row / remains
                 rank += 1
         dots = np.dot(rest, basis[first:rank].T)
@@ -94,7 +95,7 @@ def skeleton_sources(rest, source, limit, mean):
         np.dot(dots, basis[first:rank], projected)
         left[:] = 0.0
         for i in range(m):
-            square = 0.0
+            square = rest.dtype.type(0.0)
             for q in range(n):
                 rest[i, q] -= projected[i, q]
                 square += rest[i, q] ** 2

@@ -21,11 +21,10 @@ from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.packing import packed
 from meeframe_hmatrix.product import Product, stacked
 from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
+from meeframe_hmatrix.truncation import precision
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
-SINGLE: Final = 1e-5
-"""Truncation to at least this tolerance is coarser than single precision, in which elimination then computes."""
 RESIDUAL: Final = 1e-10
 CYCLE, MOST_CYCLES = 50, 4
 """Of GMRES: iterations until it starts again, and how often it does."""
@@ -138,7 +137,7 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
 def truncation(tolerance: float) -> Iterator[Truncation]:
     """In single precision where that is enough."""
     with helpers() as pool:
-        yield Truncation(tolerance, np.float32 if tolerance >= SINGLE else np.float64, pool)
+        yield Truncation(tolerance, precision(tolerance), pool)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,18 @@
 import numpy as np
 from numba import njit
 
+SINGLE = 1e-5
+"""Truncation to at least this tolerance is coarser than single precision, in which it then computes."""
 FIRST = 0.4
 """Part of the tolerance that is left by pivoting; the rest goes with the singular values."""
 
 PLAIN = 1e-20
 """Sums of squares from here to its inverse are as good in single precision as in double; others are scaled first."""
+
+
+def precision(tolerance):
+    """The type of numbers in which to truncate."""
+    return np.float32 if tolerance >= SINGLE else np.float64
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})

@@ -24,8 +24,7 @@ from meeframe_hmatrix.blocks import (
 )
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.product import stacked
-from meeframe_hmatrix.system import SINGLE
-from meeframe_hmatrix.truncation import truncated
+from meeframe_hmatrix.truncation import SINGLE, truncated
 
 LEAF = 12
 

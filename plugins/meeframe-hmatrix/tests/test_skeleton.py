@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from meeframe_hmatrix.cross_approximation import LARGE, interpolation
 from meeframe_hmatrix.skeleton import spread_out
+from meeframe_hmatrix.truncation import SINGLE
 
 
 def test_points_are_spread_out_and_dense_where_the_box_is_close():
@@ -17,8 +18,8 @@ def test_points_are_spread_out_and_dense_where_the_box_is_close():
 
 
 @pytest.mark.parametrize(("n", "decay"), [(100, 0.8), (600, 0.8), (600, 0.97)], ids=["all", "summed", "summed anew"])
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
-def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance):
+@pytest.mark.parametrize(("tolerance", "number"), [(1e-3, np.float32), (SINGLE, np.float32), (1e-6, np.float64)])
+def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance, number):
     random = np.random.default_rng(7)
     source = np.repeat(np.arange(360), 5)
     values = decay ** np.arange(n)
@@ -26,7 +27,8 @@ def test_other_equations_are_combinations_of_those_chosen(n, decay, tolerance):
     right, _ = np.linalg.qr(random.normal(size=(n, left.shape[1])))
     assert (left.shape[0] * n > LARGE) == (n == 600)
     matrix = left * values[: left.shape[1]] @ right.T
-    factor, chosen = interpolation(matrix, source, tolerance)
+    factor, chosen = interpolation(matrix.astype(number), source, tolerance)
+    assert factor.dtype == number
     assert np.linalg.norm(factor @ matrix[chosen] - matrix) < tolerance * np.linalg.norm(matrix)
     assert np.array_equal(factor[chosen], np.eye(len(chosen)))
     assert np.array_equal(np.flatnonzero(np.isin(source, source[chosen])), chosen)
