@@ -2,6 +2,7 @@
 
 import math
 import re
+from decimal import Decimal
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -12,19 +13,12 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
-_PREFIXED: Final = re.compile(r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eE]([-+]?[0-9]+))?\s*([A-Za-zµμ]+)\s*")
-# a number, and what comes after it; and of that, powers of units by numbers of two digits, then all else in units
-_NUMBER: Final = re.compile(
-    r"\s*([-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?(?![\d.,_])|inf(?!\w)))\s*(?:[*·×](?!\*))?(.*)",
-    re.DOTALL,
+# a number; a sign between, or the 1 of "1/mm"; what can be in units, since pint passes over characters it does not know
+_TEXT: Final = re.compile(
+    r"\s*((?:[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
+    r"\s*(?:[*·×](?!\*)|1?\s*(?=/))?(?!\s*\d)([\w\s()*/^.·×⋅{}%°+⁻-]*)"
 )
-_FACTOR: Final = r"\s*[-+]?(?:[0-9]{1,2}(?:\.[0-9]*)?|\.[0-9]+)\s*"
-_RATIO: Final = f"{_FACTOR}(?:/{_FACTOR})?"
-_POWER: Final = re.compile(
-    rf"(?:(?:\^|\*\*)(?>\s*(?:\({_RATIO}\)|\{{{_RATIO}\}})\s*|{_FACTOR})|⁻?[⁰¹²³⁴-⁹]{{1,2}})(?![0-9.^⁻⁰¹²³⁴-⁹]|\*\*)"
-)
-_UNITS: Final = re.compile(r"\s*(?:1?\s*/)?(?:[^\W\d⁰¹²³⁴-⁹]|(?<=[A-Za-z0-9])[0-9]|[\s()/*·×⋅°%.])*")
-_HIGHEST: Final = 99
+_OTHER: Final = "cannot be read as one number and then units"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 
@@ -105,53 +99,45 @@ class Quantity:
 
     def _prefixed(self, text: str) -> float | None:
         """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
-        match = _PREFIXED.fullmatch(text)
+        match = _TEXT.fullmatch(text)
         if match is None:
             return None
-        number, exponent, name = match.groups()
+        name = match[2].strip()
         for unit in self.units:
             prefix = name.removesuffix(unit)
             if unit.isalpha() and name.endswith(unit) and prefix in _PREFIXES:
-                return float(f"{number}e{int(exponent or 0) + _PREFIXES[prefix]}")
+                number = float(Decimal(match[1]).scaleb(_PREFIXES[prefix]))
+                return number if math.isfinite(number) else None
         return None
 
 
 @lru_cache(maxsize=1)
 def unit_registry() -> Any:
-    """The one registry of units."""
+    """The one registry of units, with decimal numbers: powers of powers overflow at once, and never do with int."""
+    # pint takes half a second to start: imported when the first text of another kind comes along
     import pint
 
-    return pint.UnitRegistry()
+    return pint.UnitRegistry(non_int_type=Decimal)
 
 
 def read_quantity(text: str) -> Any:
     """The quantity, of pint, that a text of one number and then units means. Raises ValueError for any other text.
 
-    Further numbers are only powers of units, of two digits and not of each other: pint would add up, multiply "50,5"
-    out to 505 and compute powers of powers without end. It can be converted to base units.
+    The units are no expression with further numbers than powers: pint would add up, and multiply "50,5" out to 505. Its
+    magnitude is a Decimal, which can be converted to base units.
     """
-    refused = ValueError("cannot be read as one number and then units")
-    match = _NUMBER.fullmatch(text)
-    if match is None or not _UNITS.fullmatch(_POWER.sub(" ", match[2])):
-        raise refused
-    units = re.sub(r"^\s*/", "1/", match[2])
-    # pint takes half a second to start: imported when the first text of another kind comes along
-    from pint import UndefinedUnitError
-
-    registry = unit_registry()
+    match = _TEXT.fullmatch(text)
+    if match is None:
+        raise ValueError(_OTHER)
+    registry, number = unit_registry(), Decimal(match[1])
     try:
-        quantity = registry.Quantity(float(match[1]), registry.parse_units(units))
-    except UndefinedUnitError as error:
-        raise ValueError(_unknown(error.unit_names[0])) from None
-    except Exception:  # pint's parser lets many kinds of errors through
-        raise refused from None
-    # powers of brackets multiply, and conversion raises whole numbers such as 60 to them
-    if any(abs(power) > _HIGHEST for _, power in quantity.unit_items()):
-        raise refused
-    try:
-        quantity.to_base_units()
-    except Exception:  # decibels in products, factors beyond what floats hold
-        raise refused from None
+        quantity = registry.Quantity(number, registry.parse_units(re.sub(r"^\s*/", "1/", match[2])))
+        finite = math.isfinite(float(quantity.to_base_units().magnitude))
+    except Exception as error:  # pint lets many kinds through
+        name = next(iter(getattr(error, "unit_names", ())), "")
+        raise ValueError(_unknown(name) if name and name in text else _OTHER) from None
+    if number.is_finite() and not finite:
+        raise ValueError(_OTHER)
     return quantity
 
 

@@ -39,7 +39,7 @@ def test_prefixes_mean_what_pint_takes_them_for(unit, prefix, number):
     text = f"{number}{prefix}{unit}"
     expected = unit_registry().Quantity(text).to_base_units()
     assert expected.check(unit)
-    assert Quantity(unit).convert(text) == pytest.approx(expected.magnitude, rel=1e-15)
+    assert Quantity(unit).convert(text) == pytest.approx(float(expected.magnitude), rel=1e-15)
 
 
 @pytest.mark.parametrize(("unit", "given", "number"), [("m/s", "2 mm/s", 2e-3), ("N m", "2 mN m", 2e-3)])
@@ -88,8 +88,10 @@ def test_any_unit_will_do(unit, given, number):
 
 NEITHER = [
     *("mm", "inf2 mm", "50,5 mm", "1,000 mm", "1_000 mm", "- 5 mm", "1/2 mm", "5٥ mm", "5⅓ mm", "5 mm!", "5 mm 2"),
+    *("5 1 mm", "5 2 mm/2", "5 mm # 3", "5 mm = 3", "5 mm +/- 1 mm", "5 -mm", "5 1/2 mm"),
+    *("1e400 m", "1e310 km", "1e9999 m", "1e99999999999999999999 inch"),
     *("5 mm + 3 mm", "5 mm - um", "2 * 5 mm", "5 * 1e-3 m", "5² mm", "9⁹⁹⁹⁹⁹⁹⁹⁹ m", "9**9**9**9 mm"),
-    *("1 m**9**9**9**9", "1 m^(9^9^9^9)", "1 m^(9)^9^9^9", "1 m^9⁹⁹⁹⁹⁹⁹⁹", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99", "1 (9)^99999999 m"),
+    *("1 m**9**9**9**9", "1 m^(9^9^9^9)", "1 m^(9)^9^9^9", "1 m^9⁹⁹⁹⁹⁹⁹⁹", "1 (9)^99999999 m"),
 ]
 """What pint would make of these is something else, or never ends."""
 
@@ -103,10 +105,10 @@ def test_one_number_and_then_units(given):
 
 @pytest.mark.parametrize(
     "given",
-    ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 (m^10)^10", "1 hour^99"],
+    ["20 dBm/m", "1 (km^99)^99", "1 (minute^99)^99", "1 ((((minute^99)^99)^99)^99)^99", "1 hour^99"],
 )
 def test_powers_and_products_that_have_no_value_in_si(given):
-    """pint says so with errors of other kinds, or would raise 60 to a power of ten digits."""
+    """pint says so with errors of other kinds, or with infinity."""
     with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
         Quantity("m").convert(given)
     assert place_of(given) is None
@@ -133,7 +135,13 @@ def test_places_on_axes_are_read_in_the_same_way(given, place):
     assert place_of(given) == pytest.approx(place)
 
 
-@pytest.mark.parametrize("given", ["5 V", "5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
+@pytest.mark.parametrize("given", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])
+def test_units_of_another_dimension(given):
+    with pytest.raises(ValidationError, match="has the wrong unit; expected a number in m"):
+        LENGTH.validate_python(given)
+
+
+@pytest.mark.parametrize("given", ["5", "mm mm?", "", "nan m", "-1 mm", math.nan, True, None, [1.0], 0])
 def test_refused(given):
     with pytest.raises(ValidationError):
         LENGTH.validate_python(given)
