@@ -2,6 +2,7 @@
 
 import numpy as np
 from common import Record, median_time
+from machine import least_times, multiply_adds
 from numba import njit
 
 from meeframe.core.fields import N_FIELDS, Array
@@ -18,16 +19,17 @@ def _interpolate(table: Array, cells: Array, value: Array) -> None:
             value[column], value[WIDTH + column], value[2 * WIDTH + column] = found
 
 
-def interpolation_us(kernel: TabulatedKernel, repeats: int) -> Record:
-    """Microseconds a point of interpolation alone: all points in one cell, and each in another cell than the last."""
+def interpolation(kernel: TabulatedKernel, quick: bool) -> Record:
+    """Multiply-adds a core can do [1e9 / s], and microseconds a point of interpolation alone, all at best, in turns.
+
+    one: all points lie in one cell; others: each in another cell than the last.
+    """
     count, value = 60_000, np.empty(3 * WIDTH)
-    cells = {"one": np.zeros(count, int), "others": 7 * np.arange(count) % len(kernel.table)}
-    return {
-        name: 1e6
-        * median_time(lambda chosen=chosen: _interpolate(kernel.table, chosen, value), repeats)["processor"]
-        / count
-        for name, chosen in cells.items()
-    }
+    peak, products = multiply_adds(quick)
+    cells = (np.zeros(count, int), 7 * np.arange(count) % len(kernel.table))
+    actions = (lambda chosen=chosen: _interpolate(kernel.table, chosen, value) for chosen in cells)
+    whole, one, others = least_times([peak, *actions], turns=5 if quick else 25)
+    return {"peak_products": 1e-9 * products / whole, "one_us": 1e6 * one / count, "others_us": 1e6 * others / count}
 
 
 @njit(cache=True)
@@ -65,27 +67,27 @@ def reused_us(kernel: TabulatedKernel, offset: Array, normal: Array, repeats: in
     return 1e6 * median_time(action, repeats)["processor"] / len(offset)
 
 
-def interpolations() -> int:
-    """Operations of an interpolation, in all columns: of rows in one direction 36 multiply-adds for values and 28 for
-    derivatives, of their sum in the other 22."""
-    return WIDTH * 2 * (DEGREE * (DEGREE + 1) // 2 + DEGREE * (DEGREE - 1) // 2 + 3 * DEGREE - 2)
-
-
 def arithmetic(points: int) -> Record:
-    """Operations (a multiplication or an addition each) of one pair, from the formulas, and bytes of its coefficients.
+    """Products and all operations of one interpolation and of one pair, from the formulas, and bytes of coefficients.
 
-    After the interpolation, U: one product an entry.
-    T: 25 x 3 contractions of stiffness and normal, of which 25 go into the two others; 25 sums of 15 products, scaled.
-    A point of a sum over an element: derivatives of all columns, then a multiply-add for each node, matrix and column;
+    Interpolation, in all columns: of rows in one direction 36 multiply-adds for values and 28 for derivatives, of their
+    sum in the other 22; where the derivative of a row or of the sum begins it has the product of its value.
+    Then of a pair U: one product an entry; T: 25 x 3 contractions of stiffness and normal, of which 25 go into the two
+    others, and 25 sums of 15 products, of value and derivatives, each scaled.
+    A point of a sum over an element: U and derivatives of all columns, a multiply-add for each node, matrix and column;
     an element of so many points: sums of 15 products for each node, stiffness and normal being contracted once a plane.
     """
-    coefficients = (DEGREE + 1) * (DEGREE + 2) // 2
-    entries = N_FIELDS**2
-    interpolation = interpolations()
-    pair = entries + entries * (3 * 5 + 2 * 2) + entries * 30
-    contraction = 4 * entries * 30
+    entries, nodes = N_FIELDS**2, 4
+    sums = WIDTH * (DEGREE * (DEGREE + 1) // 2 + DEGREE * (DEGREE - 1) // 2 + 3 * DEGREE - 2)
+    products = sums - WIDTH * DEGREE
+    added, contracted = nodes * 4 * WIDTH, nodes * entries * 15 / points
+    found = {
+        "interpolation": (products, sums),
+        "pair": (products + entries * (1 + 11 + 17), sums + entries * (8 + 14)),
+        "summed": (products + 6 * WIDTH + added + contracted, sums + 2 * WIDTH + added + contracted),
+    }
     return {
-        "pair": interpolation + pair,
-        "summed": interpolation + 8 * WIDTH + 4 * 4 * 2 * WIDTH + contraction / points,
-        "bytes": 8 * WIDTH * coefficients,
+        "products": {name: counts[0] for name, counts in found.items()},
+        "operations": {name: sum(counts) for name, counts in found.items()},
+        "bytes": 8 * WIDTH * (DEGREE + 1) * (DEGREE + 2) // 2,
     }

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from common import Record, command_line, median_time, prose, table, users_environment, verdict
-from kernel_parts import arithmetic, interpolation_us, interpolations, parts_us, reused_us
-from machine import limits
+from kernel_parts import arithmetic, interpolation, parts_us, reused_us
+from machine import reading
 
 from meeframe.core.fields import Array
 from meeframe.core.fundamental import Kernel
@@ -65,10 +65,10 @@ def measure(quick: bool) -> Record:
         "errors": {name: _errors(_stiffness(name), 2000 if quick else 20_000) for name in MATERIALS},
         "tabulated_us": {name: _pair_us(kernel, *points, repeats) for name, points in calls.items()},
         "others_us": _others(stiffness, offset[:2000], normal[:2000], repeats),
-        "limits": limits(quick),
+        "reading_gb_s": reading(quick),
     }
     record["assembly_us"], record["summed_us"] = _assembly_us(kernel, repeats)
-    record["interpolation_us"] = interpolation_us(kernel, repeats)
+    record["interpolation"] = interpolation(kernel, quick)
     record["parts_us"] = parts_us(kernel, _main_job()[0][0][:POINTS_PER_CALL], repeats)
     record["reused_us"] = reused_us(kernel, offset, normal, repeats)
     record["same_us"] = _on_same_points(stiffness, kernel, repeats)
@@ -209,41 +209,46 @@ def section(record: Record, _pictures: Path) -> str:
 
 def _roofline(record: Record) -> list[str]:
     """Arithmetic and traffic beside what a core can do."""
-    done, bounds = arithmetic(ORDER**2), record["limits"]
-    peak, reading = bounds["peak_gflops"], bounds["reading_gb_s"]
-    rows = []
-    for name, key, us in (("pair", "pair", record["assembly_us"]), ("summed", "summed", record["summed_us"])):
-        rate, traffic = done[key] / us / 1e3, done["bytes"] / us / 1e3
-        rows.append(
-            [
-                name,
-                f"{done[key]:.0f}",
-                f"{rate:.0f}",
-                f"{100 * rate / peak:.0f} %",
-                f"{done['bytes']}",
-                f"{traffic:.0f}",
-            ]
-        )
-    alone, parts = record["interpolation_us"], record["parts_us"]
-    rest = record["assembly_us"] - alone["one"] - sum(parts.values())
+    done, alone, parts = arithmetic(ORDER**2), record["interpolation"], record["parts_us"]
+    reading = ", ".join(f"{rate:.0f} GB/s from {level}" for level, rate in record["reading_gb_s"].items())
+
+    def busy(name: str, us: float) -> str:
+        return f"{100 * done['products'][name] / us / 1e3 / alone['peak_products']:.0f} %"
+
+    rows = [
+        [
+            name,
+            f"{done['operations'][name]:.0f}",
+            f"{done['operations'][name] / us / 1e3:.0f}",
+            f"{done['products'][name]:.0f}",
+            busy(name, us),
+            f"{done['bytes']}",
+            f"{done['bytes'] / us / 1e3:.0f}",
+        ]
+        for name, us in (("pair", record["assembly_us"]), ("summed", record["summed_us"]))
+    ]
+    rest = record["assembly_us"] - alone["one_us"] - sum(parts.values())
     largest, largest_us = list(record["tabulated_us"].items())[-1]
     count = int(largest.split()[0])
-    share = interpolations() / alone["one"] / 1e3 / peak
     megabytes = 3 * record["cells"] ** 2 * done["bytes"] / 1e6
     return [
         prose(
-            f"Against one core, which was measured in the same run to reach {peak:.0f} GFLOP/s on registers and to read"
-            f" {', '.join(f'{rate:.0f} GB/s from {level}' for level, rate in reading.items())}: operations from the"
-            f" formulas, and the {done['bytes']} bytes of coefficients of the cell each point lies in. The table"
-            f" ({record['cells']} cells along a face) has {megabytes:.1f} MB. In an assembly many points of a call lie"
-            " in one cell and follow one another once sorted, so that most coefficients come from the first two levels."
+            "Against one core, which was measured in the same run to do at most"
+            f" {alone['peak_products']:.1f} thousand million multiply-adds a second on registers"
+            f" ({2 * alone['peak_products']:.0f} GFLOP/s) and to read {reading}: operations from the formulas, and the"
+            f" {done['bytes']} bytes of coefficients of the cell each point lies in. What bounds the time are the"
+            " products: each takes a place in the units that multiply, whether its sum is done with it or beside it, in"
+            f" units of its own where a core has such. The table ({record['cells']} cells along a face) has"
+            f" {megabytes:.1f} MB. In an assembly many points of a call lie in one cell and follow one another once"
+            " sorted, so that most coefficients come from the first two levels."
         ),
-        table(("", "operations", "GFLOP/s", "of the peak", "bytes of the table", "GB/s"), rows),
+        table(("", "operations", "GFLOP/s", "products", "of the peak", "bytes of the table", "GB/s"), rows),
         prose(
-            f"What keeps it from the peak: the interpolation alone, {interpolations()} operations, takes"
-            f" {alone['one']:.3f} µs at points of one cell, {100 * share:.0f} % of the peak, and {alone['others']:.3f}"
-            " µs where each point lies in another cell than the last and its coefficients come from the third level."
-            " Points without order are not far from that, in calls of any size: they are sorted"
+            f"What keeps it from the peak: the interpolation alone, {done['products']['interpolation']} products, takes"
+            f" {alone['one_us']:.3f} µs at points of one cell, {busy('interpolation', alone['one_us'])} of the peak,"
+            f" and {alone['others_us']:.3f} µs where each point lies in another cell than the last and its coefficients"
+            " come from the third level (both at best, in turns with the multiply-adds of the peak). Points without"
+            " order are not far from that, in calls of any size: they are sorted"
             f" {CHUNK} at a time, one or two to each of the {3 * record['cells'] ** 2} cells, of which the next"
             f" is fetched while one is in use. Tractions take {parts['tractions']:.3f} µs, finding the cells and"
             f" sorting the points by them {parts['sorting']:.3f} µs. What is left of a pair in an assembly,"
