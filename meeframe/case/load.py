@@ -32,7 +32,8 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     """The checked case of a case file.
 
     registry: where names are looked up; by default the built-ins and the installed plugins.
-    Raises CaseError with one line for each problem found: file, key, value and what is allowed.
+    Raises CaseError with one line for each problem found: file, key, value and what is allowed. Its __cause__ is the
+    exception itself if the code of a plugin failed.
     """
     file = Path(path)
     text, tables = read_toml(file)
@@ -43,7 +44,7 @@ def load_case(path: str | Path, registry: Registry | None = None) -> Case:
     try:
         return case_from_tables(tables, registry, file.parent, text, str(file))
     except TableError as error:
-        raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from None
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from error.__cause__
 
 
 def case_from_tables(
@@ -72,7 +73,7 @@ def case_from_tables(
         return assemble(checked.solver.named)
     except MeeframeError as error:
         body = Body(material.stiffness, mesh, (), checked.contact.zone)
-        raise TableError(locate(error, checked, body, counter, restart, assemble)) from None
+        raise TableError(locate(error, checked, body, counter, restart, assemble)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 
@@ -84,7 +85,7 @@ def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> 
     except TableError as error:
         problems += [problem.inside(*location) for problem in error.problems]
     except MeeframeError as error:
-        problems.append(Problem(location, str(error)))
+        problems.append(Problem(location, str(error), cause=error.__cause__))
     except MemoryError as error:
         problems.append(_no_memory(error, *location))
     return None
@@ -105,7 +106,8 @@ def _counter(table: CounterBodyTable, material: Material, registry: Registry, fo
     try:
         return CounterBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
     except MeeframeError as error:
-        raise TableError(locate_in_counter(error, table, Body(material.stiffness, mesh, (), table.zone))) from None
+        body = Body(material.stiffness, mesh, (), table.zone)
+        raise TableError(locate_in_counter(error, table, body)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 

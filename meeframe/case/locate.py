@@ -35,7 +35,7 @@ def locate(
     restart: Restart | None,
     assemble: Callable[[Solver], Case],
 ) -> Problem:
-    """The error at its place.
+    """The error at its place, with what caused it.
 
     It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
     else the mesh or the formulation. body: that of the case, without its boundary conditions; counter, restart: of the
@@ -50,6 +50,10 @@ def locate_in_counter(error: MeeframeError, table: CounterBodyTable, body: Body)
 
 
 def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+    return replace(_place(error, table, body, checks), text=str(error), cause=error.__cause__)
+
+
+def _place(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
     with faults_of_plugins():
         for problem, check in checks:
             try:
@@ -57,14 +61,14 @@ def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Bod
                     check()
             except MeeframeError as found:
                 if str(found) == str(error):
-                    return replace(problem, text=str(error))
+                    return problem
     for number in range(len(table.boundary)):
         others = table.boundary[:number] + table.boundary[number + 1 :]
         conditions = tuple(condition for boundary in others for condition in boundary.conditions())
-        with suppress(MeeframeError):
+        with suppress(MeeframeError), faults_of_plugins():
             table.formulation.check(replace(body, conditions=conditions))
-            return Problem(("boundary", number), str(error))
-    return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), str(error))
+            return Problem(("boundary", number), "")
+    return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), "")
 
 
 def _body_checks(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.case.conduction import WatchedConductivity
 from meeframe.case.history import Controls, Converged, at_rest, held
 from meeframe.case.laws import gap_of_law, law_of_increment
 from meeframe.case.step import resisted
@@ -15,15 +16,12 @@ from meeframe.core.contact import (
     ContactSolution,
     ContactState,
     Freedom,
-    Status,
     contact_gap,
-    indenter_position,
 )
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
+from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
 from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
-from meeframe.core.law import attracts, augmented_traction, contact_traction
+from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region
 from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
@@ -143,7 +141,7 @@ class Mechanism:
         tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
         potentials = np.tile(base[6:], (len(gap), 1))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        laws = contact_law, self.case.electric_law, self.case.magnetic_law
+        laws = contact_law, WatchedConductivity(self.case.electric_law), WatchedConductivity(self.case.magnetic_law)
         translation = tangential - start.total_slip
         problem = ContactProblem(self.system, *laws, gap, translation, potentials, tuple(freedoms.values()))
         return Increment(problem, base, np.array(list(freedoms), int), prescribed, duration)
@@ -217,42 +215,6 @@ def touching(problem: ContactProblem, state: ContactState) -> NDArray[np.bool_]:
         # where surfaces are apart by round-off, traction and attraction differ by that: the law knows which it is
         trial = augmented_traction(law, state.load[:, MECHANICAL], gap, r)
         return np.asarray(law.resolve(trial, gap, r)[:, 2] < 0.0)
-
-
-def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
-    """Raises CaseError if a conductivity is negative or NaN in a state that converged, or that is not finite.
-
-    Any other state is one on the way, which a good law need not be fit for: then the message says so.
-    """
-    state = solution.state
-    ahead = indenter_position(problem, state.motion) - state.displacement
-    finite = np.isfinite(state.load).all(axis=1) & np.isfinite(state.displacement).all(axis=1)
-    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
-    if not finite.all():  # no state to ask for: then under pressures of the size of the problem's
-        traction = -problem_scales(problem).pressure * np.linspace(1.0, 0.0, len(traction), endpoint=False)
-        ahead = np.zeros_like(ahead)
-    gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
-    asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
-    pressed, apart = traction[asked], gap[asked]
-    for key, law, column, unit in (
-        ("electric", problem.electric_law, ELECTRIC, "V"),
-        ("magnetic", problem.magnetic_law, MAGNETIC, "A"),
-    ):
-        drop = ahead[asked, column]
-        with np.errstate(all="ignore"):
-            kappa = law.conductivity(pressed, apart, drop)
-        wrong = np.flatnonzero(~(kappa >= 0.0))
-        if wrong.size:
-            node = wrong[0]
-            across = f", a gap of {apart[node]:g} m and a drop of {drop[node]:g} {unit}" if law.across_gap else ""
-            told = (
-                f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {kappa[node]:g} "
-                f"under a normal traction of {pressed[node]:g} Pa{across}; allowed: numbers >= 0 and inf"
-            )
-            if solution.status is Status.CONVERGED or not finite.all():
-                raise CaseError(told)
-            solution = replace(solution, message=f"{solution.message}; {told}")
-    return solution
 
 
 def regions(increment: Increment, solution: ContactSolution, touches: NDArray[np.bool_]) -> Indices:

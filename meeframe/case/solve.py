@@ -11,8 +11,9 @@ import numpy as np
 
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
+from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
-from meeframe.case.mechanism import Increment, Mechanism, beginning, check_conduction, regions, slip_of, touching
+from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
 from meeframe.case.remarks import remarks
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body

@@ -12,9 +12,9 @@ from meeframe.core.fields import Array
 
 _DIFFERENCE: Final = 6e-6
 """Width of central differences as a fraction of the argument: the cube root of round-off."""
-_PRESSURES: Final = -np.logspace(-3, 15, 19)
-_GAPS: Final = np.logspace(-12, 0, 13)
-_DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
+PRESSURES: Final = -np.logspace(-3, 15, 19)
+GAPS: Final = np.logspace(-12, 0, 13)
+DROPS: Final = np.outer([1.0, -1.0], np.logspace(-6, 9, 16)).ravel()
 """Normal tractions [Pa], gaps [m], drops [V] or [A]: a law that insulates at all of them is taken to insulate."""
 
 StepLengths = tuple[float, float]
@@ -157,14 +157,14 @@ def contact_conductivity(law: ConductivityLaw, normal_traction: Array) -> Array:
 
 def conducts(law: ConductivityLaw) -> bool:
     """Whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
-    if (contact_conductivity(law, _PRESSURES) > 0.0).any():
+    if (contact_conductivity(law, PRESSURES) > 0.0).any():
         return True
     if not law.across_gap:
         return False
-    gap, drop = (grid.ravel() for grid in np.meshgrid(_GAPS, _DROPS))
+    gap, drop = (grid.ravel() for grid in np.meshgrid(GAPS, DROPS))
     nothing = np.zeros_like(gap)
     across = law.conductivity(nothing, gap, drop)
-    under = law.conductivity(np.full_like(drop, _PRESSURES[-1]), nothing, drop)
+    under = law.conductivity(np.full_like(drop, PRESSURES[-1]), nothing, drop)
     return bool((across > 0.0).any() or (under > 0.0).any())
 
 

@@ -39,12 +39,14 @@ _TEXTS = {
 @dataclass(frozen=True)
 class Problem:
     """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed;
-    unknown: whether it is a name under which nothing is registered."""
+    unknown: whether it is a name under which nothing is registered; cause: the exception in a plugin's code behind it,
+    if there is one."""
 
     location: tuple[str | int, ...]
     text: str
     value: Any = _MISSING
     unknown: bool = False
+    cause: BaseException | None = dataclasses.field(default=None, compare=False)
 
     def inside(self, *outer: str | int) -> "Problem":
         """The same problem seen from an enclosing table."""
@@ -61,11 +63,12 @@ class Problem:
 
 
 class TableError(CaseError, ValueError):  # ValueError: so that pydantic lets it pass through its validators
-    """A table has unacceptable entries, listed in problems."""
+    """A table has unacceptable entries, listed in problems; its __cause__ is the first of theirs."""
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__("; ".join(map(str, problems)))
         self.problems = problems
+        self.__cause__ = next((problem.cause for problem in problems if problem.cause is not None), None)
 
 
 def build(
@@ -92,7 +95,7 @@ def build(
         with faults_of_plugins(ValueError):
             return factory(**{name: getattr(checked, name) for name in checked.model_fields_set})
     except (MeeframeError, ValueError) as error:
-        raise TableError(Problem((), str(error))) from error
+        raise TableError(Problem((), str(error), cause=error.__cause__)) from error.__cause__
 
 
 @lru_cache(maxsize=256)

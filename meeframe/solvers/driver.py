@@ -1,10 +1,12 @@
 """The one loop around every solver: limits, history, the guard against non-finite numbers, and the status."""
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Final, Literal
 
 import numpy as np
+from scipy.linalg import LinAlgWarning
 
 from meeframe.core.blas import ONE_BLAS_THREAD
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status
@@ -131,7 +133,7 @@ def solve(
     fields = judged_fields(problem) if by_residual else ALL_FIELDS
     hopeless = cache(lambda: unreachable(problem, scales) if problem.freedoms else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
-    with np.errstate(all="ignore"), ONE_BLAS_THREAD:
+    with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         scales = problem_scales(problem)
         iterate = solver.init(problem, start)
         state, value = _judged(problem, iterate, scales, fields, limits.tolerance)

@@ -88,6 +88,7 @@ def combinations(
     """
     found: list[Combination] = []
     problems: dict[str, str] = {}
+    cause: BaseException | None = None
     for combination in product(*chosen.values()):
         changed = deepcopy(dict(tables))
         labels = {option: choice.label for option, choice in zip(chosen, combination, strict=True)}
@@ -102,10 +103,11 @@ def combinations(
             told = {str(problem): f"{file}: {', '.join(labels.values())}: {problem}" for problem in error.problems}
             if any(problem.unknown for problem in error.problems):
                 raise CaseError("\n".join(told.values())) from None
+            cause = cause or error.__cause__
             problems |= {text: line for text, line in told.items() if text not in problems}
             found.append(Combination(labels, None, str(error)))
     if all(combination.case is None for combination in found):
-        raise CaseError("\n".join(problems.values()))
+        raise CaseError("\n".join(problems.values())) from cause
     if all(combination.labels.get("fundamental-solution") == NOTHING for combination in found):
         raise CaseError(f"{file}: --fundamental-solution: the formulation takes none; allowed: without this option")
     return found

@@ -95,7 +95,8 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
         points.append(Point.of(label, named, case_file.parent, registry))
     if all(point.case is None for point in points):
         told = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
-        raise CaseError("\n".join(told.values()))
+        causes = (problem.cause for point in points for problem in point.problems)
+        raise CaseError("\n".join(told.values())) from next(filter(None, causes), None)
     return points
 
 

@@ -125,5 +125,6 @@ def solve_points(
 def _known(point: Point, store: Path | None) -> Outcome | None:
     """What is known of a point without solving it."""
     if point.case is None:
-        return Outcome(PointStatus.REFUSED, "; ".join(map(str, point.problems)))
+        status = PointStatus.FAILED if point.faulty else PointStatus.REFUSED
+        return Outcome(status, "; ".join(map(str, point.problems)))
     return None if store is None else read_outcome(store / point.key)

@@ -1,6 +1,7 @@
 """Contact laws that do not keep their contract, and nodes that the approach never brings to touch."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import meeframe
 from meeframe.case.load import load_case
 from meeframe.case.mechanism import Mechanism
 from meeframe.case.solve import reduce
-from meeframe.core.contact import Status
+from meeframe.core.contact import Iterate, Solver, Status
 from meeframe.core.errors import CaseError
 from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.geometry import Placement
@@ -18,8 +19,10 @@ from meeframe.laws import Signorini
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.solvers import Auto
+from meeframe.solvers.conduction import resistances
 from meeframe.solvers.conjugate_gradients import ProjectedCG
 from meeframe.solvers.uzawa import Uzawa
+from meeframe.study.sweep_points import PointStatus, solved
 
 N = 25
 """Nodes of the tiny case's zone."""
@@ -136,7 +139,8 @@ class Strange(ConductivityLaw):
 @pytest.mark.parametrize(
     ("kappa", "text"),
     [
-        (None, rf"has shape \(\); allowed: \({N},\)"),
+        (None, rf"returns None; allowed: an array of real numbers of shape \({N},\)"),
+        (1j, rf"returns an array of complex128; allowed: an array of real numbers of shape \({N},\)"),
         (((1.0,), (2.0,)), rf"has shape \(2, {N}\); allowed: \({N},\)"),
     ],
 )
@@ -162,7 +166,6 @@ TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal trac
 
 
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
-@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")  # of the equations with negative resistances
 @pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
 def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyond):
     """The sphere presses with 1 GPa: a law may be anything beyond, and nothing but a conductivity up to there."""
@@ -173,7 +176,6 @@ def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyon
         meeframe.solve_case(replace(case, electric_law=Falling(1e8, beyond)))
 
 
-@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")  # of the equations with negative resistances
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
 def test_states_on_the_way_are_told_and_not_judged(case, solver):
     """Negative resistances, smoothly beyond 0.1 GPa: the iteration ends at its limit before they spoil it."""
@@ -186,23 +188,143 @@ def test_states_on_the_way_are_told_and_not_judged(case, solver):
 
 
 @dataclass(frozen=True)
-class Bare(Signorini):
-    """Signorini's law; whatever returns too few columns is named in `short`."""
+class Exploding(Solver):
+    """After a step to `pressure` [Pa] the loads are no numbers."""
 
-    short: str = ""
+    pressure: float
+
+    def init(self, problem, start):
+        return Iterate(np.zeros((N, 5)), np.zeros(N))
+
+    def step(self, problem, iterate):
+        load = np.full((N, 5), np.nan)
+        if not iterate.load.any():
+            load = np.zeros((N, 5))
+            load[:, 2] = -self.pressure
+            resistances(problem, load[:, 2], np.ones(N), np.ones((N, 2)))
+        return Iterate(load, np.ones(N))
+
+
+@dataclass(frozen=True)
+class Probed(ConductivityLaw):
+    """No number at pressures that no case comes to."""
+
+    def conductivity(self, normal_traction, gap, drop):
+        return np.where(normal_traction < -1e14, np.nan, 1e-6 * (normal_traction < 0.0))
+
+
+@pytest.mark.parametrize(
+    ("law", "pressure", "told", "refused"),
+    [
+        (Falling(1e8), 1e6, False, False),
+        (Falling(1e8), 1e9, True, True),
+        (Falling(1e8, np.nan), 1e9, True, True),
+        (Falling(1e8), 1e13, True, False),
+        (Falling(1e8, np.nan), 1e13, True, False),
+        (Probed(), 1e9, False, False),
+    ],
+)
+def test_an_iteration_that_goes_astray_is_not_laid_to_a_law(case, law, pressure, told, refused):
+    """Unless that said something else than a conductivity at a pressure as the problem has it, 1 GPa."""
+    case = replace(case, solver=Exploding(pressure), potentials=(100.0, 0.0), electric_law=law)
+    if refused:
+        with pytest.raises(CaseError, match=TOLD):
+            meeframe.solve_case(case)
+        assert solved(case, [reduce(case)]).status is PointStatus.REFUSED
+        return
+    (step,) = meeframe.solve_case(case).steps
+    assert step.status is Status.DIVERGED
+    assert "not a finite number at iteration 2" in step.message
+    assert bool(re.search(TOLD, step.message)) is told
+    outcome = solved(case, [reduce(case)])
+    assert outcome.status is PointStatus.NOT_CONVERGED
+    assert outcome.message == step.message
+
+
+@dataclass(frozen=True)
+class Bare(Signorini):
+    """Signorini's law, but for what `method` says."""
+
+    method: str = ""
+    says: Callable[[np.ndarray], object] = lambda array: array
+
+    def _said(self, method, right):
+        return self.says(right) if method == self.method else right
+
+    def project(self, trial):
+        return self._said("project", super().project(trial))
+
+    def tangential_scaling(self):
+        return self._said("tangential_scaling", np.zeros((2, 2)))
 
     def resolve(self, trial, gap, r):
-        return self.project(trial)[:, : 2 if self.short == "resolve" else 3]
+        return self._said("resolve", super().project(trial))
+
+    def adhesion(self, gap):
+        return self._said("adhesion", np.zeros(len(gap)))
+
+    def initial_gap(self, points):
+        return self._said("initial_gap", np.zeros(len(points)))
 
     def tangent(self, trial):
-        return np.zeros((len(trial), 3, 2 if self.short == "tangent" else 3))
+        return self._said("tangent", np.zeros((len(trial), 3, 3)))
+
+    def tangents(self, trial, gap, r):
+        here = self._said("by trial", np.zeros((len(trial), 3, 3)))
+        return self._said("tangents", (here, self._said("by gap", np.zeros((len(trial), 3, 3)))))
 
 
-@pytest.mark.parametrize(("short", "shape"), [("resolve", rf"\({N}, 2\)"), ("tangent", rf"\({N}, 3, 2\)")])
-def test_results_of_other_shapes_are_found_before_anything_is_computed(case, short, shape):
-    with pytest.raises(CaseError, match=f"{short} of the contact law Bare has shape {shape}"):
-        replace(case, contact_law=Bare(short))
+SHAPES = {
+    "project": (N, 3),
+    "tangential_scaling": (2, 2),
+    "resolve": (N, 3),
+    "adhesion": (N,),
+    "tangent": (N, 3, 3),
+    "by trial": (N, 3, 3),
+    "by gap": (N, 3, 3),
+}
+
+
+@pytest.mark.parametrize("method", [*SHAPES, "initial_gap"])
+def test_what_laws_say_is_checked_before_anything_is_computed(case, method):
     assert replace(case, contact_law=Bare()).contact_law == Bare()
+    shape = SHAPES.get(method, (N,))
+    what = "tangents of the contact law Bare, " + method + "," if method.startswith("by") else method
+    what = "the initial gap" if method == "initial_gap" else what
+    for says, text in [
+        (lambda array: array[..., :1], f"has shape {(*shape[:-1], 1)}; allowed: {shape}"),
+        (lambda array: array.tolist(), f"returns a list; allowed: an array of real numbers of shape {shape}"),
+        (lambda _: None, f"returns None; allowed: an array of real numbers of shape {shape}"),
+        (lambda array: array.astype(str), "returns an array of <U"),
+    ]:
+        with pytest.raises(CaseError, match=f"^{what}.*{re.escape(text)}"):
+            replace(case, contact_law=Bare(method, says))
+
+
+@pytest.mark.parametrize(
+    ("says", "text"),
+    [
+        (lambda pair: np.concatenate(pair), "returns an array of float64; allowed: two arrays, by trial and by gap"),
+        (lambda pair: (*pair, pair[0]), "returns a tuple; allowed: two arrays"),
+        (lambda _: None, "returns None; allowed: two arrays"),
+    ],
+)
+def test_tangents_are_two_arrays(case, says, text):
+    with pytest.raises(CaseError, match=f"tangents of the contact law Bare {text}"):
+        replace(case, contact_law=Bare("tangents", says))
+
+
+@pytest.mark.parametrize("method", ["project", "resolve", "tangent", "by trial", "by gap"])
+def test_laws_say_numbers_of_finite_tractions(case, method):
+    """NaN where nothing presses."""
+
+    def says(array):
+        spoilt = array.copy()
+        spoilt[4::5] = np.nan
+        return spoilt
+
+    with pytest.raises(CaseError, match=r" is nan at a trial traction of \(0, 0, 0\) Pa; allowed: finite numbers"):
+        replace(case, contact_law=Bare(method, says))
 
 
 def test_a_law_that_is_unfit_later_is_refused_then(case):
