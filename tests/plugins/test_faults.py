@@ -292,7 +292,7 @@ def test_a_law_that_fails_in_a_later_step_is_told_where_that_is_looked_at(write_
     file.write_text(LASTING, encoding="utf-8")
     law = '\nduration = 1.0\n[[steps]]\napproach = "-1 um"\nduration = 2.0\n[contact]\nlaw = "lasting"\n'
     case = load_case(write_case(("10 um", "-1 um"), (WINKLER[0], 'name = "dense-bem"'), more=law), load(file))
-    with pytest.raises(PluginFault, match=f"plugin file {file}, line 15, in for_increment: ZeroDivisionError"):
+    with pytest.raises(PluginFault, match=f"plugin file {file}, line 16, in for_increment: ZeroDivisionError"):
         case.warnings  # noqa: B018
 
 
