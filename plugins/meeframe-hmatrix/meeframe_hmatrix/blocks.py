@@ -49,8 +49,7 @@ class Split:
     @cached_property
     def dtype(self) -> np.dtype[Any]:
         """Of all its numbers."""
-        leaf = next(leaves(self))
-        return (leaf.array if isinstance(leaf, Dense) else leaf.left).dtype
+        return dtype_of(next(leaves(self)))
 
     @cached_property
     def table(self) -> Indices:
@@ -67,6 +66,13 @@ Block = Dense | LowRank | Split
 def shape(block: Block) -> tuple[int, int]:
     """Rows and columns."""
     return block.rows.stop - block.rows.start, block.columns.stop - block.columns.start
+
+
+def dtype_of(block: Block) -> np.dtype[Any]:
+    """Of all its numbers."""
+    if isinstance(block, Split):
+        return block.dtype
+    return (block.array if isinstance(block, Dense) else block.left).dtype
 
 
 def rank(block: LowRank) -> int:

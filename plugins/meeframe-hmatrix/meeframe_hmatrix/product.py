@@ -1,75 +1,74 @@
-"""Fast products of a hierarchical matrix with one vector: low-rank factors and dense blocks stacked by cluster."""
+# mypy: ignore-errors
+"""Fast products of a hierarchical matrix with one vector: all its numbers in the order in which they are read."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe_hmatrix.blocks import Block, Dense, LowRank, leaves, shape
+from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape
+from meeframe_hmatrix.gemm import FULL
 
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """matrix @ x for x (n,), in a few hundred dense products.
+    """matrix @ x for x (n,), in double precision whatever that of the numbers: half of them is half the time.
 
-    rights: range of columns and stacked right factors; lefts: range of rows, stacked left factors and the places of
-    their partners in what the right factors give; dense: range of rows, stacked blocks and their columns.
+    rows: of the matrix; table: (b, 5) of each undivided block first row and number of rows, first column and number of
+    columns, and rank or FULL; numbers: (k,) by rows, of left factors by columns.
     """
 
     rows: int
-    rights: tuple[tuple[slice, Array], ...]
-    lefts: tuple[tuple[slice, Array, Indices], ...]
-    dense: tuple[tuple[slice, Array, Indices], ...]
+    table: Indices
+    numbers: Array
 
     def __call__(self, x: Array) -> Array:
         """matrix @ x, (m,)."""
         result = np.zeros(self.rows)
-        inner = np.concatenate([factor @ x[columns] for columns, factor in self.rights] or [x[:0]])
-        for rows, factor, places in self.lefts:
-            result[rows] += factor @ inner[places]
-        for rows, array, columns in self.dense:
-            result[rows] += array @ x[columns]
+        _add(self.table, self.numbers, np.ascontiguousarray(x, float), result)
         return result
 
-    @property
-    def stored(self) -> int:
-        """Numbers that it keeps."""
-        factors = [factor for _, factor in self.rights]
-        factors += [array for _, array, _ in (*self.lefts, *self.dense)]
-        return sum(factor.size for factor in factors)
 
-
-def stacked(block: Block) -> Product:
-    """The product of a tree of blocks whose columns begin with 0; its rows count from their first."""
-    origin = block.rows.start
-    by_columns: dict[tuple[int, int], list[tuple[LowRank, int]]] = defaultdict(list)
-    low_rank: dict[tuple[int, int], list[tuple[LowRank, Indices]]] = defaultdict(list)
-    dense: dict[tuple[int, int], list[Dense]] = defaultdict(list)
+def product_of(block: Block, dtype: np.dtype) -> Product:
+    """The product of a tree of blocks, with its numbers in some precision; rows and columns count from their first."""
+    table, parts = [], []
     for leaf in leaves(block):
-        rows = leaf.rows.start - origin, leaf.rows.stop - origin
-        if isinstance(leaf, Dense):
-            dense[rows].append(leaf)
-        elif leaf.left.shape[1]:
-            by_columns[leaf.columns.start, leaf.columns.stop].append((leaf, 0))
-    place, rights = 0, []
-    for columns, group in by_columns.items():
-        rights.append((slice(*columns), np.concatenate([leaf.right for leaf, _ in group])))
-        for leaf, _ in group:
-            rank = leaf.left.shape[1]
-            low_rank[leaf.rows.start - origin, leaf.rows.stop - origin].append((leaf, np.arange(place, place + rank)))
-            place += rank
-    lefts = [
-        (slice(*rows), np.concatenate([leaf.left for leaf, _ in group], axis=1), np.concatenate([p for _, p in group]))
-        for rows, group in low_rank.items()
-    ]
-    near = [
-        (
-            slice(*rows),
-            np.concatenate([leaf.array for leaf in group], axis=1),
-            np.concatenate([np.arange(leaf.columns.start, leaf.columns.stop) for leaf in group]),
-        )
-        for rows, group in dense.items()
-    ]
-    return Product(shape(block)[0], tuple(rights), tuple(lefts), tuple(near))
+        (m, n), dense = shape(leaf), isinstance(leaf, Dense)
+        first = leaf.rows.start - block.rows.start, m, leaf.columns.start - block.columns.start, n
+        table.append((*first, FULL if dense else rank(leaf)))
+        parts += [leaf.array] if dense else [leaf.left.T, leaf.right]
+    numbers = np.concatenate([part.ravel().astype(dtype, copy=False) for part in parts])
+    return Product(shape(block)[0], np.array(table, np.int64), numbers)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _dots(numbers, x, result):
+    """result (m,) += matrix @ x, (n,), for the numbers (m n) of a matrix by rows."""
+    n = len(x)
+    for i in range(len(result)):
+        row, total = numbers[i * n : (i + 1) * n], 0.0
+        for j in range(n):
+            total += row[j] * x[j]
+        result[i] += total
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _add(table, numbers, x, result):
+    place = 0
+    for line in range(len(table)):
+        row, m, column, n, rank = table[line]
+        values, target = x[column : column + n], result[row : row + m]
+        if rank == FULL:
+            _dots(numbers[place : place + m * n], values, target)
+            place += m * n
+            continue
+        inner = np.zeros(rank)
+        left, right = place, place + rank * m
+        place = right + rank * n
+        _dots(numbers[right:place], values, inner)
+        for k in range(rank):
+            part = numbers[left + k * m : left + (k + 1) * m]
+            for i in range(m):
+                target[i] += part[i] * inner[k]

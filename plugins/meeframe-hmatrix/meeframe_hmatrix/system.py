@@ -15,11 +15,11 @@ from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Split, converted, leaves, multiply, to_dense
+from meeframe_hmatrix.blocks import Block, Split, dtype_of, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.packing import packed
-from meeframe_hmatrix.product import Product, stacked
+from meeframe_hmatrix.product import Product, product_of
 from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
 from meeframe_hmatrix.truncation import precision
 
@@ -130,7 +130,7 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
         assert isinstance(reduced, Split)
         compliance = solve(factors.second, Form.UPPER, reduced.parts[1][0], how)
     progress("compliance", 1.0)
-    return converted(compliance, np.float64)
+    return compliance
 
 
 @contextmanager
@@ -209,7 +209,9 @@ class HierarchicalSystem(ReducedSystem):
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """See ReducedSystem."""
         key = tuple(loaded), tuple(fields)
-        product = self.products.pop(key, None) or stacked(merged(self._between(*key)))
+        product = self.products.pop(key, None)
+        if product is None:
+            product = product_of(merged(self._between(*key)), dtype_of(self.compliance))
         self.products[key] = product  # the latest comes last
         for oldest in list(self.products)[:-MOST_PRODUCTS]:
             self.products.pop(oldest, None)
