@@ -141,10 +141,7 @@ def _matrixless(problem: ContactProblem) -> bool:
 
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     """Roughly that of a problem on a coarser system, from which to start, with tension where the contact is open; None
-    if it is not found, or without load.
-
-    With friction without: where nodes graze more steps were counted.
-    """
+    if it is not found, or without load."""
     solver, (least, most) = SemismoothNewton(), COARSE_STEPS
     iterate, steps = solver.init(problem, None), 0
     while steps < least or _memory(iterate).point.merit > COARSE:
@@ -153,8 +150,6 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
         return None
-    if problem.contact_law.tangential_scaling().any():
-        return iterate
     gap = _memory(iterate).point.ahead[:, 2]
     return replace(iterate, load=tensed(iterate.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
 
@@ -193,7 +188,11 @@ def _between(closed: Array) -> Mask:
 
 
 def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
-    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze."""
+    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze.
+
+    They begin between open and closed, where their own switching would take their trial to zero: from one of the ends
+    the first step goes too far, since the drive changes along with the fraction.
+    """
     equation = point.equation
     motion = point.motion + fraction * step.motion
     load = point.load + fraction * step.local[:, :N_FIELDS]
@@ -203,10 +202,13 @@ def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Arr
     moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
     flips = flips + (changed & moved.jump.any(axis=1))
-    grazing = moved.grazing | (flips > FLIPS)
-    if (grazing == moved.grazing).all():
+    fresh = (flips > FLIPS) & ~moved.grazing
+    if not fresh.any():
         return flips, moved
-    return flips, equation.beside(load, moved.ahead, moved.closed, grazing, motion)
+    closed, lift = moved.closed.copy(), moved.lift
+    within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
+    closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
+    return flips, equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
 
 
 def _held(point: Point, moved: Point) -> Point:

@@ -86,7 +86,7 @@ class Equation:
         scales = problem_scales(problem)
         blocks = np.asfortranarray(problem.system.diagonal_blocks())
         own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
-        lifted = np.abs(blocks[:, 2, POTENTIALS] / own)
+        lifted = blocks[:, 2, POTENTIALS] / own
         units = motion_scales(problem, scales)
         modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
         for k, freedom in enumerate(problem.freedoms):
@@ -216,6 +216,11 @@ class Point:
     switch: Array
     residual: Array
     balance: Array
+
+    @property
+    def lift(self) -> Array:
+        """By how much a node's own closing raises its trial, (n,) [Pa]: it may graze where that is positive."""
+        return np.asarray(self.equation.r * (self.equation.lifted * self.jump * self.drive).sum(axis=1))
 
     @property
     def merit(self) -> float:
