@@ -75,6 +75,8 @@ RODS = (
     Rod(Quad9(), 20, 1, 20, {DEFAULT: (0.07,)}),
     Rod(Quad9(), 30, 1, 30, {DENSE: (0.1,), DEFAULT: (0.7,), TIGHT: (0.1,)}),
     Rod(Quad9(), 30, 2, 60, {DEFAULT: (1.8,)}),
+    Rod(Quad9(), 40, 1, 40, {DENSE: (0.15,), DEFAULT: (50.0,), TIGHT: (0.13,)}),
+    Rod(Quad9(), 60, 1, 60, {DENSE: (0.22,), DEFAULT: (2.0,), TIGHT: (0.15,)}),
     Rod(Quad9(), 100, 1, 50, {DENSE: (0.8,), DEFAULT: (1.0, 0.16), TIGHT: (0.6,)}),
     Rod(Quad9(), 100, 1, 100, {DENSE: (0.36,), DEFAULT: (1.0,), TIGHT: (0.4,)}),
 )
