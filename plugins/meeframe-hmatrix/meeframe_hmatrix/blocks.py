@@ -49,7 +49,8 @@ class Split:
     @cached_property
     def dtype(self) -> np.dtype[Any]:
         """Of all its numbers."""
-        return dtype_of(next(leaves(self)))
+        leaf = next(leaves(self))
+        return (leaf.array if isinstance(leaf, Dense) else leaf.left).dtype
 
     @cached_property
     def table(self) -> Indices:
@@ -66,13 +67,6 @@ Block = Dense | LowRank | Split
 def shape(block: Block) -> tuple[int, int]:
     """Rows and columns."""
     return block.rows.stop - block.rows.start, block.columns.stop - block.columns.start
-
-
-def dtype_of(block: Block) -> np.dtype[Any]:
-    """Of all its numbers."""
-    if isinstance(block, Split):
-        return block.dtype
-    return (block.array if isinstance(block, Dense) else block.left).dtype
 
 
 def rank(block: LowRank) -> int:

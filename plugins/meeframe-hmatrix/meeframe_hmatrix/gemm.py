@@ -25,10 +25,16 @@ _gemm = types.ExternalFunction("numba_xxgemm", types.intc(*(types.char,) * 3, *(
 _gemv = types.ExternalFunction("numba_xxgemv", types.intc(*(types.char,) * 2, *(types.intp,) * 8))
 
 
+@njit(cache=True)
+def _address(array):
+    """Of the first number: several times faster than numpy tells it."""
+    return array.ctypes.data
+
+
 def located(array, dtype):
     """Address, distance of lines and order of a matrix. Raises ValueError if it is of another type or has gaps."""
     (rows, columns), (down, across), size = array.shape, array.strides, array.itemsize
-    address = array.__array_interface__["data"][0]
+    address = _address(array)
     if array.dtype == dtype:
         if (columns <= 1 or across == size) and (rows <= 1 or down >= columns * size):
             return address, max(1, columns, down // size), BY_ROWS

@@ -14,7 +14,7 @@ from meeframe_hmatrix.gemm import FULL
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """matrix @ x for x (n,), in double precision whatever that of the numbers: half of them is half the time.
+    """matrix @ x for x (n,), in double precision.
 
     rows: of the matrix; table: (b, 5) of each undivided block first row and number of rows, first column and number of
     columns, and rank or FULL; numbers: (k,) by rows, of left factors by columns.
@@ -31,16 +31,16 @@ class Product:
         return result
 
 
-def product_of(block: Block, dtype: np.dtype) -> Product:
-    """The product of a tree of blocks, with its numbers in some precision; rows and columns count from their first."""
+def product_of(block: Block) -> Product:
+    """The product of a tree of blocks whose columns begin with 0; its rows count from their first."""
     table, parts = [], []
     for leaf in leaves(block):
         (m, n), dense = shape(leaf), isinstance(leaf, Dense)
-        first = leaf.rows.start - block.rows.start, m, leaf.columns.start - block.columns.start, n
+        first = leaf.rows.start - block.rows.start, m, leaf.columns.start, n
         table.append((*first, FULL if dense else rank(leaf)))
         parts += [leaf.array] if dense else [leaf.left.T, leaf.right]
-    numbers = np.concatenate([part.ravel().astype(dtype, copy=False) for part in parts])
-    return Product(shape(block)[0], np.array(table, np.int64), numbers)
+    numbers = np.concatenate([part.ravel() for part in parts])
+    return Product(shape(block)[0], np.array(table, np.int64), numbers.astype(float, copy=False))
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})

@@ -15,7 +15,7 @@ from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
-from meeframe_hmatrix.blocks import Block, Split, dtype_of, leaves, multiply, to_dense
+from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.packing import packed
@@ -209,9 +209,7 @@ class HierarchicalSystem(ReducedSystem):
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """See ReducedSystem."""
         key = tuple(loaded), tuple(fields)
-        product = self.products.pop(key, None)
-        if product is None:
-            product = product_of(merged(self._between(*key)), dtype_of(self.compliance))
+        product = self.products.pop(key, None) or product_of(merged(self._between(*key)))
         self.products[key] = product  # the latest comes last
         for oldest in list(self.products)[:-MOST_PRODUCTS]:
             self.products.pop(oldest, None)
