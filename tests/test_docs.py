@@ -18,6 +18,7 @@ from meeframe.case.load import load_case
 from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.plugin.registry import load
+from meeframe.study.validate import known_cases
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -101,6 +102,14 @@ def test_a_part_with_an_old_record_says_so_on_the_page_of_the_others(tmp_path):
     assert "To be measured again" in done.stdout.partition("## Start-up")[0]
     assert "To be measured again" not in done.stdout.partition("## Start-up")[2]
     assert "kernels: its record has no" in done.stderr
+
+
+def test_why_to_trust_it_has_every_case():
+    """Written by validation/trust.py, from the numbers of all cases, below its head."""
+    page = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
+    assert page.startswith((ROOT / "validation" / "trust_head.md").read_text(encoding="utf-8"))
+    told = re.findall(r"^`meeframe validate --only (\w+)`$", page, re.MULTILINE)
+    assert told == sorted(known_cases(ROOT / "validation"))
 
 
 def test_every_page_is_in_the_index():
