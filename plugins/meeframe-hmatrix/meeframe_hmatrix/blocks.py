@@ -188,7 +188,16 @@ def recompress(left: Array, right: Array, tolerance: float) -> tuple[Array, Arra
 
 
 def _rotated(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
-    """Factors of q @ rows for orthonormal q (m, k), rows (k, n)."""
+    """Factors of q @ rows for orthonormal q (m, k), rows (k, n). Raises LinAlgError if they are not finite."""
+    if rows.dtype == np.float32:  # its Gram matrix in double precision has all digits, for a third of the time
+        exact = rows.astype(float)
+        gram = exact @ exact.T
+        if not np.isfinite(gram).all():
+            raise np.linalg.LinAlgError("entries of a block are not finite")
+        squares, vectors = np.linalg.eigh(gram)
+        values = np.sqrt(np.maximum(squares[::-1], 0.0))
+        turn = vectors[:, ::-1][:, : kept_rank(values, tolerance)].astype(rows.dtype)
+        return q @ turn, turn.T @ rows
     if rows.shape[1] > rows.shape[0]:
         basis, triangle = np.linalg.qr(rows.T)
         u, values, v = np.linalg.svd(triangle.T, full_matrices=False)

@@ -132,18 +132,22 @@ def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matri
         multiply(block, np.zeros((5, 1)))
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
-def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance):
+@pytest.mark.parametrize(
+    ("tolerance", "dtype"), [(1e-2, float), (1e-5, float), (1e-8, float), (1e-2, np.float32), (SINGLE, np.float32)]
+)
+def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance, dtype):
     random = np.random.default_rng(2)
     u, v = (np.linalg.qr(random.normal(size=(size, 60)))[0] for size in (200, 150))
     values = 10.0 ** -np.linspace(0, 12, 60)
-    matrix = u * values @ v.T
+    factors = (u * values).astype(dtype), v.T.astype(dtype)
+    matrix = factors[0] @ factors[1]
     best = int((np.sqrt(np.cumsum(values[::-1] ** 2)[::-1]) > tolerance * np.linalg.norm(values)).sum())
     for left, right in (
-        recompress(u * values, v.T, tolerance),
-        compress(lambda x: matrix @ x, lambda x: matrix.T @ x, matrix.shape, 3, tolerance),
+        recompress(*factors, tolerance),
+        compress(lambda x: matrix @ x, lambda x: matrix.T @ x, matrix.shape, 3, tolerance, dtype),
         truncated(matrix.copy(), tolerance),
     ):
+        assert left.dtype == right.dtype == dtype
         assert error(left @ right, matrix) < 1.5 * tolerance
         assert best <= left.shape[1] <= best + 1
 
@@ -172,6 +176,10 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
     matrix[2, 3] = entry
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
         truncated(matrix, 1e-3)
+    if precision == np.float32:  # in double precision the singular values see to it
+        matrix[2, 3] = entry
+        with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="not finite"):
+            recompress(np.eye(6, dtype=precision), matrix, 1e-3)
 
 
 @pytest.mark.parametrize("small", [0, pending.SMALL], ids=["random vectors", "entry by entry"])
