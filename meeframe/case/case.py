@@ -83,6 +83,7 @@ class Case:
             self._check()
 
     def _check(self) -> None:
+        check_title(self.title)
         check_contact_zone(self.mesh, self.zone)
         self.formulation.check(self.body)
         if not self.steps:
@@ -137,6 +138,12 @@ def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
 
 def unheard(text: str) -> None:
     """Warns nobody."""
+
+
+def check_title(title: str) -> None:
+    """Raises CaseError for a title that no result file can hold."""
+    if "\0" in title:
+        raise CaseError("holds the character NUL; allowed: any other in a title")
 
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from meeframe.case.body_tables import CounterBodyTable
-from meeframe.case.case import Case, check_reach, resistance
+from meeframe.case.case import Case, check_reach, check_title, resistance
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.case.outlook import check_solver
@@ -91,6 +91,7 @@ def _case_checks(
     restart: Restart | None,
     assemble: Callable[[Solver], Case],
 ) -> Iterator[Check]:
+    yield Problem(("title",), "", table.title), partial(check_title, table.title)
     zone = table.contact.zone
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record

@@ -5,6 +5,7 @@ import gc
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -33,7 +34,7 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     untouched: what to say of an interruption that carries no note, as it came before anything was written.
     """
     try:
-        with _ended_as_by_hand():
+        with _ended_as_by_hand(), _warned():
             yield
     except MeeframeError as error:
         print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
@@ -44,6 +45,22 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     except KeyboardInterrupt as error:
         print(_with_notes("interrupted", error, untouched), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _warned() -> Iterator[None]:
+    """Warnings of libraries and plugins are told as ours are, each once and in one line."""
+    told: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
+        text = f"{filename}, line {lineno}: {category.__name__}: {' '.join(str(message).split())}"
+        if text not in told:
+            told.add(text)
+            warn(text)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show  # type: ignore[assignment]  # called by position
+        yield
 
 
 @contextmanager

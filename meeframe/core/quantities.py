@@ -59,7 +59,10 @@ class Quantity:
             raise ValueError(f"expected {self.expected}")
         if value != value:
             raise ValueError(f"is not a number (NaN); expected {self.expected}")
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"is too large; expected {self.expected}") from None
 
     @property
     def expected(self) -> str:

@@ -20,7 +20,7 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
         return text, tomllib.loads(text)
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # its own, of the encoding, of digits without end, of depth
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
 
 

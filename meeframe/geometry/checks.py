@@ -21,6 +21,7 @@ SHOWN = 3  # offenders whose place a message gives
 COINCIDENT = 1e-3  # points closer than this part of the shortest edge are duplicates
 PLANE = 1e-9  # normals on the boundary of a half space differ by less
 COLLAPSED = 1e-6  # an element's Jacobian may nowhere fall below this part of its mean
+LARGEST = 1e60  # coordinates [m] of which areas and volumes are numbers
 
 
 def check_mesh(mesh: SurfaceMesh) -> None:
@@ -133,9 +134,9 @@ def _check_numbers(mesh: SurfaceMesh) -> None:
 
 
 def _check_finite(mesh: SurfaceMesh) -> None:
-    bad = ~np.isfinite(mesh.points).all(axis=1)
+    bad = ~(np.abs(mesh.points) <= LARGEST).all(axis=1)
     if bad.any():
-        _refuse("the surface has coordinates that are not finite", mesh.points[bad], "point")
+        _refuse(f"the surface has coordinates that are not finite or beyond {LARGEST:g} m", mesh.points[bad], "point")
 
 
 def _check_points(mesh: SurfaceMesh) -> None:

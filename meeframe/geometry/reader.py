@@ -104,7 +104,11 @@ def _labels(data: Any, kept: list[int], group_data: str | None) -> list[list[str
         if group_data not in data.cell_data:
             found = ", ".join(data.cell_data) or "none"
             raise MeshError(f"group_data = {group_data!r}: no such cell array in the file; it has: {found}")
-        return [[f"{group_data}_{int(v)}" for v in np.ravel(data.cell_data[group_data][k])] for k in kept]
+        numbers = [np.ravel(data.cell_data[group_data][k]) for k in kept]
+        odd = next((v for block in numbers for v in block if not float(v).is_integer()), None)
+        if odd is not None:
+            raise MeshError(f"group_data = {group_data!r}: {odd:g} in it; allowed: whole numbers")
+        return [[f"{group_data}_{int(v)}" for v in block] for block in numbers]
     sets = {name: members for name, members in data.cell_sets.items() if not name.startswith("gmsh:")}
     if sets:
         return [_labels_from_sets(sets, k, len(data.cells[k].data)) for k in kept]

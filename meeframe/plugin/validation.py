@@ -5,8 +5,9 @@ import difflib
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import date, time
 from functools import lru_cache
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
@@ -18,6 +19,7 @@ Converters = Callable[[Any], Callable[[Any], Any] | None]
 """For a type hint, how what a table gives becomes a value of it; None if pydantic knows."""
 
 _MISSING = object()
+_HUGE: Final = 10**300  # whole numbers beyond are no floats
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 # pydantic's kinds of errors whose own texts speak of Python and not of TOML
@@ -228,7 +230,9 @@ def _model_within(hint: Any) -> type[BaseModel] | None:
 
 
 def _brief(value: Any) -> str:
-    if isinstance(value, float | int) and not isinstance(value, bool):
+    if isinstance(value, date | time):
+        return value.isoformat()  # as TOML has it
+    if isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < _HUGE:
         text = f"{value:.12g}"
         return f"{text}.0" if isinstance(value, float) and text.lstrip("-").isdigit() else text
     text = str(value).lower() if isinstance(value, bool) else repr(value)

@@ -224,8 +224,10 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
     Raises CaseError if the scheduler does not answer.
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
+    environment = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(workers)}
+    environment["PYTHONWARNINGS"] = "ignore"  # of plugins and libraries: where cases are read they are told once
     settings = {
-        "distributed.nanny.pre-spawn-environ": {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(workers)},
+        "distributed.nanny.pre-spawn-environ": environment,
         "distributed.worker.preload": [__name__],
         "distributed.comm.timeouts.connect": _WAIT,
         "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes

@@ -51,6 +51,41 @@ def test_slender_bodies_are_warned_of(case_file, tmp_path):
     assert "its bending" not in second["message"]
 
 
+NOISY = """
+import warnings
+from dataclasses import dataclass
+from meeframe.laws import Signorini
+from meeframe.plugin import ContactLaw, Record, hookimpl
+
+
+@dataclass(frozen=True)
+class Noisy(ContactLaw):
+    def project(self, trial):
+        warnings.warn("of two\\nlines")
+        return Signorini().project(trial)
+
+    def tangential_scaling(self):
+        return Signorini().tangential_scaling()
+
+
+@hookimpl
+def meeframe_contact_laws():
+    return [Record("noisy", Noisy, "warns", "nobody")]
+"""
+
+
+@pytest.mark.filterwarnings("always:of two")
+def test_warnings_of_libraries_are_told_once_as_ours_are(case_file, tmp_path):
+    plugin = tmp_path / "noisy.py"
+    plugin.write_text(NOISY, encoding="utf-8")
+    with case_file.open("a", encoding="utf-8") as text:
+        text.write('[contact]\nlaw = "noisy"\n')
+    status, _, errors = meeframe_command("run", case_file, "--plugin", plugin, "--out", tmp_path / "out")
+    assert status == 0
+    told = [line for line in errors.splitlines() if "Warning" in line or "lines" in line]
+    assert told == [f"warning: {plugin}, line 11: UserWarning: of two lines"]
+
+
 def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
     """A sweep over two approaches and two widths of a slender block, and a comparison of two solvers on it."""
     case_file.write_text(case_file.read_text().replace('height = "120 mm"', 'height = "2 m"'))

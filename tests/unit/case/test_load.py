@@ -366,3 +366,30 @@ def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
     )
     assert not (tmp_path / "oops").exists()
     assert not issubclass(ContactLaw, dict)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (('"10 um"', "9" * 400), "approach = 9999.*: is too large; expected a number in m"),
+        (('"50 mm"', "9" * 400), "mesh.half_width = 9999.*: is too large; expected a number in m"),
+        (
+            ("divisions = 4", f"divisions = {'9' * 400}"),
+            r"mesh.divisions = 9999.*\.\.\.: should be less than or equal to",
+        ),
+        (('"tiny"', "9" * 5000), "is not a TOML file: Exceeds the limit"),
+        (('"tiny"', "[" * 5000 + "]" * 5000), "is not a TOML file: maximum recursion depth"),
+        (('"tiny"', r'"a\u0000b"'), r"title = 'a\\x00b': holds the character NUL; allowed: any other in a title"),
+        (('"tiny"', "1979-05-27"), r"title = 1979-05-27: should be a text"),
+    ],
+)
+def test_numbers_and_texts_beyond_all_bounds(write_case, registry, change, text):
+    with pytest.raises(CaseError, match=text):
+        load_case(write_case(change), registry)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_a_body_larger_than_numbers(write_case):
+    bem = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
+    with pytest.raises(CaseError, match=r"mesh: .*coordinates that are not finite or beyond 1e\+60 m: 25 points, at"):
+        load_case(write_case(bem, ('"120 mm"', "1e300")))

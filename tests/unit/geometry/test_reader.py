@@ -102,6 +102,16 @@ def test_vtu_with_a_cell_array_as_groups(element: SurfaceElement, tmp_path: Path
         read(path, group_data="faces")
 
 
+@pytest.mark.parametrize("odd", [1.5, np.nan, np.inf])
+def test_groups_have_whole_numbers(odd: float, tmp_path: Path) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    path = tmp_path / "odd.vtu"
+    meshio.Mesh(corners, [("triangle", faces)], cell_data={"face": [np.array([1.0, 2.0, odd, 2.0])]}).write(path)
+    with pytest.raises(MeshError, match=f"group_data = 'face': {odd:g} in it; allowed: whole numbers"):
+        read(path, group_data="face")
+
+
 def test_mixed_elements(tmp_path: Path) -> None:
     original = box()
     quads = original.blocks[0].connectivity
@@ -241,7 +251,7 @@ CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
             _mesh_file(TETRA, [("triangle", CLOSED[0][1][:3])]),
             "not closed, only one element has an edge: 3 edges",
         ),
-        ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite: 1 point"),
+        ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite or beyond 1e\\+60 m: 1 point"),
         ("range.vtk", _mesh_file(TETRA[:3], CLOSED), "no point 3, which tri3 uses"),
         ("flat.xdmf", _mesh_file([p[:2] for p in TETRA], [("triangle", [[0, 1, 2]])]), "not three-dimensional"),
         (

@@ -89,6 +89,14 @@ def test_figures_are_drawn(tmp_path, synthetic):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
 
+def test_titles_are_drawn_as_they_are(tmp_path, synthetic):
+    """Dollars and what the font does not have, without a warning."""
+    shown = dataclasses.replace(synthetic.result(synthetic.step(1e-6)).provenance, title=r"$\frac{$ 接触 $x_1^ \x07")
+    for name, figure in figures(dataclasses.replace(synthetic.result(synthetic.step(1e-6)), provenance=shown)).items():
+        save_figure(figure, tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 1000
+
+
 def test_figures_carry_the_numbers_with_units(synthetic):
     drawn = figures(synthetic.result(synthetic.step(1e-6)))
     axes, bar = drawn["pressure.png"].axes
