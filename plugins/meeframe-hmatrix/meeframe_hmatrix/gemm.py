@@ -9,7 +9,8 @@ one. BLAS is SciPy's, as numba calls it.
 from typing import Final
 
 import numpy as np
-from numba import njit, types
+from numba import carray, njit, types
+from numba.extending import intrinsic
 
 from meeframe.core.fields import Array
 
@@ -22,7 +23,16 @@ BY_ROWS, BY_COLUMNS = 0, 1
 """Orders: neighbours in memory belong to one row, or to one column."""
 
 _gemm = types.ExternalFunction("numba_xxgemm", types.intc(*(types.char,) * 3, *(types.intp,) * 11))
-_gemv = types.ExternalFunction("numba_xxgemv", types.intc(*(types.char,) * 2, *(types.intp,) * 8))
+
+
+@intrinsic
+def _pointer(context, address, like):
+    """To numbers as those of an array, from an address."""
+
+    def code(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(like.dtype)(address, like), code
 
 
 @njit(cache=True)
@@ -67,9 +77,6 @@ def _multiply(kind, m, n, k, factor, left, right, share, target):
     factor and share are addresses of numbers; target is ordered by rows, that is, transposed for BLAS. Not zero if BLAS
     could not be called.
     """
-    if n == 1 and target[1] == 1 and right[1] == 1:
-        inner, outer, turn = (m, k, ord("n")) if left[2] else (k, m, ord("t"))
-        return _gemv(kind, turn, inner, outer, factor, left[0], left[1], right[0], share, target[0])
     turns = ord("t") if right[2] else ord("n"), ord("t") if left[2] else ord("n")
     return _gemm(kind, *turns, n, m, k, factor, right[0], right[1], left[0], left[1], share, *target)
 
@@ -79,6 +86,24 @@ def _below(place, lines, size):
     """The same matrix from a later row on."""
     address, distance, order = place
     return address + lines * size * (1 if order else distance), distance, order
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _add_to_vector(m, n, place, x, result):
+    """result (m,) += matrix (m, n) @ x (n,). What is read once is not worth BLAS, which reads several lines at once."""
+    address, distance, order = place
+    numbers = carray(_pointer(address, result), (distance * (n if order else m),))
+    if order:
+        for j in range(n):
+            column, factor = numbers[j * distance : j * distance + m], x[j]
+            for i in range(m):
+                result[i] += column[i] * factor
+    else:
+        for i in range(m):
+            row, total = numbers[i * distance : i * distance + n], result[i]
+            for j in range(n):
+                total += row[j] * x[j]
+            result[i] = total
 
 
 @njit(cache=True, nogil=True)
@@ -105,6 +130,16 @@ def add_products(table, turned, x, result, origin):
             left, right = (right[0], right[1], 1 - right[2]), (left[0], left[1], 1 - left[2])
             if k == FULL:
                 left = right
+        if width == 1 and x[1] == 1:
+            vector = carray(_pointer(x[0] + (c - x[3]) * size, result), (n,))
+            total = result[r - origin : r - origin + m, 0]
+            if k == FULL:
+                _add_to_vector(m, n, left, vector, total)
+            else:
+                inner[:k] = 0.0
+                _add_to_vector(k, n, right, vector, inner[:k, 0])
+                _add_to_vector(m, k, left, inner[:k, 0], total)
+            continue
         target = base + (r - origin) * width * size, width
         part = _below((x[0], x[1], x[2]), c - x[3], size)
         if k == FULL:
