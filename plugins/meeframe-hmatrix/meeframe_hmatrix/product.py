@@ -8,7 +8,7 @@ from numba import njit
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
-from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape
+from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape, stored
 from meeframe_hmatrix.gemm import FULL
 
 
@@ -33,14 +33,15 @@ class Product:
 
 def product_of(block: Block) -> Product:
     """The product of a tree of blocks whose columns begin with 0; its rows count from their first."""
-    table, parts = [], []
+    table, numbers, place = [], np.empty(stored(block)), 0
     for leaf in leaves(block):
         (m, n), dense = shape(leaf), isinstance(leaf, Dense)
         first = leaf.rows.start - block.rows.start, m, leaf.columns.start, n
         table.append((*first, FULL if dense else rank(leaf)))
-        parts += [leaf.array] if dense else [leaf.left.T, leaf.right]
-    numbers = np.concatenate([part.ravel() for part in parts])
-    return Product(shape(block)[0], np.array(table, np.int64), numbers.astype(float, copy=False))
+        for part in (leaf.array,) if dense else (leaf.left.T, leaf.right):
+            numbers[place : place + part.size].reshape(part.shape)[:] = part
+            place += part.size
+    return Product(shape(block)[0], np.array(table, np.int64), numbers)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
