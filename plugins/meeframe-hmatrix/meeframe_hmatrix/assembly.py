@@ -15,6 +15,7 @@ from meeframe.formulations.dense_bem.layout import NONE
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split
 from meeframe_hmatrix.clusters import Cluster, diameter, distance
 from meeframe_hmatrix.cross_approximation import far_rows, reachable
+from meeframe_hmatrix.facets import Facets, facets
 from meeframe_hmatrix.integrals import Integrals
 from meeframe_hmatrix.kernels import Rows
 from meeframe_hmatrix.rows import column_window, near_rows
@@ -57,11 +58,11 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     # the largest first, so that threads end together
     clusters = sorted(partners, key=lambda row: row.sites.start - row.sites.stop)
     rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
-    n_tasks = len(clusters) + len(rows)
+    n_tasks, known = len(clusters) + len(rows), facets(integrals)
     with ExitStack() as at_end:
         pool = ThreadPoolExecutor(get_num_threads())
         at_end.callback(pool.shutdown, cancel_futures=True)
-        far_found = pool.map(lambda row: _far(integrals, row, partners[row], tolerance), clusters)
+        far_found = pool.map(lambda row: _far(integrals, known, row, partners[row], tolerance), clusters)
         near_found = pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows)
         for done, (row, (blocks, share)) in enumerate(zip(clusters, far_found, strict=True), 1):
             for column, (value, load) in zip(partners[row], blocks, strict=True):
@@ -100,10 +101,10 @@ def _key(pair: Pair) -> tuple[int, int, int, int]:
 
 
 def _far(
-    integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tolerance: float
+    integrals: Integrals, known: Facets, row: Cluster, columns: Sequence[Cluster], tolerance: float
 ) -> tuple[list[tuple[Block, Block]], Array]:
     """A cluster's equations in the columns of others: blocks of unknowns and loads, and the share of the rest."""
-    left, chosen = far_rows(integrals, row, columns, tolerance)
+    left, chosen = far_rows(integrals, known, row, columns, tolerance)
     q, r = np.linalg.qr(left)
 
     def part(whole: Array, first: int, place: slice) -> tuple[LowRank, int]:

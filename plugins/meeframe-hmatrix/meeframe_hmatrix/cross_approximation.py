@@ -9,9 +9,11 @@ from scipy.linalg import lstsq
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.formulations.dense_bem.layout import NONE
+from meeframe.kernels.assembly import Accuracy
 from meeframe_hmatrix.clusters import Cluster
+from meeframe_hmatrix.facets import Facets, interpolated
 from meeframe_hmatrix.integrals import Integrals, Kind
-from meeframe_hmatrix.kernels import Rows, enter
+from meeframe_hmatrix.kernels import Points, Rows, enter
 from meeframe_hmatrix.rows import add, column_window, no_sums, orders_from, output, placed
 from meeframe_hmatrix.skeleton import enter_samples, skeleton_sources, spread_out
 from meeframe_hmatrix.truncation import precision
@@ -40,23 +42,36 @@ def reachable(integrals: Integrals, row: Cluster, column: Cluster) -> bool:
 
 def _orders(integrals: Integrals, row: Cluster, kind: Kind, numbers: Indices) -> Indices:
     """Orders (n, 2) of tensor rules that serve far elements from everywhere in a row cluster, 0 where none does."""
-    accuracy = integrals.accuracy
-    return orders_from(row.row_box, kind, numbers, accuracy._replace(tolerance=FAR * accuracy.tolerance))
+    return orders_from(row.row_box, kind, numbers, _accuracy(integrals))
 
 
-def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tolerance: float) -> tuple[Array, Rows]:
+def _accuracy(integrals: Integrals) -> Accuracy:
+    """Of integrals over far elements."""
+    return integrals.accuracy._replace(tolerance=FAR * integrals.accuracy.tolerance)
+
+
+def _placed(integrals: Integrals, row: Cluster, columns: Sequence[Cluster]) -> list[tuple[Kind, Indices, Points]]:
+    """Points on the elements of far clusters by kinds, for all sources of a row cluster; offsets from the origin."""
+    parts = []
+    for kind, numbers in integrals.elements(columns):
+        orders = _orders(integrals, row, kind, numbers)
+        points, _ = placed(integrals, np.zeros(3), kind, numbers, orders, np.full(orders.shape, np.nan))
+        parts.append((kind, numbers, points))
+    return parts
+
+
+def far_rows(
+    integrals: Integrals, known: Facets, row: Cluster, columns: Sequence[Cluster], tolerance: float
+) -> tuple[Array, Rows]:
     """The equations of one cluster in the columns of those that are far from it, side by side, as left (m, k) @ Rows.
 
     Cross approximation: some quadrature points of the elements give sample columns of all equations; a pivoted QR of
-    them chooses k equations that the others are combinations of, and those are integrated over all elements. Points
+    them chooses k equations that the others are combinations of, and those are integrated over all elements, from few
+    values of the kernel where a leaf has plane elements. Points
     that are held out judge it; there are twice as many until the error there is below the tolerance, or none are left:
     then all of them judge it, and it is all equations if the error is above.
     """
-    origin, parts = np.zeros(3), []
-    for kind, numbers in integrals.elements(columns):
-        orders = _orders(integrals, row, kind, numbers)
-        points, _ = placed(integrals, origin, kind, numbers, orders, np.full(orders.shape, np.nan))
-        parts.append((kind, numbers, points))
+    parts = _placed(integrals, row, columns)
     places = np.concatenate([points.offsets for _, _, points in parts])
     normals = np.concatenate([points.normals for _, _, points in parts])
     rows = integrals.rows[row.sources]
@@ -64,10 +79,21 @@ def far_rows(integrals: Integrals, row: Cluster, columns: Sequence[Cluster], tol
     equations = rows[source, field] - row.unknowns.start
     left, chosen = _skeleton(integrals, row, (places, normals), (source, field), tolerance)
     window, out = column_window(integrals, columns), output(len(chosen), columns)
-    for number in np.unique(source[chosen]):
-        position, sums = integrals.positions[row.sources.start + number], no_sums(window)
+    sources = np.unique(source[chosen])
+    positions = integrals.positions[row.sources.start + sources]
+    leaves = [leaf for column in columns for leaf in column.leaves()]
+    smooth, others = interpolated(integrals, leaves, known, positions, row.row_box, _accuracy(integrals), window)
+    parts = _placed(integrals, row, others)
+    there = np.zeros(len(window.site), bool)
+    for leaf in others:
+        there[leaf.sites] = True
+    by_element = window._replace(site=np.where(there, window.site, NONE))
+    for number, position in zip(sources, positions, strict=True):
+        sums = no_sums(window)
         for kind, numbers, points in parts:
-            add(integrals, kind, numbers, points._replace(offsets=points.offsets - position), window, sums)
+            add(integrals, kind, numbers, points._replace(offsets=points.offsets - position), by_element, sums)
+        if smooth is not None:
+            smooth.add(integrals.kernel, position, sums)
         own = np.full(N_FIELDS, NONE)
         mine = np.flatnonzero(source[chosen] == number)
         own[field[chosen[mine]]] = mine

@@ -61,7 +61,7 @@ class Integrals:
         """The elements that touch the sites of clusters: their numbers, rising, kind by kind."""
         starts, elements = self.touching
         own = [elements[starts[cluster.sites.start] : starts[cluster.sites.stop]] for cluster in clusters]
-        numbers = np.unique(np.concatenate(own))
+        numbers = np.unique(np.concatenate(own)) if own else elements[:0]
         for kind in self.kinds:
             low, high = np.searchsorted(numbers, [kind.first, kind.first + len(kind.sites)])
             if low < high:

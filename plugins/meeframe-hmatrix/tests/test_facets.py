@@ -1,0 +1,78 @@
+"""Integrals over the plane parts of far leaves, from few values of the kernel, against those element by element."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_hmatrix import HierarchicalBEM, formulation
+from meeframe_hmatrix.assembly import assemble
+from meeframe_hmatrix.clusters import distance
+from meeframe_hmatrix.facets import facets, interpolated
+from meeframe_hmatrix.kernels import enter
+from meeframe_hmatrix.rows import column_window, local, near_rows, no_sums, output
+
+from meeframe.core.body import Body
+from meeframe.elements import Quad8
+
+
+def integrals_of(body: Body, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(formulation, "LEAF_SIZE", 20)
+    seen = []
+    monkeypatch.setattr(formulation, "assemble", lambda *given: seen.append(given) or assemble(*given))
+    HierarchicalBEM(tolerance=1e-3).boundary(body)
+    return seen[0][0]
+
+
+def relative(found, expected) -> float:
+    return float(np.linalg.norm(found - expected) / np.linalg.norm(expected)) if expected.any() else 0.0
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_integrals_are_those_element_by_element(make_block, monkeypatch, tolerance):
+    integrals = integrals_of(make_block(8), monkeypatch)
+    accuracy = integrals.accuracy._replace(tolerance=tolerance)
+    fine = replace(integrals, accuracy=accuracy._replace(tolerance=1e-8))
+    known, leaves, points, direct, worst = facets(integrals), list(integrals.tree.root.leaves()), 0, 0, 0.0
+    row = next(leaf for leaf in leaves if leaf.sources.stop - leaf.sources.start > 5)
+    positions = integrals.positions[row.sources][:1]
+    far = [leaf for leaf in leaves if distance(row.row_box, leaf.column_box) > 0]
+    for leaf in far:
+        window = column_window(integrals, [leaf])
+        box = np.stack([positions[0], positions[0]])
+        found, others = interpolated(integrals, [leaf], known, positions, box, accuracy, window)
+        assert (found is None) == (others == [leaf])
+        if found is None:
+            continue
+        sums, rows = no_sums(window), local(integrals.rows[row.sources.start], row)
+        found.add(integrals.kernel, positions[0], sums)
+        out = output(row.unknowns.stop - row.unknowns.start, [leaf])
+        enter(sums, rows, integrals.columns, window, out)
+        one = replace(row, sources=slice(row.sources.start, row.sources.start + 1))
+        expected = near_rows(fine, one, [leaf])
+        for computed, right in zip((out.unknown, out.load), (expected.unknown, expected.load), strict=True):
+            worst = max(worst, relative(computed, right))
+        points += len(found.points)
+        direct += 4 * sum(len(facet.numbers) for facet in known[leaf])
+    assert points > 0
+    assert worst < tolerance
+    if tolerance == 1e-3:
+        assert points < direct
+
+
+def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
+    integrals = integrals_of(make_block(8), monkeypatch)
+    for leaf, parts in facets(integrals).items():
+        assert {site for part in parts for site in part.sites} == set(range(leaf.sites.start, leaf.sites.stop))
+        for part in parts:
+            nodes = part.kind.elements.nodes[part.numbers] - part.centre
+            assert np.abs(nodes @ part.normal).max() < 1e-12
+            assert (np.abs(nodes @ part.axes.T).max(axis=(0, 1)) <= part.half * (1 + 1e-12)).all()
+
+
+def test_elements_that_are_not_plane_have_none(make_block, monkeypatch):
+    body = make_block(3, Quad8())
+    points = body.mesh.points.copy()
+    inside = np.abs(points[:, 2] - points[:, 2].min()) < 1e-9 * np.ptp(points[:, 2])
+    points[inside, 2] += 1e-3 * np.ptp(points[:, 2]) * np.cos(7 * points[inside, 0] / np.ptp(points[:, 0]))
+    integrals = integrals_of(replace(body, mesh=replace(body.mesh, points=points)), monkeypatch)
+    assert not any(facets(integrals).values())
