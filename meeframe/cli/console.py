@@ -70,7 +70,7 @@ def _ended_as_by_hand() -> Iterator[None]:
         yield
         return
     before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
-    sys.unraisablehook = lambda ignored: _again(ignored) or hook(ignored)
+    sys.unraisablehook = lambda ignored: _again(ignored) or _told(ignored) or hook(ignored)
     try:
         yield
     finally:
@@ -84,6 +84,11 @@ def _again(ignored: "sys.UnraisableHookArgs") -> bool:
     if interrupts:
         threading.Timer(0.01, _thread.interrupt_main, [signal.SIGTERM]).start()
     return interrupts
+
+
+def _told(ignored: "sys.UnraisableHookArgs") -> bool:
+    """What h5py meets once more when it lets go of a file that could not be written, which has been told."""
+    return issubclass(ignored.exc_type, RuntimeError) and "file write failed" in str(ignored.exc_value)
 
 
 def _with_notes(what: str, error: BaseException, default: str = "") -> str:

@@ -1,6 +1,7 @@
 """The output folder: refused before anything is computed, made with the first result; files in it are whole."""
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -85,7 +86,19 @@ def replacing(target: Path) -> Iterator[Path]:
     try:
         yield temporary
         os.replace(temporary, target)
-    except OSError as error:
-        raise ResultError(f"{target} cannot be written: {error.strerror or error}") from None
+    except (OSError, RuntimeError) as error:
+        told = _of_files(error)
+        if told is None:
+            raise
+        raise ResultError(f"{target} cannot be written: {told}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _of_files(error: OSError | RuntimeError) -> str | None:
+    """What an error of a file says, in words; None if it is not one. HDF5 writes the number of what the system said
+    into its text, and what it meets on closing h5py raises as a RuntimeError."""
+    number = re.search(r"errno = (\d+)", str(error))
+    if number:
+        return os.strerror(int(number[1]))
+    return (error.strerror or str(error)) if isinstance(error, OSError) else None

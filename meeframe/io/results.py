@@ -22,6 +22,7 @@ from meeframe.core.formulation import NodalFields
 from meeframe.core.indenter import MOTIONS, RESULTANTS, UNITS
 from meeframe.core.mesh import Indices
 from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Result, StepResult, Zone, resultants
+from meeframe.io.hdf5 import changed_file
 from meeframe.io.output import RESULT_FILE, replacing
 
 FORMAT: Final = "meeframe-result 3"
@@ -72,7 +73,7 @@ _BOUNDARY_UNITS: Final = {
 
 def create_result(folder: Path, result: Result) -> None:
     """Write the result file with the increments that are finished so far."""
-    with replacing(folder / RESULT_FILE) as path, h5py.File(path, "w") as file:
+    with replacing(folder / RESULT_FILE) as path, changed_file(path, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["title"] = result.provenance.title
         file.attrs["case"] = result.provenance.case_text
@@ -132,7 +133,7 @@ def _changing(folder: Path) -> Iterator[Any]:
     target = folder / RESULT_FILE
     with replacing(target) as path:
         shutil.copyfile(target, path)
-        with h5py.File(path, "r+") as file:
+        with changed_file(path, "r+") as file:
             yield file
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import AnyArray, NodalFields, ReducedSystem
+from meeframe.io.hdf5 import changed_file
 from meeframe.io.output import replacing
 
 Found = TypeVar("Found")
@@ -79,7 +80,7 @@ def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Foun
 @contextmanager
 def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
     """A file in the making."""
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing(path) as temporary, changed_file(temporary, "w") as file:
         file.attrs.update({"format": kind, "key": key})
         yield file
 
