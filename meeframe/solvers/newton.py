@@ -34,8 +34,8 @@ ENOUGH: Final = 0.2 * Limits().tolerance
 """Violation of the laws that linear equations need not leave less of: who asks for more has another step."""
 COARSE: Final = 1e-3
 """Merit at which a coarser problem is left: the two differ by more."""
-COARSE_STEPS: Final = 2, 40
-"""At least and at most. The first from a start raises the merit."""
+COARSE_STEPS: Final = 1, 40
+"""At least and at most."""
 ROUGHENING: Final = 100.0
 """The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
 in it is found at once."""

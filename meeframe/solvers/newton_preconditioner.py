@@ -22,7 +22,7 @@ from meeframe.solvers.node_blocks import NodeBlocks, turned
 from meeframe.solvers.nonsmooth import CLOSED
 
 NORMAL: Final = 2
-NEARBY: Final = 2.5
+NEARBY: Final = 1.5
 """Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
 
 ROUND_OFF: Final = 1e-6
@@ -194,8 +194,7 @@ def _asking(rows: Rows, own: NodeBlocks) -> Mask:
 def _own_response(rows: Rows) -> NodeBlocks:
     """Displacements (f, c) that the unknowns (l, c) of the loads cause at their own node, in all tangential directions
     much alike: the axes do not matter. Without those that are round-off."""
-    blocks, units = rows.equation.blocks.transpose(1, 2, 0), rows.units
-    largest = np.abs(blocks).max(axis=2)
+    blocks, units, largest = rows.equation.blocks.transpose(1, 2, 0), rows.units, rows.equation.strongest
     least = ROUND_OFF * np.sqrt(np.outer(np.diagonal(largest), np.diagonal(largest)))
     entries = {
         (row, place): units[place] * blocks[field, loaded].take(rows.nodes)

@@ -19,6 +19,7 @@ of Uzawa's method would make; with r near the inverse of a node's own compliance
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -102,6 +103,11 @@ class Equation:
         inverse = system.approximate_inverse(loaded) if system.dense() is None else None
         r = 1.0 / scales.normal_compliance
         return cls(problem, scales, blocks, own, lifted, r, modes, units, measures, loaded, inverse)
+
+    @cached_property
+    def strongest(self) -> Array:
+        """Magnitudes (5, 5) of the largest entries of the blocks."""
+        return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
 
     def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """The equation at a load (n, 5) and motion (m,) of the freedoms.

@@ -92,6 +92,7 @@ def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
     return 1.0 / np.array(largest)
 
 
+@once_for_each
 def _foundation_motion(problem: ContactProblem) -> Array:
     """Motion (m,) of the freedoms on an elastic foundation as compliant as the body under a uniform pressure."""
     motion = np.zeros(len(problem.freedoms))

@@ -141,3 +141,20 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     step = newton_step(equation, point.linearise())
     got = np.append(step.local[:, :5].ravel(), step.motion) / units
     np.testing.assert_allclose(got, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
+    """Perfect conductors in both fields: a node that opens loses its flux, and the surface moves as the matrix says."""
+    problem = sphere("orthotropic", Signorini(), (math.inf, math.inf), cells=8)
+    equation = Equation.of(problem)
+    n, node = len(problem.gap), 27
+    load = equation.scales.load * RANDOM.normal(size=(n, 5))
+    closed, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))
+    own = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
+    # the fluxes with which its rows say the same as before, open and closed
+    flux = (open_.residual - closed.residual)[node, 3:5] * equation.scales.displacement[3:] / own
+    moved = load.copy()
+    moved[node, 3:] += flux
+    raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - closed.trial
+    assert closed.lift[node] == pytest.approx(raised[node, 2], rel=1e-9)
+    assert np.ptp(np.sign(closed.lift)) == 2.0
