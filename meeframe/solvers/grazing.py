@@ -9,10 +9,11 @@ from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 
-LEAST_MOVE: Final = 1e-8
-"""Of a closed fraction, from which the slope of its trial is measured."""
-FEW: Final = 0.5
-"""As many as so large a part of those that touch: where more graze, hardly anything else tells where they are."""
+TELLING: Final = 0.5
+"""Move of a closed fraction that tells the slope of its own trial: beside a smaller one others' moves count for more,
+and a slope that is theirs would be so steep that the node never moved again."""
+LEAST_MOVE: Final = 1e-12
+"""Of all that graze together, which tells how their trials follow: smaller ones tell round-off."""
 REMEMBERED: Final = 50
 """Looks of which derivatives are kept."""
 WORSE: Final = 3.0
@@ -46,33 +47,31 @@ class Grazing:
         return cls(*np.full((3, n), np.nan))
 
     def next(self, closed: Array, trial: Array) -> "Grazing":
-        """After the trial tractions (n,) at closed fractions (n,): anew if these grew."""
+        """After the trial tractions (n,) at closed fractions (n,): anew if these grew, or hardly anything moved."""
         moved, rise = closed - self.closed, trial - self.trial
         known = self.slope > 0.0
         nodes = np.flatnonzero(known & (_between(closed) | _between(self.closed)))
         astray = float(np.linalg.norm(trial[nodes])) > WORSE * float(np.linalg.norm(self.trial[nodes]))
         with np.errstate(divide="ignore", invalid="ignore"):
             found = rise / moved
-        grows = (np.abs(moved) > LEAST_MOVE) & (found > 0.0)
+        grows = (np.abs(moved) > TELLING) & (found > 0.0)
         # a slope that sends a node from one end to the other is none of its own, and no update would ever see it
         thrown = np.abs(moved) == 1.0
         slope = np.where(grows & (astray | ~known | thrown), found, self.slope)
         size = float(moved[nodes] @ moved[nodes])
         if astray or size <= LEAST_MOVE**2:
-            return Grazing(closed, trial, slope, () if astray else self.changes)
+            return Grazing(closed, trial, slope)
         by, along = np.zeros((2, len(closed)))
         by[nodes], along[nodes] = rise[nodes] - self._rise(moved, nodes), moved[nodes] / size
         return Grazing(closed, trial, slope, (*self.changes, (by, along))[-REMEMBERED:])
 
-    def fractions(self, touching: Mask) -> Array | None:
-        """Closed fractions (n,) to go on with, of nodes that touch or not (n,); None where more than a few graze."""
+    def fractions(self, touching: Mask) -> Array:
+        """Closed fractions (n,) to go on with, of nodes that touch or not (n,)."""
         known = self.slope > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             fraction = np.where(known, np.clip(self.closed - self.trial / self.slope, 0.0, 1.0), touching)
         for _ in range(ROUNDS):
             nodes = np.flatnonzero(known & _between(fraction))
-            if len(nodes) > FEW * touching.sum():
-                return None
             if not len(nodes) or not self.changes:
                 break
             moved = fraction - self.closed
@@ -88,7 +87,7 @@ class Grazing:
             fraction[nodes] = np.where(stays, fraction[nodes], found)
             if _between(found).all() or stays.any():
                 break
-        return fraction
+        return np.asarray(fraction)
 
     def _rise(self, moved: Array, nodes: Indices) -> Array:
         """Of the trials of nodes (k,) with known slopes, when fractions move (n,)."""

@@ -220,20 +220,14 @@ class Conducting(NormalResponse):
 
     def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
         """See NormalResponse."""
-        trial = -pressure + effect.gap / self.scales.normal_compliance
-        touched = np.where(self.conduction.closed > 0.0, -1.0, 0.0)
-        conduction = self.conduction.next(touched, -pressure, trial, self.scales)
         # nodes respond to their own pressure much less than the contact as a whole
         grazing = self.grazing.next(self.conduction.closed, -pressure + effect.gap / self.own)
-        closed, held = grazing.fractions(pressure > 0.0), None
-        if closed is not None:
-            # flips that the secants make are no node's own
-            conduction, held = replace(self.conduction, closed=closed), (closed > 0.0) & (closed < 1.0)
-        opened = (conduction.closed == 0.0) & (self.conduction.closed > 0.0)
-        iterate = Iterate(load_of(pressure, effect.flux), conduction.closed, motion=effect.motion)
+        closed = grazing.fractions(pressure > 0.0)
+        held, opened = (closed > 0.0) & (closed < 1.0), (closed == 0.0) & (self.conduction.closed > 0.0)
+        iterate = Iterate(load_of(pressure, effect.flux), closed, motion=effect.motion)
+        conduction = replace(self.conduction, closed=closed)
         conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
-        followed = replace(self, conduction=conduction, conductors=conductors, grazing=grazing)
-        return replace(followed, held=held, opened=opened)
+        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held, opened=opened)
 
     def same_conductors(self, other: NormalResponse) -> bool:
         """Whether it responds as another one does."""
