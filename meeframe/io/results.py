@@ -119,7 +119,7 @@ def read_result(folder: Path) -> Result:
     except OSError:
         state = "cannot be read as HDF5" if path.exists() else "does not exist"
         raise ResultError(f"no result in {folder}: {path} {state}") from None
-    except KeyError as error:
+    except (KeyError, RuntimeError, TypeError, ValueError) as error:  # changed on the disk
         raise ResultError(f"{path} is damaged: {error}") from None
 
 

@@ -77,3 +77,13 @@ def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
         replacing(tmp_path / "file"),
     ):
         raise RuntimeError("Can't decrement id ref count (file write failed: time = now\n, errno = 28, error message")
+
+
+@pytest.mark.parametrize("name", ["versions", "timings", "planned_steps"])
+def test_a_result_changed_on_the_disk_is_damaged(tmp_path, synthetic, name):
+    create_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    finish_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        file.attrs[name] = "{"
+    with pytest.raises(ResultError, match=r"result\.h5 is damaged: "):
+        read_result(tmp_path)
