@@ -111,6 +111,16 @@ def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypa
         assert checked > least
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_constant_fields_are_exact_at_any_tolerance(make_block, monkeypatch, tolerance):
+    monkeypatch.setattr(formulation, "LEAF_SIZE", 10)
+    moved = (1e-6, 2e-6, -1e-6, 3e3, 1e2)
+    base = tuple(BoundaryCondition("base", field, "value", value) for field, value in enumerate(moved))
+    boundary = HierarchicalBEM(tolerance=tolerance).boundary(replace(make_block(8), conditions=base))
+    found = boundary.fields(np.zeros((len(boundary.layout.zone), 5)))
+    assert np.abs(found.values / moved - 1.0).max() < 1e-8
+
+
 def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
     found, expected = (s.recover(smooth_load(dense)) for s in (systems[1e-5], dense))
     assert np.array_equal(found.points, expected.points)
