@@ -41,9 +41,8 @@ class Integrals:
     """What every task reads; sources, rows and columns in the order of the tree.
 
     positions: (s, 3) of the collocation points; rows: (s, 5) of their equations, NONE where there is none; sources: the
-    rest of them, in the order of `tree.sources`; constants: (u, 5) the five constant fields, one in the unknown values of
-    each; patch_sites: (p,) of the patches; touching: elements at each site,
-    starts (sites + 1,) and elements.
+    rest of them, in the order of `tree.sources`; constants: (u, 5) the five constant fields, one at the unknown values
+    of each; patch_sites: (p,) of the patches; touching: elements at each site, starts (sites + 1,) and elements.
     """
 
     mesh: SurfaceMesh
