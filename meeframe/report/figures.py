@@ -3,12 +3,13 @@
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
-from meeframe.core.result import Region, Result, StepResult, resultants
+from meeframe.core.result import Region, Result, StepResult, Zone, resultants
 from meeframe.report.canvas import LINE_COLOURS, MAP_COLOURS, head, prefixed, sheet
 from meeframe.report.history import history, name_of
 from meeframe.report.picture import Picture
@@ -32,6 +33,8 @@ class _Quantity:
         return step.potentials[:, 0 if self.file == "electric_potential" else 1]
 
 
+_BETWEEN: Final = (0.1, 2.0)
+"""Bounds of the weights by which the edge of the contact is put between two nodes."""
 _QUANTITIES: Final = (
     _Quantity("pressure", "contact pressure", "Pa"),
     _Quantity("electric_potential", "electric potential", "V"),
@@ -42,7 +45,7 @@ _QUANTITIES: Final = (
 def figures(result: Result) -> "dict[str, Figure]":
     """Figures of the last finished increment by file name; none if there is none or if not all in it is finite.
 
-    With several increments that converged, their history besides.
+    A potential that is zero throughout has none. With several increments that converged, their history besides.
     """
     if not result.steps:
         return {}
@@ -51,7 +54,7 @@ def figures(result: Result) -> "dict[str, Figure]":
         return {}
     picture = Picture.of(result.zone)
     title = _title(result)
-    drawn = {f"{q.file}.png": _map(q, step, picture, title) for q in _QUANTITIES}
+    drawn = {f"{q.file}.png": _map(q, result, picture, title) for q in _shown(step)}
     drawn |= {"sections.png": _sections(result, picture, title), "stick_slip.png": _regions(result, picture, title)}
     past = history(result)
     return drawn if past is None else drawn | {"history.png": past}
@@ -73,44 +76,88 @@ def save_figure(figure: "Figure", path: Path) -> None:
         figure.canvas.print_png(path, pil_kwargs={"compress_level": 1})  # type: ignore[attr-defined]  # of Agg's canvas
 
 
+def _shown(step: StepResult) -> list[_Quantity]:
+    """The pressure, and the potentials that are not zero throughout."""
+    return [quantity for quantity in _QUANTITIES if quantity.file == "pressure" or quantity.values(step).any()]
+
+
 def _title(result: Result) -> str:
     """Title of the case, and the increment where there are several."""
-    step = f"{name_of(result, result.steps[-1])}, approach {result.steps[-1].loading.approach * 1e6:.6g} µm"
+    factor, unit = prefixed(np.array([result.steps[-1].loading.approach]), "m")
+    approach = f"{result.steps[-1].loading.approach / factor:.4g} {unit}"
+    step = f"{name_of(result, result.steps[-1])}, approach {approach}"
     parts = [result.provenance.title, step if result.planned_steps > 1 else ""]
     return "\n".join(filter(None, parts))
 
 
-def _map(quantity: _Quantity, step: StepResult, picture: Picture, title: str) -> "Figure":
-    values = quantity.values(step)
-    factor, unit = prefixed(values, quantity.unit)
+def _edge(zone: Zone, step: StepResult) -> Array:
+    """What is positive at nodes in contact and negative at others, (n,), and zero where the contact ends between them.
+
+    Along a smooth edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each counts over its mean at the nodes next
+    to the edge: on average the line goes half way between two nodes, but close to one that hardly touches.
+    """
+    touching, edge = step.touching, np.zeros(len(step.touching), bool)
+    for _, nodes in zone.cells:
+        edge[nodes[touching[nodes].any(axis=1) & ~touching[nodes].all(axis=1)]] = True
+    level = np.where(touching, np.maximum(-step.traction[:, 2], 0.0) ** 2, np.maximum(step.gap, 0.0) ** (2 / 3))
+    for side in (touching, ~touching):
+        mean = level[side & edge & np.isfinite(level)].mean() if (side & edge & np.isfinite(level)).any() else 0.0
+        level[side] = np.clip(np.where(np.isfinite(level[side]) & (mean > 0), level[side] / mean, 1.0), *_BETWEEN)
+    return np.where(touching, level, -level)
+
+
+def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "Figure":
     figure = sheet((5.6, 4.6))
     axes = figure.subplots()
+    zone, step = result.zone, result.steps[-1]
+    touching = step.touching
+    of_contact = quantity.file == "pressure"
+    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    head(axes, quantity.label, title)
+    if of_contact and not touching.any():
+        _no_contact(axes, picture)
+        return figure
+    values = quantity.values(step)
+    factor, unit = prefixed(values, quantity.unit)
     shown = picture.values(values / factor)
     drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
-    touching = step.touching
-    if touching.any() and not touching.all():  # the edge of the contact, half way between nodes
-        axes.tricontour(picture.triangulation, picture.values(touching.astype(float)), [0.5], colors="white")
-    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-    head(axes, quantity.label, title)
+    if touching.any() and not touching.all():
+        axes.tricontour(picture.triangulation, picture.values(_edge(zone, step)), [0.0], colors="white")
+    if of_contact:
+        _zoom(axes, picture, touching)
     return figure
 
 
+def _zoom(axes: Any, picture: Picture, touching: NDArray[np.bool_]) -> None:
+    x, y = picture.around(touching)
+    axes.set(xlim=x, ylim=y)
+
+
+def _no_contact(axes: Any, picture: Picture) -> None:
+    (left, right), (below, above) = picture.around(np.ones(len(picture.points), bool))
+    axes.set(xlim=(left, right), ylim=(below, above))
+    axes.text((left + right) / 2, (below + above) / 2, "no contact", ha="center", va="center")
+
+
 def _regions(result: Result, picture: Picture, title: str) -> "Figure":
-    """Where the contact sticks and where it slips; edges half way between nodes."""
+    """Where the contact sticks and where it slips."""
     step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
-    figure = sheet((5.6, 4.6))
+    figure = sheet((5.6, 4.9))
     axes = figure.subplots()
-    shown = (
-        (step.region != Region.OPEN, "slip", totals.slip_area),
-        (step.region == Region.STICK, "stick", totals.stick_area),
-    )
-    for (inside, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, label=f"{name}, {area * 1e6:.4g} mm²")
-        axes.tricontourf(picture.triangulation, picture.values(inside.astype(float)), [0.5, 1.5], colors=[colour])
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
-    axes.legend(loc="upper right")
     head(axes, "stick and slip", title)
+    if not step.touching.any():
+        _no_contact(axes, picture)
+        return figure
+    edge = _edge(result.zone, step)
+    sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
+    shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
+    for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
+        axes.fill([], [], color=colour, label=f"{name}, {area * 1e6:.4g} mm²")
+        axes.tricontourf(picture.triangulation, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+    _zoom(axes, picture, step.touching)
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -122,12 +169,12 @@ def _sections(result: Result, picture: Picture, title: str) -> "Figure":
     x = np.linspace(flat.x.min(), flat.x.max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(flat.y)
     step = result.steps[-1]
-    shown = [(quantity.label, quantity.unit, quantity.values(step)) for quantity in _QUANTITIES]
+    shown = [(quantity.label, quantity.unit, quantity.values(step)) for quantity in _shown(step)]
     if step.traction[:, :2].any():
         along = np.einsum("nk,nka,a->n", step.traction[:, :2], result.zone.frames[:, :2], picture.axes[0])
         shown.insert(1, ("traction along x", "Pa", along))
     figure = sheet((6.0, 2.4 * len(shown)))
-    rows = figure.subplots(len(shown), sharex=True)
+    rows = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
     for axes, (label, unit, values), colour in zip(rows, shown, LINE_COLOURS, strict=False):
         factor, unit = prefixed(values, unit)
         section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
@@ -49,6 +50,14 @@ class Picture:
         points = (zone.points - middle) @ axes.T * 1e3
         flat = _with_centres(points, quads)
         return cls(points, axes, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
+
+    def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Limits along x and y of a square about these nodes (n,), half as large again; cut at the zone's edges."""
+        low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
+        reach = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
+        begin = np.maximum((low + high) / 2 - reach, self.points.min(axis=0))
+        end = np.minimum((low + high) / 2 + reach, self.points.max(axis=0))
+        return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))
 
     def values(self, nodal: Array) -> Array:
         """Values at the points of the triangulation of values (n,) at the nodes of the zone."""

@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -11,9 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from meeframe.core.contact import Status
-from meeframe.core.indenter import MOTIONS
-from meeframe.core.result import Result, RunStatus, StepResult, Zone, resultants
+from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
+from meeframe.core.result import Result, Resultants, RunStatus, StepResult, Zone, resultants
 from meeframe.report.history import name_of
+
+_Row = tuple[str, str, list[Any]]
+
+_ABOUT: Final = {"tilt": "moment", "twist": "torque"}
+"""Resultants that the table shows beside the motion on which they work; the others have rows in any case."""
 
 
 def summary(result: Result) -> dict[str, Any]:
@@ -86,19 +91,25 @@ def summary_table(result: Result) -> RenderableType:
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
     totals = [resultants(result.zone, step) for step in shown]
-    tensions = [total.max_tension for total in totals]
-    rows: list[tuple[str, str, list[Any]]] = [
+    rows: list[_Row] = [
         ("approach", "m", [step.loading.approach for step in shown]),
         *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
-        ("charge", "C", [total.charge for total in totals]),
-        ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
-        ("dissipated energy", "J", _dissipated(result, [step.step for step in shown])),
+        *_motions(shown, totals),
+        *_where_any(
+            ("charge", "C", [total.charge for total in totals]),
+            ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
+        ),
+        *_where_any(
+            ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
+            ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
+        ),
         ("contact area", "m^2", [total.contact_area for total in totals]),
-        ("sticking area", "m^2", [total.stick_area for total in totals]),
+        *_where_any(
+            ("sticking area", "m^2", [total.stick_area for total in totals]),
+            ("dissipated energy, whole step", "J", _dissipated(result, [step.step for step in shown])),
+        ),
         ("largest pressure", "Pa", [total.max_pressure for total in totals]),
-        *([("largest tension", "Pa", tensions)] if any(tensions) else []),
-        ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
-        ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
+        *_where_any(("largest tension", "Pa", [total.max_tension for total in totals])),
         *_durations(result, shown),
         ("iterations", "", [step.iterations for step in shown]),
         ("residual", "", [step.residual for step in shown]),
@@ -109,6 +120,31 @@ def summary_table(result: Result) -> RenderableType:
     told = [step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)]
     messages = [Text(f"{name_of(result, step)}: {step.message}") for step in told]
     return Group(table, *messages, _headline(result))
+
+
+def _where_any(*rows: _Row) -> tuple[_Row, ...]:
+    """Rows on one phenomenon; none where all their numbers are zero."""
+    return rows if any(any(values) for _, _, values in rows) else ()
+
+
+def _motions(shown: list[StepResult], totals: list[Resultants]) -> Iterator[_Row]:
+    """Rows of the indenter's motions other than the approach that were free or are not zero, and of their moments."""
+    for name, place in list(MOTIONS.items())[1:]:
+        free = any(COLUMNS[key] == place for step in shown for key in step.loading.prescribed)
+        moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
+        if not free and not np.any(moved):
+            continue
+        yield from _components(name + " of the indenter" * name.endswith("potential"), UNITS[name], moved)
+        if name in _ABOUT:
+            about = _ABOUT[name]
+            yield from _components(about, UNITS[about], [np.atleast_1d(getattr(total, about)) for total in totals])
+
+
+def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
+    """Rows of a quantity with one component, or with those along, or about, e1 and e2."""
+    words = (name.replace("_", " "),) if len(values[0]) == 1 else (f"{name} e1", f"{name} e2")
+    for i, word in enumerate(words):
+        yield word, unit, [float(value[i]) for value in values]
 
 
 def _ends(step: StepResult, after: StepResult | None) -> bool:

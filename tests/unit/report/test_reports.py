@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from meeframe.core.contact import Status
-from meeframe.core.result import Zone
+from meeframe.core.result import Loading, Region, Zone
 from meeframe.elements import ELEMENTS
 from meeframe.report.figures import figures, save_figure
 from meeframe.report.picture import Picture
@@ -177,8 +177,9 @@ def test_summary_sums_the_energy_of_each_load_step(synthetic):
 
 
 def test_map_of_stick_and_slip(synthetic):
-    axes = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip.png"].axes[0]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["slip, 8 mm²", "stick, 1 mm²"]
+    figure = figures(synthetic.result(synthetic.step(1e-6)))["stick_slip.png"]
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["slip, 8 mm²", "stick, 1 mm²"]
     slip, stick = (np.concatenate([path.vertices for path in area.get_paths()]) for area in axes.collections)
     assert np.abs(slip).max() == pytest.approx(1.5), "half way from the nodes in contact to the next"
     assert np.abs(stick).max() == pytest.approx(0.5)
@@ -191,7 +192,10 @@ def test_history_of_several_increments(synthetic):
     np.testing.assert_allclose(normal.lines[0].get_xydata(), [[1.0, 9.0], [2.0, 18.0]])
     assert (normal.get_xlabel(), normal.get_ylabel()) == ("approach [µm]", "normal force [N]")
     np.testing.assert_allclose(across.lines[0].get_xydata(), [[100.0, 0.9], [100.0, 1.8]])
-    assert (across.get_xlabel(), energy.get_ylabel()) == ("translation [nm]", "dissipated energy [nJ]")
+    assert (across.get_xlabel(), energy.get_ylabel()) == (
+        "translation [nm]",
+        "dissipated energy\nsince the beginning [nJ]",
+    )
     np.testing.assert_allclose(energy.lines[0].get_ydata(), [8.0, 24.0])
     assert all(tick == int(tick) for tick in energy.get_xticks())
 
@@ -213,3 +217,93 @@ def test_history_leaves_out_the_direction_in_which_nothing_happens(synthetic):
 
 def test_no_figures_without_steps(synthetic):
     assert figures(synthetic.result(planned=1)) == {}
+
+
+def elastic(step):
+    """The same without electric and magnetic fields, friction and motions other than the approach."""
+    nothing = np.zeros_like(step.potentials)
+    return dataclasses.replace(
+        step,
+        loading=Loading(step.loading.approach),
+        traction=step.traction * [0.0, 0.0, 1.0],
+        potentials=nothing,
+        fluxes=nothing,
+        slip=nothing,
+        region=np.where(step.touching, Region.SLIP, Region.OPEN),
+    )
+
+
+def printed(result) -> str:
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(summary_table(result))
+    return console.export_text()
+
+
+def test_what_is_zero_throughout_is_left_out(synthetic):
+    result = synthetic.result(*(elastic(synthetic.step(1e-6 * number, increment=number)) for number in (1, 2)))
+    drawn = figures(result)
+    assert set(drawn) == {"pressure.png", "sections.png", "stick_slip.png", "history.png"}
+    assert [len(drawn[name].axes) for name in ("sections.png", "history.png")] == [1, 1]
+    text = printed(result)
+    assert "contact area" in text
+    assert not [word for word in ("charge", "flux", "potential", "stick", "energy", "tilt", "torque") if word in text]
+
+
+def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
+    lines = printed(synthetic.result(synthetic.step(1e-6))).splitlines()
+    rows = {line.split("│")[1].strip(): line for line in lines if "│" in line}
+    assert "1e-07" in rows["translation e1"]
+    assert {"translation e2", "tilt e1", "tilt e2", "moment e1", "moment e2", "torque"} <= set(rows)
+    assert "0.01" in rows["twist"]
+    assert " 3 " in rows["electric potential of the indenter"]
+    free = dataclasses.replace(elastic(synthetic.step(1e-6)), loading=Loading(1e-6, prescribed={"torque": np.zeros(1)}))
+    text = printed(synthetic.result(free))
+    assert "twist" in text
+    assert "torque" in text
+    assert "tilt" not in text
+
+
+def test_no_contact_is_said_in_words(synthetic):
+    step = synthetic.step(0.0)
+    apart = dataclasses.replace(step, region=np.zeros_like(step.region))
+    for name in ("pressure.png", "stick_slip.png"):
+        figure = figures(synthetic.result(apart))[name]
+        (axes,) = figure.axes  # no bar of colours
+        assert [text.get_text() for text in axes.texts] == ["no contact"]
+        assert not axes.collections
+
+
+def test_round_off_is_no_history(synthetic):
+    """A force that is held stays where it is up to its last digits; a free translation is zero up to them."""
+    steps = []
+    for number in range(1, 4):
+        step = synthetic.step(1e-6, increment=number)
+        noise = 1.0 + 1e-12 * (-1) ** number
+        loading = dataclasses.replace(step.loading, translation=np.array([1e-7 * number, noise * 1e-20]))
+        steps.append(dataclasses.replace(step, traction=step.traction * noise, loading=loading))
+    normal, across, _ = figures(synthetic.result(*steps))["history.png"].axes
+    assert np.ptp(normal.get_ylim()) > 1e-2 * 9.0
+    assert np.ptp(normal.get_xlim()) > 1e-2 * 1.0
+    assert not normal.yaxis.get_major_formatter().get_useOffset()
+    assert len(across.lines) == 1
+
+
+def test_edge_of_the_contact_is_that_of_hertz_on_a_coarse_grid(synthetic):
+    """Hertz's pressure and gap on nodes 1 mm apart: the line follows the circle, for radii between them."""
+    place = synthetic.zone()
+    r = np.linalg.norm(place.points[:, :2], axis=1)
+    for radius in (1.15e-3, 1.25e-3, 1.35e-3, 1.7e-3):
+        s = np.maximum(r / radius, 1.0)
+        gap = 1e-6 * ((s**2 - 2.0) * np.arccos(1.0 / s) + np.sqrt(s**2 - 1.0)) / np.pi
+        pressure = 1e9 * np.sqrt(np.maximum(1.0 - (r / radius) ** 2, 0.0))
+        step = dataclasses.replace(
+            synthetic.step(1e-6),
+            traction=pressure[:, None] * [0.0, 0.0, -1.0],
+            initial_gap=gap,
+            displacement=np.zeros((len(r), 3)),
+            region=np.where(r < radius, Region.SLIP, Region.OPEN),
+        )
+        axes = figures(synthetic.result(step))["pressure.png"].axes[0]
+        edge = np.linalg.norm(axes.collections[1].get_paths()[0].vertices, axis=1)
+        assert edge.mean() == pytest.approx(radius * 1e3, abs=0.2)
+        assert np.ptp(edge) < 0.25  # half way between nodes it is 0.56, and 0.39 for the largest radius
