@@ -3,6 +3,7 @@
 import numpy as np
 
 from meeframe.core.directions import spread_directions
+from meeframe.core.errors import MaterialError
 from meeframe.core.fields import Array
 from meeframe.materials.stroh import stroh_eigenvalues
 
@@ -12,7 +13,8 @@ def anisotropy(stiffness: Array, planes: int = 200) -> float:
 
     stiffness: scaled, C'_iJKm, (3, 5, 5, 3). The eigenvalues in a plane (m, n) are the roots of
     det C'_iJKm (m + p n)_i (m + p n)_m (paper, appendix B). The kernels have their singularities where p meets its
-    conjugate: at a distance |Im p| from the real line where an isotropic medium has them at 1.
+    conjugate: at a distance |Im p| from the real line where an isotropic medium has them at 1. Raises MaterialError if
+    round-off puts one of them on that line.
     """
     normal = spread_directions(planes)
     # The plane turns about its normal by another irrational step.
@@ -23,4 +25,10 @@ def anisotropy(stiffness: Array, planes: int = 200) -> float:
     n = np.cross(normal, m)
     q, r, t = (np.einsum("ijkm,ni,nm->njk", stiffness, a, b) for a, b in ((m, m), (m, n), (n, n)))
     roots = stroh_eigenvalues(np.stack([q, r + np.swapaxes(r, 1, 2), t], axis=1))
-    return float(1.0 / np.abs(roots.imag).min())
+    nearest = float(np.abs(roots.imag).min())
+    if not nearest > 0.0:
+        raise MaterialError(
+            "a Stroh eigenvalue of the material is real but for round-off; allowed: stiffnesses less near to "
+            "incompressible (of isotropic ones a smaller poisson_ratio) or to inadmissible"
+        )
+    return 1.0 / nearest

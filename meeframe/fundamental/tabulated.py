@@ -96,8 +96,8 @@ class Tabulated(FundamentalSolution):
             if cells == MOST_CELLS:
                 raise MaterialError(
                     f"a table of {cells} cells misses the tolerance {self.tolerance:g} by a factor {excess:.1e}: the "
-                    "material is too anisotropic; allow a larger tolerance or choose the fundamental solution "
-                    "line-integral"
+                    "material is too anisotropic or too near to incompressible; allow a larger tolerance or choose the "
+                    "fundamental solution line-integral, or isotropic for a material that is"
                 )
             # The error of T falls with about the eighth power of the cell size.
             growth = min(2.0, 1.05 * excess ** (1.0 / DEGREE))

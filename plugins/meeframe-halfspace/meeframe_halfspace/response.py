@@ -57,8 +57,9 @@ class PointResponse:
             harmonics = _harmonics(np.concatenate([y, y.conj()]))
             size = np.abs(harmonics).max(axis=(1, 2))
             half = count // 2  # rows 0 .. half are the harmonics from zero on
-            if size[half // 2 : half + 1].max() <= _CONVERGED * size.max():
-                kept = int(np.flatnonzero(size[: half // 2] > _NEGLIGIBLE * size.max()).max())
+            lost = np.finfo(float).eps * size.max()  # of a compliance that is large beside the stiffness, as of rubber
+            if size[half // 2 : half + 1].max() <= max(_CONVERGED, lost) * size.max():
+                kept = int(np.flatnonzero(size[: half // 2] > max(_NEGLIGIBLE, lost) * size.max()).max())
                 return cls(*_series(harmonics[: kept + 1]), factors)
             if count == _MOST_ANGLES:
                 break

@@ -18,6 +18,14 @@ YOUNG, POISSON = 2e11, 0.27
 H = 1e-3
 
 
+@pytest.mark.parametrize("missing", [1e-4, 1e-8])
+def test_rubber_answers_as_boussinesq_says(missing):
+    """Poisson's ratio 0.5 - missing, where digits of the compliance are lost."""
+    poisson = 0.5 - missing
+    answer = PointResponse.of(Material.isotropic(1e6, poisson).stiffness, np.eye(3)).evaluate(np.array([[3.0, 4.0]]))
+    np.testing.assert_allclose(answer[0, 2, 2], (1 - poisson**2) / (np.pi * 1e6 * 5.0), rtol=1e-13 / missing)
+
+
 def turned_orthotropic():
     return library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from meeframe.core.errors import MaterialError
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.materials import library_material
 from meeframe.testing.strategies import scaled_stiffness
@@ -23,3 +24,9 @@ def test_uncoupled_dielectric_is_stretched_by_the_root_of_the_ratio(isotropic, r
     exact = max(ratio, 1 / ratio) ** 0.5
     # sampled planes approach the worst one from below
     assert 0.95 * exact < anisotropy(stretched) < exact + 1e-9
+
+
+def test_a_medium_too_near_to_incompressible_is_refused():
+    rubber = scaled_stiffness(library_material("isotropic", young_modulus=1e6, poisson_ratio=0.4999999))
+    with pytest.raises(MaterialError, match="less near to incompressible"):
+        anisotropy(rubber)

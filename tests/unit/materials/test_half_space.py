@@ -60,6 +60,19 @@ def test_isotropic_half_space_is_boussinesq_and_cerruti() -> None:
     assert xi[1, 1] == pytest.approx(-1 / (2 * np.pi * VACUUM_PERMITTIVITY), rel=1e-13)
 
 
+@pytest.mark.parametrize("missing", [1e-3, 1e-4, 1e-6, 1e-8])
+def test_rubber_is_boussinesq_and_cerruti_to_its_round_off(missing: float) -> None:
+    """Poisson's ratio 0.5 - missing: the tensor S all but vanishes, and most of the stiffness cancels in L."""
+    young, poisson = 1e6, 0.5 - missing
+    shear = young / (2 * (1 + poisson))
+    ways = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    y = surface_compliance(Material.isotropic(young, poisson).stiffness, AXIS, ways) * shear
+    lost = 1e-14 / missing
+    np.testing.assert_allclose(y[:, 2, 2], 1 - poisson, rtol=lost)
+    np.testing.assert_allclose(y[:, 2, :2], 0.5j * (1 - 2 * poisson) * ways[:, :2], atol=lost)
+    np.testing.assert_allclose(y[0, :2, :2], np.diag([1 - poisson, 1.0]), atol=lost)
+
+
 @pytest.mark.parametrize("name", ["orthotropic-mee", "pvdf", "batio3-cofe2o4"])
 def test_tilted_materials_match_the_stroh_eigenproblem(name: str) -> None:
     tilted = library_material(name).rotated(rotation_about(np.array([1.0, 2.0, 3.0]), 0.8))
