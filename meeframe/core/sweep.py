@@ -30,7 +30,7 @@ class SweepResult:
     quantities: by name, arrays of the shape of the axes, or with the increments as one axis more; units: of quantities,
     fields and x, y, z; status, message, key: of each point; fields: of the zone, the shape of the axes and then its
     nodes; nodes: x, y, z of these [m], (n,) or, where points differ in their zone, as the fields; notes: texts by name
-    about what made it.
+    about what made it; plotted: quantities that its study asks to see, () if it does not say.
     """
 
     title: str
@@ -43,6 +43,7 @@ class SweepResult:
     fields: Mapping[str, Array] = field(default_factory=dict)
     nodes: Mapping[str, Array] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
+    plotted: tuple[str, ...] = ()
 
     @property
     def shape(self) -> tuple[int, ...]:

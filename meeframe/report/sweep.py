@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
 """What is shown if the study does not say."""
+_MARKERS: Final = "osD^vPX*"
 _LISTED: Final = 40
 """Rows of the table on the terminal, at most."""
 
@@ -79,14 +80,11 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
-            draw(axes, plot, (x, lines), values, unit)
-            axes.set_title(_words(quantity), fontsize=10)
+            draw(axes, plot, (x, lines), values, f"{_words(quantity)} {unit}".rstrip())
             axes.set_xlabel(_heading(x))
         for axes in line[len(plot.quantities) :]:
             axes.remove()
-        fixed = _fixed(sweep, plot, (x, lines))
-        if fixed:
-            line[0].set_title(f"{_words(plot.quantities[0])}\n{fixed}", fontsize=10)
+        line[0].set_title(_fixed(sweep, plot, (x, lines)), fontsize=10)
     figure.suptitle(sweep.title)
     return figure
 
@@ -114,30 +112,37 @@ def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None
 
 
 def _scaled(values: Array, unit: str) -> tuple[Array, str]:
-    """Values as they are shown, with their unit as a label: under a prefix if its symbol is one word."""
+    """Values as they are shown, with their unit as a label, under a prefix; the largest area is 0.01 to 10^4 of it."""
     finite = values[np.isfinite(values)]
-    if unit.isalpha() and finite.size:
-        factor, unit = prefixed(finite, unit)
-        values = values / factor
+    symbol, power = (unit.removesuffix("^2"), 2) if unit.endswith("^2") else (unit, 1)
+    if symbol.isalpha() and finite.size:
+        factor, symbol = prefixed(finite if power == 1 else 10.0 * np.sqrt(np.abs(finite)), symbol)
+        values = values / factor**power
+        unit = f"{symbol}²" if power == 2 else symbol
     return values, "" if unit == "1" else f"[{unit}]"
 
 
-def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, unit: str) -> None:
+def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, label: str) -> None:
     x, lines = shown
     places, labelled = _places(x)
     columns = values[:, None] if lines is None else values
     for number, column in enumerate(columns.T):
-        style = {"marker": "o", "ms": 3.5, "lw": 1.2, "color": _COLOURS[number % len(_COLOURS)]}
+        style = {
+            "marker": _MARKERS[number % len(_MARKERS)],
+            "ms": 3.5,
+            "lw": 1.2,
+            "color": _COLOURS[number % len(_COLOURS)],
+        }
         order = np.argsort(places)
         axes.plot(places[order], column[order], label=lines.labels[number] if lines else None, **style)
     _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
     if lines is not None:
         axes.legend(title=lines.name, fontsize=7, title_fontsize=7)
-    axes.set_ylabel(unit)
+    axes.set_ylabel(label)
     axes.grid(alpha=0.3)
 
 
-def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, unit: str) -> None:
+def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, label: str) -> None:
     x, y = shown
     assert y is not None
     (across, _), (along, _) = _places(x), _places(y)
@@ -150,14 +155,14 @@ def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], 
     if not _places(x)[1]:
         axes.set(xscale=plot.scale)
     axes.set_ylabel(_heading(y))
-    axes.figure.colorbar(drawn, ax=axes, label=unit)
+    axes.figure.colorbar(drawn, ax=axes, label=label)
 
 
 def _places(axis: SweepAxis) -> tuple[Array, bool]:
     """Where the values of an axis are drawn, and whether their labels have to say what they are."""
     if axis.values is None or not np.isfinite(axis.values).all():
         return np.arange(len(axis.labels), dtype=float), True
-    return axis.values, False
+    return _scaled(axis.values, axis.unit)[0], False
 
 
 def _ticks(own: Any, axis: SweepAxis) -> None:
@@ -165,7 +170,9 @@ def _ticks(own: Any, axis: SweepAxis) -> None:
 
 
 def _heading(axis: SweepAxis) -> str:
-    return f"{axis.name} [{axis.unit}]" if axis.unit and axis.unit != "1" and not _places(axis)[1] else axis.name
+    if _places(axis)[1] or axis.values is None:
+        return axis.name
+    return f"{axis.name} {_scaled(axis.values, axis.unit)[1]}".rstrip() if axis.unit else axis.name
 
 
 def _words(name: str) -> str:
@@ -173,17 +180,18 @@ def _words(name: str) -> str:
 
 
 def sweep_table(sweep: SweepResult) -> RenderableType:
-    """Status and a few numbers of every point, of many the first; what happened to those that did not converge."""
+    """Status and what is plotted of every point, of many the first; what happened to those that did not converge."""
+    names = sweep.plotted or DEFAULT
     table = Table(title=sweep.title, title_justify="left")
     for axis in sweep.axes:
         table.add_column(Text(axis.name))
     table.add_column("status")
-    for name in DEFAULT:
+    for name in names:
         unit = sweep.units[name]
-        table.add_column(Text(f"{_words(name)} [{unit}]"), justify="right")
-    shown = {name: sweep.last(name) for name in DEFAULT}
+        table.add_column(Text(f"{_words(name)} [{unit}]" if unit != "1" else _words(name)), justify="right")
+    shown = {name: sweep.last(name) for name in names}
     for place in list(np.ndindex(sweep.shape))[:_LISTED]:
-        numbers = (f"{shown[name][place]:.6g}" for name in DEFAULT)
+        numbers = (f"{shown[name][place]:.6g}" for name in names)
         table.add_row(
             *map(Text, _labels(sweep, place)), str(sweep.status[place]), *(n if n != "nan" else "-" for n in numbers)
         )

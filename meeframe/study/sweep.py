@@ -153,6 +153,7 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
         fields={f"zone_{name}": over_axes(fields[name]) for name in study.fields},
         nodes={name: _shared(fields[name], over_axes) for name in "xyz" if study.fields},
         notes=dict(_notes(file, study)),
+        plotted=tuple(dict.fromkeys(name for plot in study.plots for name in plot.quantities)),
     )
 
 

@@ -1,10 +1,14 @@
 """Pictures of sweeps: quantities in units that can be read."""
 
+import dataclasses
+import io
+
 import numpy as np
 import pytest
+from rich.console import Console
 
 from meeframe.core.sweep import SweepAxis, SweepResult
-from meeframe.report.sweep import SweepPlot, sweep_figure
+from meeframe.report.sweep import SweepPlot, sweep_figure, sweep_table
 
 
 @pytest.fixture
@@ -22,14 +26,16 @@ def sweep():
 
 def test_curves_have_prefixed_units(sweep):
     pressure, area = sweep_figure(sweep, [SweepPlot(("max_pressure", "contact_area"))]).axes
-    assert (pressure.get_ylabel(), area.get_ylabel()) == ("[GPa]", "[m^2]")  # a prefix of m would be squared
+    assert (pressure.get_ylabel(), area.get_ylabel()) == ("largest pressure [GPa]", "contact area [mm²]")
     np.testing.assert_allclose(pressure.lines[0].get_ydata(), [1.0, 3.0, 5.0])
-    np.testing.assert_allclose(area.lines[1].get_ydata(), [2e-6, np.nan, 6e-6])
+    np.testing.assert_allclose(area.lines[1].get_ydata(), [2.0, np.nan, 6.0])
 
 
 def test_maps_have_units_too(sweep):
     axes, bar = sweep_figure(sweep, [SweepPlot(("max_pressure",), kind="map")]).axes
-    assert bar.get_ylabel() == "[GPa]"
+    assert bar.get_ylabel() == "largest pressure [GPa]"
+    assert axes.get_ylabel() == "approach [µm]"
+    assert axes.get_ylim() == pytest.approx((5.0, 25.0))
     np.testing.assert_allclose(axes.collections[0].get_array().compressed(), [1.0, 3.0, 5.0, 2.0, 6.0])
 
 
@@ -37,4 +43,20 @@ def test_quantities_without_any_number_are_drawn_empty(sweep):
     nothing = {"max_pressure": np.full((3, 2), np.nan)}
     empty = SweepResult("", sweep.axes, nothing, sweep.units, sweep.status, sweep.message, sweep.key)
     (axes,) = sweep_figure(empty, [SweepPlot(("max_pressure",))]).axes
-    assert axes.get_ylabel() == "[Pa]"
+    assert axes.get_ylabel() == "largest pressure [Pa]"
+
+
+def test_lines_differ_in_their_markers_and_the_axis_below_has_a_prefix(sweep):
+    (axes,) = sweep_figure(sweep, [SweepPlot(("max_pressure",), x="approach")]).axes
+    assert axes.get_xlabel() == "approach [µm]"
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), [10.0, 20.0])
+    assert len({line.get_marker() for line in axes.lines}) == 3
+
+
+def test_the_table_has_what_is_plotted(sweep):
+    console = Console(width=160, record=True, file=io.StringIO())
+    console.print(sweep_table(dataclasses.replace(sweep, plotted=("contact_area",))))
+    text = console.export_text()
+    assert "contact area [m^2]" in text
+    assert "6e-06" in text
+    assert "pressure" not in text

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from meeframe.core.errors import CaseError
+from meeframe.core.sweep import SweepResult
+from meeframe.io.sweep import write_sweep
 from meeframe.study.declare import checked
 from meeframe.study.sweep_declare import SweepTable
 
@@ -205,3 +207,30 @@ def test_the_documented_study_is_one(read):
     first, *_ = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     study = read(first)
     assert len(list(study.changes())) == 5 * 2 * 2 + 1
+
+
+def test_the_documented_selections_work(read, tmp_path, monkeypatch):
+    """Quantities that are the numbers of the points, over the axes of the page."""
+    page = (Path(__file__).parents[3] / "docs" / "sweep.md").read_text(encoding="utf-8")
+    first, *_ = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (select,) = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "open_dataset" in code]
+    axes = read(re.sub(r"\[\[points\]\].*?\n\n", "", first, flags=re.DOTALL)).result_axes()
+    numbers = np.arange(20.0).reshape([len(axis.labels) for axis in axes])
+    names = ("normal_force", "max_pressure", "charge")
+    texts = np.full(numbers.shape, "")
+    made = SweepResult("", axes, dict.fromkeys(names, numbers), dict.fromkeys(names, ""), *[texts] * 3)
+    (tmp_path / "out").mkdir()
+    write_sweep(tmp_path / "out", made)
+    monkeypatch.chdir(tmp_path)
+    found: dict = {}
+    exec(select, found)
+    np.testing.assert_array_equal(found["deep"], numbers[:, 1])
+    np.testing.assert_array_equal(found["rough"], numbers[2])
+    np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
+
+
+def test_an_axis_may_have_a_name_of_its_own(read):
+    axis, changes = axis_of(read('case = "c.toml"\n[axes.mu]\n"contact.law.mu" = [0.1, 0.3]'))
+    assert axis.name == "mu"
+    np.testing.assert_array_equal(axis.values, [0.1, 0.3])
+    assert changes == ({"contact.law.mu": 0.1}, {"contact.law.mu": 0.3})
