@@ -13,7 +13,12 @@ from meeframe.cli.app import CaseFile, PluginFiles, app
 def run(
     case: CaseFile,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results that DIR holds.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", metavar="", help="Replace the results that DIR holds.")
+    ] = False,
+    threads: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Of this run; by default those of all processors.")
+    ] = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Solve a case and write result.h5, summary.json, fields.vtu and figures.
@@ -24,11 +29,12 @@ def run(
         with console.loading():
             from meeframe.case.load import load_case
             from meeframe.case.run import run as run_case
+            from meeframe.case.threads import limited
             from meeframe.core.result import RunStatus
             from meeframe.report.summary import summary_table
 
             registry = console.registry(plugin)
-        with console.progress() as progress:
+        with limited(threads), console.progress() as progress:
             result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
         console.stdout().print(summary_table(result))
         raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)

@@ -6,8 +6,8 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -131,6 +131,25 @@ def warn(text: str) -> None:
     print(f"warning: {text}", file=sys.stderr)
 
 
+def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
+    """Says so, once, when numba compiles a kernel of meeframe's: only what it does not find is compiled, and kept."""
+    from numba.core import event
+
+    class Told(event.Listener):
+        told = False
+
+        def on_start(self, event: event.Event) -> None:
+            ours = event.data["dispatcher"].py_func.__module__.startswith("meeframe")
+            if ours and not self.told:
+                self.told = True
+                tell("compiling kernels, which takes up to a minute or two; they are kept, and later runs find them")
+
+        def on_end(self, event: event.Event) -> None:
+            pass
+
+    return event.install_listener("numba:compile", Told())
+
+
 @contextmanager
 def progress() -> "Iterator[Progress]":
     """A bar for each stage on the terminal, one after the other."""
@@ -145,6 +164,7 @@ def progress() -> "Iterator[Progress]":
             if stage not in tasks:
                 if not tasks:  # bars that have nothing to show leave an empty line
                     started.enter_context(bars)
+                    started.enter_context(_compilation(bars.console.print))
                 for task in tasks.values():  # whatever came before is done
                     bars.update(task, completed=1.0)
                 tasks[stage] = bars.add_task(stage, total=1.0)

@@ -10,18 +10,26 @@ from meeframe.cli.app import PluginFiles, app
 
 plugins_app = typer.Typer()
 app.add_typer(plugins_app, name="plugins")
+_KINDS: Final = "contact-law, conductivity-law, indenter, solver, element, formulation or fundamental-solution."
 
 
 @plugins_app.callback(invoke_without_command=True)
-def plugins(context: typer.Context, plugin: PluginFiles = None) -> None:
-    """List everything that has a name in case files, with who provides it; `plugins show NAME` says more."""
+def plugins(
+    context: typer.Context,
+    kind: Annotated[str | None, typer.Option(metavar="KIND", help=f"Of this kind alone: {_KINDS}")] = None,
+    plugin: PluginFiles = None,
+) -> None:
+    """List everything that has a name in case files; `plugins show NAME` says more, and who provides it."""
     if context.invoked_subcommand is not None:
         context.obj = plugin
         return
     with console.exit_status():
+        from meeframe.plugin.registry import Kind
+        from meeframe.plugin.scaffold import kind_called
         from meeframe.report.plugins import plugin_list
 
-        console.stdout().print(plugin_list(console.registry(plugin)))
+        kinds = tuple(Kind) if kind is None else (kind_called(kind),)
+        console.stdout().print(plugin_list(console.registry(plugin), kinds))
 
 
 @plugins_app.command("show")
@@ -35,9 +43,6 @@ def show_plugin(
         from meeframe.report.plugins import plugin_page
 
         console.stdout().print(plugin_page(console.registry([*(context.obj or ()), *(plugin or ())]), name))
-
-
-_KINDS: Final = "contact-law, conductivity-law, indenter, solver, element, formulation or fundamental-solution."
 
 
 @app.command("new-plugin")

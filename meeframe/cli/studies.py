@@ -18,7 +18,7 @@ def compare(
     solver: Choices = None,
     formulation: Choices = None,
     fundamental_solution: Choices = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what DIR holds.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace what DIR holds.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case with all combinations of laws, solvers and formulations; write compare.json and sections.png.
@@ -54,8 +54,10 @@ def verify(
     levels: Annotated[int, typer.Option(metavar="K", help="Meshes, from 3; the finest is the case's.")] = 3,
     factor: Annotated[float, typer.Option(metavar="X", help="Between the element sizes of two meshes.")] = 1.5,
     order: Annotated[float, typer.Option(metavar="P", help="Theoretical order of totals; 1 under sharp edges.")] = 2.0,
-    every_step: Annotated[bool, typer.Option("--every-step", help="Compare at the end of every load step.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what DIR holds.")] = False,
+    every_step: Annotated[
+        bool, typer.Option("--every-step", metavar="", help="Compare at the end of every load step.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace what DIR holds.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case by several formulations on several meshes and tell whether they agree within their own errors.
@@ -90,7 +92,9 @@ def sweep(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace another sweep; equal points stay.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", metavar="", help="Replace another sweep; equal points stay.")
+    ] = False,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case with keys changed: a grid or lists; write sweep.h5, sweep.png and each point's result.
@@ -142,7 +146,7 @@ def reproduce(
 
 @app.command()
 def validate(
-    quick: Annotated[bool, typer.Option("--quick", help="Coarser grids, in a minute or two.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", metavar="", help="Coarser grids, in a minute or two.")] = False,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Run this case; repeatable.")] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for numbers and report.")] = Path("validated"),
     validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the cases.")] = Path("validation"),

@@ -31,6 +31,10 @@ class Zone:
     weights: Array
     cells: tuple[tuple[str, Indices], ...]
 
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        return f"Zone({len(self.points)} nodes)"
+
 
 class Region(IntEnum):
     """What a node of the contact zone does."""
@@ -131,6 +135,12 @@ class StepResult:
     message: str
     boundary: NodalFields | None = None
     counter: CounterSurface | None = None
+
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        touching = f"{self.touching.sum()} of {len(self.region)} nodes in contact"
+        place = f"step {self.step}, increment {self.increment}, approach {self.loading.approach:.6g} m"
+        return f"StepResult({place}: {self.status}, {touching})"
 
     @property
     def touching(self) -> NDArray[np.bool_]:
@@ -260,6 +270,11 @@ class Result:
     steps: tuple[StepResult, ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     peak_memory_mb: float = 0.0
+
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        increments = f"{len(self.steps)} of {self.planned_steps} increments"
+        return f"Result({self.provenance.title!r}: {self.status}, {increments}, {len(self.zone.points)} nodes)"
 
     @property
     def status(self) -> RunStatus:

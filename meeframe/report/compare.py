@@ -3,7 +3,7 @@
 import json
 import math
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -41,8 +41,14 @@ _SIDE_BY_SIDE: Final = 4
 _LEGEND: Final = 100
 """Letters in a line of the figure's legend."""
 _STYLES: Final = ("-", "--", ":")
-_OCCASIONAL: Final = ("max_tension",)
-"""Totals that the table shows only where a run has some."""
+_OCCASIONAL: Final = {
+    "max_tension": ("max_tension",),
+    "charge": ("charge", "max_abs_electric_potential"),
+    "max_abs_electric_potential": ("charge", "max_abs_electric_potential"),
+    "magnetic_flux": ("magnetic_flux", "max_abs_magnetic_potential"),
+    "max_abs_magnetic_potential": ("magnetic_flux", "max_abs_magnetic_potential"),
+}
+"""Totals that the table shows only where a run has some of these."""
 _FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = {
     "pressure": ("Pa", lambda _, step: 0.0 - step.traction[:, 2]),
     "traction_x": ("Pa", lambda zone, step: _along(zone, step, 0)),
@@ -176,14 +182,26 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     """A column for each run, so many side by side: last increment, work, and differences to comparison.first."""
     runs = comparison.runs
     blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
-    occasional = {name for name in _OCCASIONAL if any(_total(name, run).any() for run in runs if run.steps)}
-    shown = [name for name in _TOTALS if name not in _OCCASIONAL or name in occasional]
-    tables = [_table(block, comparison.first, shown) for block in blocks]
+    done = [run for run in runs if run.steps]
+    there = {name for name in _TOTALS if any(_total(name, run).any() for run in done)}
+    shown = [name for name in _TOTALS if name not in _OCCASIONAL or there & set(_OCCASIONAL[name])]
+    fields = [name for name in _FIELDS if any(_FIELDS[name][1](run.zone, run.steps[-1]).any() for run in done)]
+    tables = [_table(block, comparison.first, shown, fields) for block in blocks]
     tables[0].title, tables[0].title_justify = comparison.title or None, "left"
-    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal))
+    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_remarks(done))
 
 
-def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str]) -> Table:
+def _remarks(runs: Sequence[ComparedRun]) -> Iterator[Text]:
+    """What to think of the numbers of the table."""
+    yield Text("Times contain the compilation of kernels that nothing before has used: a second time they do not.")
+    if len({run.choices.get("formulation") for run in runs}) > 1:
+        yield Text(
+            "Formulations differ by the errors of this mesh, each by its own: finer meshes bring them together, and "
+            "`meeframe verify CASE.toml` tells whether they agree within these errors."
+        )
+
+
+def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str], fields: Sequence[str]) -> Table:
     table = Table()
     table.add_column("")
     table.add_column("unit")
@@ -195,7 +213,7 @@ def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str
             values = [float(_total(name, run)[i]) if run.steps else None for run in runs]
             table.add_row(f"{_words(name)} {part}".strip(), _TOTALS[name][0], *map(_shown, values))
     apart = [differences(run, first) for run in runs]
-    for name in ("force", *_FIELDS):
+    for name in ("force", *fields):
         table.add_row(f"difference in {_words(name)}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))

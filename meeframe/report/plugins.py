@@ -1,26 +1,30 @@
 """What is registered, for the terminal: the list of everything, and a page on each thing."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 from meeframe.plugin.describe import documentation, find, parameters
-from meeframe.plugin.registry import Entry, Registry
+from meeframe.plugin.hookspecs import PROJECT
+from meeframe.plugin.registry import Entry, Kind, Registry
 
 
-def plugin_list(registry: Registry) -> RenderableType:
-    """A line for each thing with who provides it."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("kind", "name", "provider", "version"):
-        table.add_column(title, no_wrap=True)
-    table.add_column("summary")
-    table.add_column("source")
-    for entry in registry.entries:
-        record, provider = entry.record, entry.provider
-        table.add_row(entry.kind, record.name, provider.name, provider.version, record.summary, record.source)
-    return table
+def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> RenderableType:
+    """By kind, a line for each name with what it is and, unless meeframe has it of itself, who provides it."""
+    width = max((len(entry.record.name) for entry in registry.entries), default=0)
+    parts: list[RenderableType] = []
+    for kind in kinds:
+        table = Table(box=None, pad_edge=False, show_header=False)
+        table.add_column(no_wrap=True, min_width=width)
+        table.add_column()
+        for entry in (entry for entry in registry.entries if entry.kind is kind):
+            plugin = f" ({entry.provider.name})" if entry.provider.name != PROJECT else ""
+            table.add_row(Text(entry.record.name), Text(entry.record.summary + plugin))
+        parts += [Text(f"{kind}s", style="bold"), Padding(table, (0, 0, 1, 2), expand=False)]
+    return Group(*parts, Text("meeframe plugins show NAME: parameters, provider, source"))
 
 
 def plugin_page(registry: Registry, name: str) -> RenderableType:

@@ -3,12 +3,13 @@
 import json
 from importlib import metadata
 
+import numba
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.cli import app
+from meeframe.cli import app, console
 from meeframe.formulations.dense_bem import DenseBEM
 
 OUTPUT = [
@@ -257,11 +258,59 @@ def test_missing_arguments_are_status_2(case_file):
     assert meeframe_command("run")[0] == 2
 
 
-def test_plugins_lists_everything_with_its_provider():
-    status, out, err = meeframe_command("plugins")
+def listed(*options):
+    """Names by kind, and all lines."""
+    status, out, err = meeframe_command("plugins", *options)
     assert (status, err) == (0, "")
-    lines = [line.split() for line in out.splitlines()]
-    version = metadata.version("meeframe")
-    assert ["conductivity", "law", "power-law", "meeframe-laws"] in [line[:4] for line in lines]
+    lines = out.splitlines()
+    names: dict[str, list[str]] = {}
+    kind = ""
+    for line in lines[:-1]:
+        if line.startswith("  ") and line.strip():
+            names[kind].append(line.split()[0])
+        elif line.strip():
+            kind = line
+            names[kind] = []
+    return names, lines
+
+
+def test_plugins_lists_everything_by_kind():
+    names, lines = listed()
+    assert "power-law" in names["conductivity laws"]
+    assert any(line.split()[0] == "power-law" and line.endswith("(meeframe-laws)") for line in lines if line.strip())
     for kind, name in [("solver", "uzawa"), ("formulation", "dense-bem"), ("element", "quad4"), ("indenter", "cone")]:
-        assert [kind, name, "meeframe", version] in [line[:4] for line in lines]
+        assert name in names[f"{kind}s"]
+    assert listed("--kind", "contact-law")[0] == {"contact laws": names["contact laws"]}
+    status, _, err = meeframe_command("plugins", "--kind", "law")
+    assert status == 2
+    assert "unknown kind 'law'" in err
+
+
+def test_help_shows_flags_without_a_value(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    for command in ("run", "compare", "sweep", "verify"):
+        (line,) = [line for line in meeframe_command(command, "--help")[1].splitlines() if "--overwrite" in line]
+        assert "<" not in line
+
+
+def test_threads_of_a_run(case_file, tmp_path):
+    status, out, _ = meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", 1)
+    assert status == 0
+    assert "1 threads" in out
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["threads"] == 1
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", 0)[0] == 2
+
+
+def test_compilation_is_told_once_of_what_is_ours():
+    def kernel(x):
+        return x + 1
+
+    told = []
+    with console._compilation(told.append):
+        for module in ("somebody.else", "meeframe_kernels", "meeframe.kernels"):
+            kernel.__module__ = module
+            numba.njit(kernel)(1)
+            assert len(told) == (module != "somebody.else")
+    kernel.__module__ = "meeframe"
+    numba.njit(kernel)(1)
+    assert len(told) == 1

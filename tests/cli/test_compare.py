@@ -98,8 +98,10 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     np.testing.assert_allclose([run["differences"]["force"] for run in runs], expected, rtol=1e-9)
     assert runs[2]["differences"]["traction_x"] is None  # nothing to measure it by in the first run
     assert (tmp_path / "out" / "sections.png").stat().st_size > 10_000
-    for word in ("isotropic-coulomb", "mu=0.2", "newton", "difference in force", "iterations", "converged"):
+    words = ("isotropic-coulomb", "mu=0.2", "newton", "difference in force", "iterations", "converged", "compilation")
+    for word in words:
         assert word in out
+    assert "meeframe verify" not in out, "one formulation"
 
 
 def test_formulations_and_fundamental_solutions_have_a_system_each(dragged, tmp_path, reductions):

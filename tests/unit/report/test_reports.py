@@ -11,6 +11,7 @@ from rich.console import Console
 from meeframe.core.contact import Status
 from meeframe.core.result import Loading, Region, Zone
 from meeframe.elements import ELEMENTS
+from meeframe.report.compare import ComparedRun, Comparison, comparison_table
 from meeframe.report.figures import figures, save_figure
 from meeframe.report.picture import Picture
 from meeframe.report.summary import summary, summary_json, summary_table
@@ -307,3 +308,28 @@ def test_edge_of_the_contact_is_that_of_hertz_on_a_coarse_grid(synthetic):
         edge = np.linalg.norm(axes.collections[1].get_paths()[0].vertices, axis=1)
         assert edge.mean() == pytest.approx(radius * 1e3, abs=0.2)
         assert np.ptp(edge) < 0.25  # half way between nodes it is 0.56, and 0.39 for the largest radius
+
+
+def test_results_are_shown_in_a_line(synthetic):
+    result = synthetic.result(synthetic.step(1e-6), planned=2)
+    assert repr(result) == "Result('a title': unfinished, 1 of 2 increments, 25 nodes)"
+    assert repr(result.steps[0]) == (
+        "StepResult(step 1, increment 1, approach 1e-06 m: converged, 9 of 25 nodes in contact)"
+    )
+    assert repr(result.zone) == "Zone(25 nodes)"
+
+
+def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_numbers(synthetic):
+    def text(step):
+        names = ("dense-bem", "half-space")
+        runs = [ComparedRun({"formulation": name}, synthetic.zone(), 1, (step,)) for name in names]
+        console = Console(width=160, record=True, file=io.StringIO())
+        console.print(comparison_table(Comparison("a title", "", {}, tuple(runs))))
+        return console.export_text()
+
+    words = ("charge", "magnetic flux", "largest |electric potential|", "difference in traction x")
+    whole, plain = text(synthetic.step(1e-6)), text(elastic(synthetic.step(1e-6)))
+    assert [word in whole for word in words] == [True] * 4
+    assert [word in plain for word in words] == [False] * 4
+    assert "difference in pressure" in plain
+    assert "meeframe verify CASE.toml" in plain
