@@ -59,18 +59,39 @@ class Heights(Indenter):
 class SampledHeights(Indenter):
     """Heights from an array in Python: rows (n, 3) of x, y, height [m]; interpolation as of Heights.
 
-    Raises CaseError for another interpolation, or unless the rows are finite numbers.
+    They are those of the indenter's surface, which points towards the body: its lowest point touches first. A grid of
+    heights is easier given to `on_grid`. Raises CaseError for another interpolation, or unless the rows are finite
+    numbers.
     """
 
     rows: Array
     interpolation: Interpolation = "linear"
 
     def __post_init__(self) -> None:
-        check_quantities(self)
         try:
+            object.__setattr__(self, "rows", np.asarray(self.rows))
             _check_rows(self.rows)
         except ValueError as error:
             raise CaseError(f"heights: {error}") from None
+        check_quantities(self)
+
+    @classmethod
+    def on_grid(cls, x: Array, y: Array, heights: Array, interpolation: Interpolation = "linear") -> "SampledHeights":
+        """Of heights (nx, ny) over the grid of x (nx,) and y (ny,), heights[i, j] at x[i], y[j], all [m].
+
+        Raises CaseError unless these shapes fit, or as the class does.
+        """
+        try:
+            x, y, heights = (np.asarray(values) for values in (x, y, heights))
+        except ValueError as error:
+            raise CaseError(f"heights: {error}") from None
+        if x.ndim != 1 or y.ndim != 1 or heights.shape != (x.size, y.size):
+            raise CaseError(
+                f"heights: x, y and heights have the shapes {x.shape}, {y.shape} and {heights.shape}; allowed: (nx,), "
+                "(ny,) and (nx, ny), rows of heights along x, as of numpy.meshgrid(x, y, indexing='ij')"
+            )
+        across, along = np.meshgrid(x, y, indexing="ij")
+        return cls(np.column_stack([across.ravel(), along.ravel(), heights.ravel()]), interpolation)
 
     def height(self, x: Array, y: Array) -> Array:
         """Height above the lowest given one, (n,) [m]. Raises CaseError if the rows are no grid."""

@@ -81,6 +81,9 @@ def test_cylinder(direction: float) -> None:
         (lambda: Heights(Path("a.csv"), unit=0.0), r"Heights: unit = 0\.0"),
         (lambda: SampledHeights(np.zeros((3, 2))), r"heights: numbers in rows .*\(3, 2\)"),
         (lambda: SampledHeights(np.full((4, 3), np.nan)), "heights: row 1 is not finite"),
+        (lambda: SampledHeights([[0.0, 0.0], [1.0]]), "heights: "),
+        (lambda: SampledHeights.on_grid(np.zeros(3), np.zeros(2), np.zeros((2, 3))), r"\(3,\), \(2,\) and \(2, 3\)"),
+        (lambda: SampledHeights.on_grid([0.0, 1.0], [0.0, 1.0], [["a", "b"]] * 2), "heights: numbers in rows"),
     ],
 )
 def test_unfit_values_are_refused(make: object, text: str) -> None:
@@ -112,6 +115,12 @@ def test_linear_interpolation_is_exact_for_bilinear_heights() -> None:
     rows = grid(bilinear)
     height = SampledHeights(RNG.permutation(rows)).height(X, Y)
     np.testing.assert_allclose(height, bilinear(X, Y) - rows[:, 2].min(), atol=1e-19)
+
+
+def test_heights_of_a_grid_stand_where_they_belong() -> None:
+    x, y = np.linspace(-2e-3, 2e-3, 9), np.linspace(-3e-3, 3e-3, 7)
+    shape = SampledHeights.on_grid(x, y[::-1], bilinear(x[:, None], y[None, ::-1]))
+    np.testing.assert_array_equal(shape.height(X, Y), SampledHeights(grid(bilinear)).height(X, Y))
 
 
 def test_cubic_interpolation_is_exact_for_cubics() -> None:
