@@ -10,6 +10,7 @@ from meeframe_halfspace import HalfSpace, MeasuredHeights, SelfAffine
 
 from meeframe.core.formulation import Formulation
 from meeframe.core.indenter import Indenter
+from meeframe.geometry import SampledHeights
 from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 
@@ -46,11 +47,26 @@ def test_height_map_table(tmp_path):
     assert np.isinf(surface.height(np.array([5e-6]), np.zeros(1)))
 
 
-def test_python_example():
-    (text,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.M)
+def test_python_examples():
+    response, rough = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.M)
     found = {}
-    exec(text, found)
+    exec(response, found)
     assert found["response"].even.shape[2] == 15
+    exec(rough, found)
+    step, heights, pressure = found["result"].steps[-1], found["heights"], found["pressure"]
+    assert step.status == "converged"
+    assert "edge" not in step.message
+    assert heights[pressure > 0].min() > np.quantile(heights, 0.7), "peaks touch"
+
+
+def test_the_two_kinds_of_heights_face_each_other(tmp_path):
+    """One array, by a file as measured and from Python turned over, is one indenter."""
+    x, y = np.linspace(-2e-6, 2e-6, 5), np.linspace(-3e-6, 3e-6, 7)
+    heights = np.random.default_rng(5).uniform(0.0, 1e-8, (5, 7))
+    np.save(tmp_path / "map.npy", heights.T)
+    grid = [values.ravel() for values in np.meshgrid(x, y, indexing="ij")]
+    measured = MeasuredHeights(tmp_path / "map.npy", spacing=(1e-6, 1e-6))
+    np.testing.assert_allclose(measured.height(*grid), SampledHeights.on_grid(x, y, -heights).height(*grid), atol=1e-20)
 
 
 def test_a_wrong_key_is_named():
