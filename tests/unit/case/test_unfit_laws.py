@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import meeframe
+from meeframe.case.laws import check_tractions
 from meeframe.case.load import load_case
 from meeframe.case.mechanism import Mechanism
 from meeframe.case.solve import reduce
@@ -325,6 +326,20 @@ def test_laws_say_numbers_of_finite_tractions(case, method):
 
     with pytest.raises(CaseError, match=r" is nan at a trial traction of \(0, 0, 0\) Pa; allowed: finite numbers"):
         replace(case, contact_law=Bare(method, says))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_small_zones_try_every_traction(n):
+    """NaN where nothing presses."""
+
+    @dataclass(frozen=True)
+    class Spoilt(Signorini):
+        def project(self, trial):
+            return np.where(trial.any(axis=1, keepdims=True), super().project(trial), np.nan)
+
+    check_tractions(Signorini(), n)
+    with pytest.raises(CaseError, match=r" is nan at a trial traction of \(0, 0, 0\) Pa; allowed: finite numbers"):
+        check_tractions(Spoilt(), n)
 
 
 def test_a_law_that_is_unfit_later_is_refused_then(case):
