@@ -15,7 +15,7 @@ _TRIALS: Final = tuple(
     for pressure in (1e-3, 1.0, 1e4, 1e8, 1e12)
     for trial in ([0.5, 0.5, -1.0], [0.5, 0.0, 1.0])
 )
-"""Trial tractions of nodes that are pressed and apart [Pa], up to pressures beyond any material's: laws may cap them."""
+"""Trial tractions of nodes pressed and apart [Pa], up to pressures beyond any material's, since laws may cap them."""
 
 _ROUND_OFF: Final = 1e-12
 """Of a traction, as a fraction."""
