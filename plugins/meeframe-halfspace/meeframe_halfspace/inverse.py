@@ -1,6 +1,8 @@
 """An approximate inverse of the half space on its grid: wave by wave, as if the grid repeated itself."""
 
 from collections.abc import Sequence
+from itertools import product
+from typing import Final
 
 import numpy as np
 import scipy  # its parts load where they are used
@@ -8,6 +10,9 @@ import scipy  # its parts load where they are used
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol
 from meeframe_halfspace.kernels import N_VALUES
+
+NONE: Final = 1e-5
+"""Entries so far below those of both fields alone are round-off, or as little."""
 
 
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
@@ -19,28 +24,27 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     """
     size, k = convolution.size, len(fields)
     middle = size[0] // 2, size[1] // 2
-    load = np.zeros((1, *size))
+    load = np.zeros((1, *size), np.float32)
     load[0, *middle] = 1.0
     unscaled = Convolution(convolution.symbol, size, convolution.padded, np.ones((N_FIELDS, N_FIELDS)))
-    matrix = np.empty((k, k, size[0] // 2 + 1, size[1]), complex)
+    matrix = np.empty((k, k, size[0] // 2 + 1, size[1]), np.complex64)
     for column, loaded in enumerate(fields):
         kernel = np.roll(unscaled.response(load, [loaded], fields[column:]), (-middle[0], -middle[1]), axis=(1, 2))
         if not convolution.periodic:
-            along, across = (np.cos(np.pi * scipy.fft.fftfreq(n)) for n in size)
+            along, across = (np.cos(np.pi * scipy.fft.fftfreq(n)).astype(np.float32) for n in size)
             kernel *= np.outer(along, across)
         matrix[column:, column] = scipy.fft.rfftn(kernel, axes=(2, 1), overwrite_x=True)
         matrix[column, column:] = matrix[column:, column].conj()
     _invert(matrix)
     entries: Array = np.empty((N_VALUES, *matrix.shape[2:]), np.float32)
     numbers: list[int] = []
-    for row, field in enumerate(fields):
-        for column, other in enumerate(fields):
-            if SIGN[field, other] >= 0.0:
-                numbers.append(int(REAL[field, other]))
-                entries[numbers[-1]] = matrix[row, column].real
-            if SIGN[field, other] > 0.0:
-                numbers.append(int(IMAGINARY[field, other]))
-                entries[numbers[-1]] = matrix[row, column].imag
+    alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
+    for (row, field), (column, other) in product(enumerate(fields), repeat=2):
+        parts = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
+        for number, part, sign in parts:
+            if SIGN[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
+                numbers.append(int(number[field, other]))
+                entries[numbers[-1]] = part
     return Convolution(Symbol.of(entries, numbers), size, size, 1.0 / convolution.scale.T)
 
 
