@@ -70,17 +70,20 @@ class Rod:
 RODS = (
     Rod(Quad9(), 5, 1, 5),
     Rod(Quad9(), 10, 1, 10),
+    Rod(Quad9(), 12, 1, 12),
     Rod(Quad4(), 5, 4, 20),
     Rod(Quad4(), 10, 4, 40, dict.fromkeys(FORMULATIONS, (0.3,))),
     Rod(Quad9(), 20, 1, 20, {DEFAULT: (0.07,)}),
     Rod(Quad9(), 30, 1, 30, {DENSE: (0.1,), DEFAULT: (0.7,), TIGHT: (0.1,)}),
     Rod(Quad9(), 30, 2, 60, {DEFAULT: (1.8,)}),
-    Rod(Quad9(), 40, 1, 40, {DENSE: (0.15,), DEFAULT: (50.0,), TIGHT: (0.13,)}),
-    Rod(Quad9(), 60, 1, 60, {DENSE: (0.22,), DEFAULT: (2.0,), TIGHT: (0.15,)}),
-    Rod(Quad9(), 100, 1, 50, {DENSE: (0.8,), DEFAULT: (1.0, 0.16), TIGHT: (0.6,)}),
-    Rod(Quad9(), 100, 1, 100, {DENSE: (0.36,), DEFAULT: (1.0,), TIGHT: (0.4,)}),
+    Rod(Quad9(), 40, 1, 40, {DENSE: (0.15,), TIGHT: (0.13,)}),
+    Rod(Quad9(), 60, 1, 60, {DENSE: (0.22,), TIGHT: (0.15,)}),
+    Rod(Quad9(), 100, 1, 50, {DENSE: (0.8,), TIGHT: (0.6,)}),
+    Rod(Quad9(), 100, 1, 100, {DENSE: (0.36,), TIGHT: (0.4,)}),
 )
-QUICK = (*RODS[:3], RODS[4])
+QUICK = (*RODS[:2], RODS[3], RODS[5])
+LONGEST_BY_DEFAULT = 30
+"""Widths beyond which truncated blocks at the default tolerance leave no digit of the bending: nothing to bound."""
 
 
 def displacements(formulation: Formulation, rod: Rod) -> tuple[float, float]:
@@ -122,6 +125,9 @@ def run(quick: bool) -> Iterator[Item]:
         formulation = registry.create(Kind.FORMULATION, table)
         ratios = []
         for rod in QUICK if quick else RODS:
+            if name == DEFAULT and rod.length > LONGEST_BY_DEFAULT:
+                yield Skip(f"{name}: {rod.name}", "truncation at this tolerance leaves no digit of the bending")
+                continue
             across, along = displacements(formulation, rod)
             ratios.append((rod.length, across / bent(rod.length)))
             found = (("bent", across, bent(rod.length)), ("pulled", along, pulled(rod.length)))

@@ -102,7 +102,7 @@ def _key(pair: Pair) -> tuple[int, int, int, int]:
 
 def _far(
     integrals: Integrals, known: Facets, row: Cluster, columns: Sequence[Cluster], tolerance: float
-) -> tuple[list[tuple[LowRank, LowRank]], Array]:
+) -> tuple[list[tuple[Block, Block]], Array]:
     """A cluster's equations in the columns of others: blocks of unknowns and loads, and the share of the rest."""
     left, chosen = far_rows(integrals, known, row, columns, tolerance)
     q, r = np.linalg.qr(left)
@@ -112,19 +112,13 @@ def _far(
         factor, right = truncated(r @ whole[:, first:last].astype(r.dtype), tolerance)
         return LowRank(row.unknowns, place, (q @ factor).astype(float), right.astype(float)), last
 
-    blocks: list[tuple[LowRank, LowRank]] = []
+    blocks: list[tuple[Block, Block]] = []
     unknown = load = 0
     for column in columns:
         value, unknown = part(chosen.unknown, unknown, column.unknowns)
         loads, load = part(chosen.load, load, column.loads)
         blocks.append((value, loads))
-    # the constant fields are annulled by the blocks as they are cut, not as they were found
-    rest, constant = left @ chosen.rest, integrals.constants
-    numbers = np.concatenate([np.arange(column.unknowns.start, column.unknowns.stop) for column in columns])
-    rest[:, 1:] -= left @ (chosen.unknown @ constant[numbers])
-    for value, _ in blocks:
-        rest[:, 1:] += value.left @ (value.right @ constant[value.columns])
-    return blocks, rest
+    return blocks, left @ chosen.rest
 
 
 def _subtract_constants(

@@ -189,7 +189,7 @@ def recompress(left: Array, right: Array, tolerance: float) -> tuple[Array, Arra
 
 def _rotated(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
     """Factors of q @ rows for orthonormal q (m, k), rows (k, n). Raises LinAlgError if they are not finite."""
-    if rows.dtype == np.float32:  # its Gram matrix in double precision has all digits, for a third of the time
+    if rows.dtype == np.float32:  # its Gram matrix in double precision has all digits, and costs less
         exact = rows.astype(float)
         gram = exact @ exact.T
         if not np.isfinite(gram).all():

@@ -29,8 +29,9 @@ LARGE = 1 << 18
 FIRST_SUMS = 256
 """Random sums of columns that stand for all of them at first."""
 FAR = 3.0
-"""Error of an integral over a far element in terms of that over a near one: in the Frobenius norm, in which the blocks
-have their tolerance, rules for it err by a twentieth of it, and by half of it in the worst block (measured)."""
+"""Error of an integral over a far element in terms of that over a near one: rules for it err by far less in the
+Frobenius norm, in which the blocks have their tolerance. It counts where tensor rules must serve for a block to be far,
+too."""
 LEAST = 1e-2
 """Columns smaller than this part of the largest, distances apart, need not be as exact as others."""
 
@@ -66,10 +67,10 @@ def far_rows(
     """The equations of one cluster in the columns of those that are far from it, side by side, as left (m, k) @ Rows.
 
     Cross approximation: some quadrature points of the elements give sample columns of all equations; a pivoted QR of
-    them chooses k equations that the others are combinations of, and those are integrated over all elements, from few
-    values of the kernel where a leaf has plane elements. Points
-    that are held out judge it; there are twice as many until the error there is below the tolerance, or none are left:
-    then all of them judge it, and it is all equations if the error is above.
+    them chooses k equations that the others are combinations of, and those are integrated over all elements, by few
+    values of the kernel where the elements of a leaf lie in planes. Points that are held out judge the choice; there
+    are twice as many until the error there is below the tolerance, or none are left: then all of them judge it, and it
+    is all equations if the error is above. known: the plane parts of all leaves.
     """
     parts = _placed(integrals, row, columns)
     places = np.concatenate([points.offsets for _, _, points in parts])
@@ -83,11 +84,12 @@ def far_rows(
     positions = integrals.positions[row.sources.start + sources]
     leaves = [leaf for column in columns for leaf in column.leaves()]
     smooth, others = interpolated(integrals, leaves, known, positions, row.row_box, _accuracy(integrals), window)
-    parts = _placed(integrals, row, others)
-    there = np.zeros(len(window.site), bool)
-    for leaf in others:
-        there[leaf.sites] = True
-    by_element = window._replace(site=np.where(there, window.site, NONE))
+    by_element = window
+    if smooth is not None:
+        parts, there = _placed(integrals, row, others), np.zeros(len(window.site), bool)
+        for leaf in others:
+            there[leaf.sites] = True
+        by_element = window._replace(site=np.where(there, window.site, NONE))
     for number, position in zip(sources, positions, strict=True):
         sums = no_sums(window)
         for kind, numbers, points in parts:

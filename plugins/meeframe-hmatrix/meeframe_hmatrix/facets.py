@@ -5,7 +5,7 @@ polynomial to the tolerance, given by its values at the Gauss points of the rect
 times the shape functions need no kernel and serve every row cluster that is far enough away.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
 
@@ -27,6 +27,9 @@ WORTHWHILE = 0.7
 elements of a leaf are integrated where one facet is not interpolated (measured)."""
 ORDERS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16)
 """Of interpolation: few, so that weights serve many row clusters."""
+FEWEST = 4
+"""Elements in each plane of a leaf, on average, from which on it is worth asking: on curved surfaces of plane triangles
+each has a plane of its own."""
 SAME_PLANE = 9
 """Digits to which normal and height of the elements of a plane agree."""
 
@@ -80,26 +83,28 @@ Facets = Mapping[Cluster, Sequence[Facet]]
 
 
 def facets(integrals: Integrals) -> Facets:
-    """The plane parts of all leaves; none of a leaf with elements that are not plane."""
-    return {leaf: tuple(_facets(integrals, leaf)) for leaf in integrals.tree.root.leaves()}
+    """The plane parts of all leaves; none of a leaf with elements that are not plane, or with few in each plane."""
+    return {leaf: _facets(integrals, leaf) for leaf in integrals.tree.root.leaves()}
 
 
-def _facets(integrals: Integrals, leaf: Cluster) -> Iterator[Facet]:
-    kinds = list(integrals.elements([leaf]))
-    if any(kind.planes is None for kind, _ in kinds):
-        return
+def _facets(integrals: Integrals, leaf: Cluster) -> tuple[Facet, ...]:
+    kinds, found = list(integrals.elements([leaf])), []
     for kind, numbers in kinds:
-        assert kind.planes is not None
+        if kind.planes is None:
+            return ()
         normals, nodes = kind.planes[numbers], kind.elements.nodes[numbers]
         heights = np.einsum("ex,ex->e", normals, nodes[:, 0])
         digits = np.round(np.column_stack([normals, heights]), SAME_PLANE)
-        _, plane = np.unique(digits, axis=0, return_inverse=True)
-        for number in range(plane.max() + 1):
+        planes, plane = np.unique(digits, axis=0, return_inverse=True)
+        if len(planes) * FEWEST > len(numbers):
+            return ()
+        for number in range(len(planes)):
             own = plane.ravel() == number
-            yield _facet(integrals, leaf, kind, numbers[own], normals[own][0], nodes[own].reshape(-1, 3))
+            found.append(_facet(leaf, kind, numbers[own], normals[own][0], nodes[own].reshape(-1, 3)))
+    return tuple(found)
 
 
-def _facet(integrals: Integrals, leaf: Cluster, kind: Kind, numbers: Indices, normal: Array, nodes: Array) -> Facet:
+def _facet(leaf: Cluster, kind: Kind, numbers: Indices, normal: Array, nodes: Array) -> Facet:
     along = np.eye(3)[np.abs(normal).argmin()]
     first = along - (along @ normal) * normal
     first /= np.linalg.norm(first)
@@ -156,12 +161,11 @@ def interpolated(
     chosen: list[tuple[Facet, Orders, tuple[Array, Array]]] = []
     others: list[Cluster] = []
     for leaf in leaves:
-        found = [_chosen(integrals, facet, positions, box, accuracy) for facet in known[leaf]]
-        own = [one for one in found if one is not None]
-        if own and len(own) == len(found):
-            chosen += own
-        else:
+        orders = _orders(known[leaf], positions, box, accuracy)
+        if orders is None:
             others.append(leaf)
+        else:
+            chosen += [(facet, own, facet.integrated(integrals, own, rules)) for facet, own, rules in orders]
     if not chosen:
         return None, others
     points = [facet.points(orders) for facet, orders, _ in chosen]
@@ -176,18 +180,22 @@ def interpolated(
     ), others
 
 
-def _chosen(
-    integrals: Integrals, facet: Facet, positions: Array, box: Array, accuracy: Accuracy
-) -> tuple[Facet, Orders, tuple[Array, Array]] | None:
-    needed = orders_of_facet(positions, facet.centre, facet.axes, facet.half, accuracy)
-    if max(needed) > ORDERS[-1]:
-        return None
-    first, second = (ORDERS[np.searchsorted(ORDERS, n)] for n in needed)
-    rules = orders_from(box, facet.kind, facet.numbers, accuracy)
-    if first * second > WORTHWHILE * rules.prod(axis=1).sum():
-        return None
-    xi, eta = rules.max(axis=0).tolist()
-    return facet, (first, second), facet.integrated(integrals, (first, second), (xi, eta))
+def _orders(
+    known: Sequence[Facet], positions: Array, box: Array, accuracy: Accuracy
+) -> list[tuple[Facet, Orders, Orders]] | None:
+    """The facets of a leaf with orders of interpolation and of the rules on elements; None if one is not worth it."""
+    found = []
+    for facet in known:
+        needed = orders_of_facet(positions, facet.centre, facet.axes, facet.half, accuracy)
+        if max(needed) > ORDERS[-1]:
+            return None
+        first, second = (ORDERS[np.searchsorted(ORDERS, n)] for n in needed)
+        rules = orders_from(box, facet.kind, facet.numbers, accuracy)
+        if first * second > WORTHWHILE * rules.prod(axis=1).sum():
+            return None
+        xi, eta = rules.max(axis=0).tolist()
+        found.append((facet, (first, second), (xi, eta)))
+    return found or None
 
 
 def _side_by_side(parts: Sequence[Indices]) -> tuple[Indices, Indices]:

@@ -37,15 +37,15 @@ def _pointer(context, address, like):
 
 @njit(cache=True)
 def _address(array):
-    """Of the first number: several times faster than numpy tells it."""
+    """Of the first number, faster than numpy tells it."""
     return array.ctypes.data
 
 
 def located(array, dtype):
     """Address, distance of lines and order of a matrix. Raises ValueError if it is of another type or has gaps."""
     (rows, columns), (down, across), size = array.shape, array.strides, array.itemsize
-    address = _address(array)
     if array.dtype == dtype:
+        address = _address(array)
         if (columns <= 1 or across == size) and (rows <= 1 or down >= columns * size):
             return address, max(1, columns, down // size), BY_ROWS
         if (rows <= 1 or down == size) and (columns <= 1 or across >= rows * size):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.core.element import SurfaceElement, shape_derivatives
-from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fields import Array
 from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.elements.quadrature import element_extents
@@ -41,8 +41,8 @@ class Integrals:
     """What every task reads; sources, rows and columns in the order of the tree.
 
     positions: (s, 3) of the collocation points; rows: (s, 5) of their equations, NONE where there is none; sources: the
-    rest of them, in the order of `tree.sources`; constants: (u, 5) the five constant fields, one at the unknown values
-    of each; patch_sites: (p,) of the patches; touching: elements at each site, starts (sites + 1,) and elements.
+    rest of them, in the order of `tree.sources`; patch_sites: (p,) of the patches; touching: elements at each site,
+    starts (sites + 1,) and elements.
     """
 
     mesh: SurfaceMesh
@@ -53,7 +53,6 @@ class Integrals:
     positions: Array
     rows: Indices
     columns: Columns
-    constants: Array
     kinds: tuple[Kind, ...]
     patch_sites: Indices
     touching: tuple[Indices, Indices]
@@ -80,10 +79,6 @@ def prepare(
     element = np.concatenate([kind.first + np.indices(kind.sites.shape)[0].ravel() for kind in kinds])
     order = np.argsort(site, kind="stable")
     starts = np.searchsorted(site[order], np.arange(len(mesh.points) + 1))
-    columns = _columns(mesh, layout, tree)
-    constants = np.zeros((len(tree.unknowns), N_FIELDS))
-    known = columns.value_column == NONE
-    constants[columns.value_column[~known], np.nonzero(~known)[1]] = 1.0
     return Integrals(
         mesh,
         tree,
@@ -92,8 +87,7 @@ def prepare(
         accuracy,
         sources.position[tree.sources],
         rows,
-        columns,
-        constants,
+        _columns(mesh, layout, tree),
         kinds,
         tree.rank[layout.patches.point],
         (starts, element[order]),

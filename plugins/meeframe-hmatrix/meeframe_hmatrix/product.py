@@ -16,16 +16,19 @@ from meeframe_hmatrix.gemm import FULL
 class Product:
     """matrix @ x for x (n,), in double precision.
 
-    rows: of the matrix; table: (b, 5) of each undivided block first row and number of rows, first column and number of
-    columns, and rank or FULL; numbers: (k,) by rows, of left factors by columns.
+    rows, columns: of the matrix; table: (b, 5) of each undivided block first row and number of rows, first column and
+    number of columns, and rank or FULL; numbers: (k,) by rows, of left factors by columns.
     """
 
     rows: int
+    columns: int
     table: Indices
     numbers: Array
 
     def __call__(self, x: Array) -> Array:
-        """matrix @ x, (m,)."""
+        """matrix @ x, (m,). Raises ValueError if x is of another length."""
+        if x.shape != (self.columns,):
+            raise ValueError(f"a vector of shape {x.shape}; allowed: ({self.columns},)")
         result = np.zeros(self.rows)
         _add(self.table, self.numbers, np.ascontiguousarray(x, float), result)
         return result
@@ -41,7 +44,7 @@ def product_of(block: Block) -> Product:
         for part in (leaf.array,) if dense else (leaf.left.T, leaf.right):
             numbers[place : place + part.size].reshape(part.shape)[:] = part
             place += part.size
-    return Product(shape(block)[0], np.array(table, np.int64), numbers)
+    return Product(*shape(block), np.array(table, np.int64), numbers)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})

@@ -71,6 +71,8 @@ class BoundarySystem:
         """
         if not rhs.any():
             return np.zeros_like(rhs), 0
+        if not np.isfinite(rhs).all():
+            raise CaseError("loads or prescribed data of the boundary element system are not finite")
         iterations = 0
 
         def precondition(x: Array) -> Array:
@@ -83,7 +85,7 @@ class BoundarySystem:
             LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float),
             rhs,
             rtol=RESIDUAL,
-            maxiter=MOST_CYCLES,
+            maxiter=MOST_CYCLES + 1,  # the residual is judged where a cycle begins
             M=LinearOperator(size, precondition, dtype=float),
             m=CYCLE,
             k=1,

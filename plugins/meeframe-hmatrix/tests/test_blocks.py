@@ -130,6 +130,8 @@ def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matri
         multiply(mixed, np.zeros((block.columns.stop, 1)))
     with pytest.raises(ValueError, match="not multiplied with 5 rows"):
         multiply(block, np.zeros((5, 1)))
+    with pytest.raises(ValueError, match=r"shape \(5,\); allowed: "):
+        product_of(block)(np.zeros(5))
 
 
 @pytest.mark.parametrize(

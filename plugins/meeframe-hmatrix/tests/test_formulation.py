@@ -66,7 +66,7 @@ def test_compliance_comes_to_that_of_dense_matrices_with_the_tolerance(dense, sy
         assert (difference < 5 * tolerance * own[:, :, None] * own[:, None]).all()
         assert (relative(system.offset, dense.offset) < 5 * tolerance).all()
         solved, iterations = system.solved(smooth_load(dense))
-        assert iterations < 10
+        assert iterations <= 4
         assert (relative(solved - dense.offset, expected) < 5 * tolerance).all()
     kept = [stored(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
     assert kept[0] < 0.9 * kept[1] < 0.9 * kept[2]
@@ -109,16 +109,6 @@ def test_far_blocks_are_those_of_integrals_of_all_equations(make_block, monkeypa
                 assert error(to_dense(leaf), expected) < 5 * share
                 checked += 1
         assert checked > least
-
-
-@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
-def test_constant_fields_are_exact_at_any_tolerance(make_block, monkeypatch, tolerance):
-    monkeypatch.setattr(formulation, "LEAF_SIZE", 10)
-    moved = (1e-6, 2e-6, -1e-6, 3e3, 1e2)
-    base = tuple(BoundaryCondition("base", field, "value", value) for field, value in enumerate(moved))
-    boundary = HierarchicalBEM(tolerance=tolerance).boundary(replace(make_block(8), conditions=base))
-    found = boundary.fields(np.zeros((len(boundary.layout.zone), 5)))
-    assert np.abs(found.values / moved - 1.0).max() < 1e-8
 
 
 def test_fields_on_the_boundary_are_those_of_dense_matrices(dense, systems, smooth_load):
