@@ -142,7 +142,7 @@ def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
             ours = event.data["dispatcher"].py_func.__module__.startswith("meeframe")
             if ours and not self.told:
                 self.told = True
-                tell("compiling kernels, which takes up to a minute or two; they are kept, and later runs find them")
+                tell("compiling kernels, once: later runs find them (takes up to two minutes)")
 
         def on_end(self, event: event.Event) -> None:
             pass

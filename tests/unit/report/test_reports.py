@@ -333,3 +333,12 @@ def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_nu
     assert [word in plain for word in words] == [False] * 4
     assert "difference in pressure" in plain
     assert "meeframe verify CASE.toml" in plain
+
+
+def test_long_titles_have_several_lines(synthetic):
+    result = synthetic.result(synthetic.step(1e-6))
+    titled = dataclasses.replace(result, provenance=dataclasses.replace(result.provenance, title="words " * 30))
+    *lines, what = figures(titled)["pressure.png"].axes[0].get_title().split("\n")
+    assert " ".join(lines) == ("words " * 30).strip()
+    assert max(map(len, lines)) < 60
+    assert what == "contact pressure"
