@@ -2,7 +2,7 @@
 
 import math
 import re
-from decimal import Decimal
+from decimal import Context, Decimal
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -14,10 +14,15 @@ if TYPE_CHECKING:
 
 BOUNDS: Final = ("gt", "ge", "lt", "le")
 # a number; a sign between, or the 1 of "1/mm"; what can be in units, since pint passes over characters it does not know
+# nothing is given back once it is read: blanks or digits without end would take the square of their number
 _TEXT: Final = re.compile(
-    r"\s*((?:[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
-    r"\s*(?:[*·×](?!\*)|1?\s*(?=/))?(?!\s*\d)([\w\s()*/^.·×⋅{}%°+⁻-]*)"
+    r"\s*+((?:[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
+    r"\s*+(?:[*·×](?!\*)|1?\s*+(?=/))?(?!\s*+\d)([\w\s()*/^.·×⋅{}%°+⁻-]*+)"
 )
+_LEAST: Final = Decimal("1e-20")
+"""To which exponents are rounded: a decimal third has 28 digits, and three of them are not one."""
+_ROOM: Final = Context(prec=100)
+"""For the digits of exponents however large."""
 _OTHER: Final = "cannot be read as one number and then units"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
@@ -93,12 +98,13 @@ class Quantity:
             return number
         try:
             quantity = read_quantity(text)
-            fitting = next((unit for unit in self.units if quantity.is_compatible_with(unit)), self.units[0])
-            return float(quantity.to(fitting).magnitude)
         except ValueError as error:
             raise ValueError(f"{error}; expected {self.expected}") from None
-        except TypeError:  # pint's error of dimensions is one
-            raise ValueError(f"has the wrong unit; expected {self.expected}") from None
+        for unit in self.units:
+            one = _in_base_units(unit_registry().Quantity(Decimal(1), unit))
+            if one.units == quantity.units:
+                return float(quantity.magnitude / one.magnitude)
+        raise ValueError(f"has the wrong unit; expected {self.expected}")
 
     def _prefixed(self, text: str) -> float | None:
         """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
@@ -124,24 +130,33 @@ def unit_registry() -> Any:
 
 
 def read_quantity(text: str) -> Any:
-    """The quantity, of pint, that a text of one number and then units means. Raises ValueError for any other text.
+    """The quantity, of pint and in base units, that a text of one number and then units means.
 
-    The units are no expression with further numbers than powers: pint would add up, and multiply "50,5" out to 505. Its
-    magnitude is a Decimal, which can be converted to base units.
+    Raises ValueError for any other text. The units are no expression with further numbers than powers: pint would add
+    up, and multiply "50,5" out to 505. The magnitude is a Decimal.
     """
     match = _TEXT.fullmatch(text)
     if match is None:
         raise ValueError(_OTHER)
     registry, number = unit_registry(), Decimal(match[1])
     try:
-        quantity = registry.Quantity(number, registry.parse_units(re.sub(r"^\s*/", "1/", match[2])))
-        finite = math.isfinite(float(quantity.to_base_units().magnitude))
+        units = registry.parse_units(re.sub(r"^\s*/", "1/", match[2]))
+        quantity = _in_base_units(registry.Quantity(number, units))
+        finite = math.isfinite(float(quantity.magnitude))
     except Exception as error:  # pint lets many kinds through
         name = next(iter(getattr(error, "unit_names", ())), "")
         raise ValueError(_unknown(name) if name and name in text else _OTHER) from None
     if number.is_finite() and not finite:
         raise ValueError(_OTHER)
     return quantity
+
+
+def _in_base_units(quantity: Any) -> Any:
+    """A quantity of pint in base units, whose exponents lose the round-off of fractions."""
+    base = quantity.to_base_units()
+    rounded = {name: Decimal(power).quantize(_LEAST, context=_ROOM).normalize() for name, power in base.unit_items()}
+    units = unit_registry().UnitsContainer({name: power for name, power in rounded.items() if power})
+    return unit_registry().Quantity(base.magnitude, units)
 
 
 def _unknown(name: str) -> str:

@@ -67,7 +67,7 @@ def place_of(value: Any) -> float | None:
     """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
     if isinstance(value, str):
         with suppress(ValueError):
-            return float(read_quantity(value).to_base_units().magnitude)
+            return float(read_quantity(value).magnitude)
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 

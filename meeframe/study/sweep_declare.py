@@ -208,7 +208,7 @@ def _unit(values: Sequence[Any]) -> str:
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):
-            units.setdefault(f"{read_quantity(value).to_base_units().units:~}", value)
+            units.setdefault(f"{read_quantity(value).units:~}", value)
     if len(units) > 1:
         told = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
         raise ValueError(f"values: {told}; allowed: units of one quantity")

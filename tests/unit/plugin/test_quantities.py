@@ -70,6 +70,10 @@ def test_a_prefixed_number_is_the_nearest_there_is():
         ("Pa m^.5", "5 MPa m^(1/2)", 5e6),
         ("m^0.5", "5 m^.5", 5.0),
         ("m^12", "5 dm^12", 5e-12),
+        ("m", "5 (m^(1/3))^3", 5.0),
+        ("m", "5 (mm^3)^(1/3)", 5e-3),
+        ("m", "5 m (mm^(1/3))^3 (mm^(1/3))^-3", 5.0),
+        ("J^(1/3)", "5 kg^(1/3) m^(2/3) s^(-2/3)", 5.0),
         ("Pa", "2 cmH2O", 196.133),
         ("Pa", "2 inH2O", 498.17782),
         ("S/m^2", "inf S/m^2", math.inf),
@@ -101,6 +105,15 @@ def test_one_number_and_then_units(given):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
         LENGTH.validate_python(given)
     assert place_of(given) is None
+
+
+def test_texts_without_end_are_read_at_once():
+    """The number of blanks or digits squared would be minutes."""
+    many = 100_000
+    assert LENGTH.validate_python("5" + " " * many + "mm" + " " * many) == 5e-3
+    for given in ("5" + " " * many, "5" + " " * many + "!", "5" * many + "!", "5 1" + " " * many + "/mm!"):
+        with pytest.raises(ValidationError):
+            LENGTH.validate_python(given)
 
 
 @pytest.mark.parametrize(
