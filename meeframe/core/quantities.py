@@ -2,7 +2,7 @@
 
 import math
 import re
-from decimal import Context, Decimal
+from decimal import Decimal
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
 
@@ -19,10 +19,8 @@ _TEXT: Final = re.compile(
     r"\s*+((?:[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
     r"\s*+(?:[*·×](?!\*)|1?\s*+(?=/))?(?!\s*+\d)([\w\s()*/^.·×⋅{}%°+⁻-]*+)"
 )
-_LEAST: Final = Decimal("1e-20")
-"""To which exponents are rounded: a decimal third has 28 digits, and three of them are not one."""
-_ROOM: Final = Context(prec=100)
-"""For the digits of exponents however large."""
+_DIGITS: Final = 20
+"""To which exponents are rounded: a decimal third has 28, and three of them are not one."""
 _OTHER: Final = "cannot be read as one number and then units"
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
@@ -154,9 +152,13 @@ def read_quantity(text: str) -> Any:
 def _in_base_units(quantity: Any) -> Any:
     """A quantity of pint in base units, whose exponents lose the round-off of fractions."""
     base = quantity.to_base_units()
-    rounded = {name: Decimal(power).quantize(_LEAST, context=_ROOM).normalize() for name, power in base.unit_items()}
+    rounded = {name: _rounded(Decimal(power)) for name, power in base.unit_items()}
     units = unit_registry().UnitsContainer({name: power for name, power in rounded.items() if power})
     return unit_registry().Quantity(base.magnitude, units)
+
+
+def _rounded(power: Decimal) -> Decimal:
+    return round(power, _DIGITS).normalize() if abs(power) < 1e6 else power  # more digits than decimals have
 
 
 def _unknown(name: str) -> str:
