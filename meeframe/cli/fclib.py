@@ -17,7 +17,7 @@ def fclib_export(
     case: CaseFile,
     out: Annotated[Path, typer.Argument(metavar="OUT.hdf5", help="The file to write.")],
     increment: Annotated[int | None, typer.Option(metavar="K", help="From 1; the last one if not given.")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace the file.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case up to an increment and write its contact problem, with our solution if it converged.
@@ -39,7 +39,9 @@ def fclib_solve(
     file: Annotated[Path, typer.Argument(metavar="FILE.hdf5", help="A local problem of FCLIB.")],
     solver: Annotated[str, typer.Option(metavar="NAME", help="Name or inline table.")] = "auto",
     tolerance: Annotated[float, typer.Option(help="Of the residual.")] = 1e-10,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the solution that the file has.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", metavar="", help="Replace the solution that the file has.")
+    ] = False,
     plugin: PluginFiles = None,
 ) -> None:
     """Solve a problem and put the solution into its file; one that is there is compared, and stays.
