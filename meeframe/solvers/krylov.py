@@ -16,6 +16,10 @@ LEAST_FALL: Final = 0.9
 BREAKDOWN: Final = 50.0
 """What is left of a product beside the directions before it is none below so many times the round-off of it."""
 
+CANCELLED: Final = 0.1
+"""A product of which less is left beside the directions before it is made orthogonal to them once more: what is left is
+then not so to the last digit."""
+
 
 def gmres(
     multiply: Linear, precondition: Linear, right: Array, tolerance: float, most: int = 400
@@ -59,12 +63,13 @@ def _cycle(multiply: Linear, precondition: Linear, residual: Array, goal: float,
         directions.append(precondition(basis[k]))
         product = multiply(directions[k]).copy()  # changed in place below
         length = float(np.linalg.norm(product))
-        for _ in range(2):  # orthogonal to the last digit
+        before, rest = np.inf, length
+        while rest < CANCELLED * before:
             for i, vector in enumerate(basis):
                 part = float(vector @ product)
                 hessenberg[i, k] += part
                 product = axpy(vector, product, a=-part)
-        rest = float(np.linalg.norm(product))
+            before, rest = rest, float(np.linalg.norm(product))
         hessenberg[k + 1, k] = rest
         equations, first = hessenberg[: k + 2, : k + 1], size * np.eye(k + 2)[0]
         if not np.isfinite(equations).all():

@@ -14,6 +14,7 @@ from meeframe.solvers.driver import Limits
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
+from meeframe.solvers.newton_krylov import Inverse
 from meeframe.solvers.newton_steps import Step, newton_step
 from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
 
@@ -64,6 +65,7 @@ class _Memory:
     fall: float = np.inf
     burst: int = BURST
     leaps: int = 0
+    inverse: Inverse | None = None
 
 
 @final
@@ -105,7 +107,8 @@ class SemismoothNewton(Solver):
         point = memory.point
         if point.merit == 0.0:
             return iterate
-        direction = newton_step(point.equation, point.linearise(), _tolerance(memory.fall, point.violation))
+        tolerance = _tolerance(memory.fall, point.violation)
+        direction = newton_step(point.equation, point.linearise(), tolerance, memory.inverse)
         allowed = FALL * max(memory.merits)
         flips = memory.flips
         if direction.finite:
@@ -115,8 +118,8 @@ class SemismoothNewton(Solver):
                     moved = _held(point, moved)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
-                    fall = moved.merit / point.merit
-                    return _iterate(replace(memory, point=moved, merits=merits, flips=flips, fall=fall))
+                    fall, inverse = moved.merit / point.merit, direction.inverse
+                    return _iterate(_Memory(moved, merits, flips, fall, memory.burst, memory.leaps, inverse))
             if memory.leaps:
                 _, moved = _moved(point, np.zeros_like(flips), direction, 1.0)
                 if moved.merit < FARTHEST_LEAP:

@@ -28,19 +28,44 @@ UNNOTICED: Final = 0.1
 """Of what may be left of the residual: what is given of a step by less changes nothing elsewhere."""
 
 
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """What is roughly the inverse of the equations of some rows, and responses (m, r c) of these to the motions.
+
+    It serves as long as the same rows are coupled, and the same nodes stick: what else changes is then little.
+    """
+
+    rows: Rows
+    precondition: Linear
+    responses: Array
+
+    @classmethod
+    def of(cls, rows: Rows, before: "Inverse | None") -> "Inverse":
+        """Of rows, that of those before if it serves."""
+        if before is not None and before.rows.like(rows):
+            return before
+        precondition = preconditioner(rows)
+        columns = rows.lifted(rows.equation.modes)
+        responses = np.empty_like(columns)
+        for response, column in zip(responses, columns, strict=True):
+            response[:] = precondition(column)
+        return cls(rows, precondition, responses)
+
+
 def krylov_step(
-    equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float
-) -> tuple[Array, Array]:
+    equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float, before: Inverse | None = None
+) -> tuple[Array, Array, Inverse]:
     """Step (n, 6) and amounts (m,) of the motions, with what is given of the step (n, 6) off the coupled rows.
 
-    The residual that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
+    Also what is roughly the inverse of the equations, for the next step; before: that of the last one. The residual
+    that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
     """
     rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
     right = _right(rows, blocks, given, tolerance)
     if not (rows.a.finite and rows.b.finite and np.isfinite(right).all()):
         raise LinAlgError("equations of what is no number")
-    multiplication, precondition = rows.multiplication(), preconditioner(rows)
-    border = _Border.of(rows, precondition)
+    multiplication, inverse = rows.multiplication(), Inverse.of(rows, before)
+    precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
     weight = np.sqrt(len(given), dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
@@ -63,7 +88,7 @@ def krylov_step(
         amounts *= blocks.farthest / farthest
         moved = (amounts @ rows.lifted(equation.modes)).astype(rows.precision)
         found, _ = gmres(multiplication, precondition, right + moved, tolerance)
-    return rows.step(found[:size], given), amounts
+    return rows.step(found[:size], given), amounts, inverse
 
 
 def _right(rows: Rows, blocks: Blocks, given: Array, tolerance: float) -> Array:
@@ -92,11 +117,9 @@ class _Border:
     left: Array
 
     @classmethod
-    def of(cls, rows: Rows, precondition: Linear) -> "_Border":
+    def of(cls, rows: Rows, responses: Array) -> "_Border":
+        """Of rows; responses: (m, r c) roughly to each motion."""
         columns = rows.lifted(rows.equation.modes)
-        responses = np.empty_like(columns)
-        for response, column in zip(responses, columns, strict=True):
-            response[:] = precondition(column)
         totals = rows.combined(rows.equation.measures)
         left, stiffness, right = np.linalg.svd(totals @ responses.T)
         smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)

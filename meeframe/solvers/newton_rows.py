@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.node_blocks import NodeBlocks
 from meeframe.solvers.nonsmooth import CLOSED, OF_DISPLACEMENT, OF_UNKNOWNS, Blocks, Equation
+
+TANGENTIAL: Final = (0, 1)
+"""Components of the load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,25 @@ class Rows:
     def fields(self) -> list[int]:
         """Those of the components that are loads."""
         return [component for component in self.components if component < CLOSED]
+
+    def like(self, other: "Rows") -> bool:
+        """Whether the same rows are coupled, in the same precision, and the same nodes stick."""
+        return (
+            self.components == other.components
+            and self.precision == other.precision
+            and np.array_equal(self.nodes, other.nodes)
+            and np.array_equal(self.coupled, other.coupled)
+            and np.array_equal(self._slipping, other._slipping)
+        )
+
+    @property
+    def _slipping(self) -> Mask:
+        """Nodes (c,) where tangential rows ask for more than that nothing moves."""
+        asking = np.zeros(len(self.nodes), bool)
+        for (row, _), entry in self.a.entries.items():
+            if self.components[row] in TANGENTIAL:
+                asking |= entry != 0.0
+        return asking
 
     def chosen(self, whole: Array) -> Array:
         """The coupled ones of all rows (n, 6), (r c,)."""

@@ -9,7 +9,7 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
-from meeframe.solvers.newton_krylov import UNRESISTED, krylov_step
+from meeframe.solvers.newton_krylov import UNRESISTED, Inverse, krylov_step
 from meeframe.solvers.nonsmooth import CLOSED, OF_DISPLACEMENT, OF_UNKNOWNS, Blocks, Equation
 
 ACCURATE: Final = 1e-10
@@ -18,10 +18,12 @@ ACCURATE: Final = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A Newton step. local: (n, 6) of load and closed fraction; motion: (m,) of the freedoms."""
+    """A Newton step. local: (n, 6) of load and closed fraction; motion: (m,) of the freedoms; inverse: roughly that of
+    the equations, where there is no matrix."""
 
     local: Array
     motion: Array
+    inverse: Inverse | None = None
 
     @property
     def finite(self) -> bool:
@@ -29,25 +31,25 @@ class Step:
         return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
 
 
-def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE) -> Step:
+def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE, before: Inverse | None = None) -> Step:
     """The step that solves the linearised equations; not finite if they are singular.
 
     Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
     graze) are eliminated beforehand: what remains is the size of the contact. A motion that nothing resists stays where
-    it is. tolerance: fraction of the residual that may be left where there is no matrix.
+    it is. Where there is no matrix, tolerance: fraction of the residual that may be left; before: of the last step.
     """
     coupled = _coupled(blocks)
     given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
-    matrix = equation.problem.system.dense()
+    matrix, inverse = equation.problem.system.dense(), None
     if matrix is None:
         try:
-            local, amounts = krylov_step(equation, blocks, coupled, given, tolerance)
+            local, amounts, inverse = krylov_step(equation, blocks, coupled, given, tolerance, before)
         except LinAlgError:  # no numbers in tangents
             local, amounts = np.full_like(given, np.nan), np.full(blocks.balance.shape, np.nan)
     else:
         size = equation.problem.system.offset.size
         local, amounts = _direct_step(equation, blocks, coupled, given, matrix.reshape(size, size))
-    return Step(local, equation.units * amounts)
+    return Step(local, equation.units * amounts, inverse)
 
 
 def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:

@@ -81,6 +81,21 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
     assert left > 1e-3 * tolerance * size(blocks.residual, blocks.balance)
 
 
+def test_inverse_serves_where_nodes_stick_as_before() -> None:
+    """The next step is then as good; where they slip there is another one."""
+    problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
+    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    equation, none = Equation.of(problem), np.zeros(32**2, bool)
+    first = newton_step(equation, equation.at(near.load, near.closed, none, near.motion).linearise(), 1e-9)
+    moved = equation.at(near.load * (1.0 + 1e-6), near.closed, none, near.motion * (1.0 + 1e-6)).linearise()
+    again, alone = newton_step(equation, moved, 1e-9, first.inverse), newton_step(equation, moved, 1e-9)
+    assert again.inverse is first.inverse
+    np.testing.assert_allclose(again.local, alone.local, atol=1e-6 * np.abs(alone.local[:, :5]).max())
+    sheared = near.load * [3.0, 1.0, 1.0, 1.0, 1.0]
+    other = newton_step(equation, equation.at(sheared, near.closed, none, near.motion).linearise(), 1e-2, first.inverse)
+    assert other.inverse is not first.inverse
+
+
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
 def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
     """A fourth motion is a combination of the three: nothing resists the two together, but for round-off."""
@@ -94,8 +109,8 @@ def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
     blocks = point.linearise()
     coupled = _coupled(blocks)
     given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
-    local, amounts = krylov_step(three, blocks, coupled, given, tolerance)
-    same, more = krylov_step(four, replace(blocks, balance=mixed.T @ blocks.balance), coupled, given, tolerance)
+    local, amounts, _ = krylov_step(three, blocks, coupled, given, tolerance)
+    same, more, _ = krylov_step(four, replace(blocks, balance=mixed.T @ blocks.balance), coupled, given, tolerance)
     assert np.abs(more).max() <= 2.0 * np.abs(amounts).max()
     np.testing.assert_allclose(mixed @ more, amounts, atol=2.0 * tolerance * np.abs(amounts).max())
     np.testing.assert_allclose(same, local, atol=2.0 * tolerance * np.abs(local[:, :5]).max())
