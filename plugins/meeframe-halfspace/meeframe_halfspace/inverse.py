@@ -24,7 +24,7 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     """
     size, k = convolution.size, len(fields)
     middle = size[0] // 2, size[1] // 2
-    load = np.zeros((1, *size), np.float32)
+    load: Array = np.zeros((1, *size), np.float32)
     load[0, *middle] = 1.0
     unscaled = Convolution(convolution.symbol, size, convolution.padded, np.ones((N_FIELDS, N_FIELDS)))
     matrix = np.empty((k, k, size[0] // 2 + 1, size[1]), np.complex64)
