@@ -29,14 +29,15 @@ from meeframe.core.formulation import Formulation
 from meeframe.core.quantities import Quantity
 from meeframe.plugin.validation import Problem, TableError, problems_of
 
+_REACH: Final = 16.0
+"""Of the mesh of a half space beside its contact zone, in widths of that."""
+
 
 class GradedTable(Table):
     """What a graded block and a half space have in common; keys as of meeframe.geometry.half_space_mesh and Grading."""
 
-    half_width: SizePair
     contact_width: SizePair
     divisions: CountPair
-    rings: Count
     element: Annotated[SurfaceElement, by_name(SurfaceElement)] = Field(default="quad4", validate_default=True)
     first_ring: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
 
@@ -45,15 +46,27 @@ class BlockTable(GradedTable):
     """[mesh] of a graded block; the keys are those of meeframe.geometry.block_mesh and its Grading."""
 
     type: Literal["block"] = "block"
+    half_width: SizePair
     height: Size
+    rings: Count
     layers: Count
     layer_growth: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.5
 
 
 class HalfSpaceTable(GradedTable):
-    """[mesh] on the plane that bounds a half space: a semi-infinite body, which needs no supports."""
+    """[mesh] on the plane that bounds a half space: a semi-infinite body, which needs no supports.
+
+    half_width, rings: of what lies around the contact zone, which not every formulation uses.
+    """
 
     type: Literal["half-space"]
+    half_width: SizePair | None = None
+    rings: Count = 6
+
+    @property
+    def half_widths(self) -> tuple[float, float]:
+        """half_width, by default that many widths of the contact zone."""
+        return self.half_width or (_REACH * self.contact_width[0], _REACH * self.contact_width[1])
 
 
 class FileTable(Table):

@@ -182,7 +182,7 @@ def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
         )
     if isinstance(table, HalfSpaceTable):
         return half_space_mesh(
-            table.half_width,
+            table.half_widths,
             table.contact_width,
             table.divisions,
             table.rings,

@@ -64,25 +64,38 @@ def check_solver(case: "Case", solver: Solver) -> None:
 
 
 def doubts(case: "Case") -> Iterator[str]:
-    """That the indenter touches nothing, in words, if the undeformed body shows it.
+    """That the indenter touches nothing, or overlaps the whole zone, in words, if the undeformed body shows it.
 
-    Not where it moves freely until it touches, where the surfaces need not touch for the laws, or where the case goes
-    on from an earlier run.
+    Not where it moves freely until it touches, or where the case goes on from an earlier run; that it touches nothing
+    not where the surfaces need not touch for the laws.
     """
-    across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
-    if case.restart is not None or across or attracts(case.contact_law):
+    if case.restart is not None:
         return
-    nearest, deepest = np.inf, 0.0
-    for increment in planned(case):
-        least = float(increment.problem.gap.min())
-        if least < 0.0 or motions(increment.problem).size:
+    held = [increment for increment in planned(case) if not motions(increment.problem).size]
+    for increment in held:
+        gap = increment.problem.gap
+        if gap.max() < 0.0:
+            yield (
+                f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
+                f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "
+                "will reach the edge of the zone, which is too small, or the approach too large"
+            )
             return
-        if least < nearest:
-            nearest, deepest = least, float(increment.base[COLUMNS["approach"]][0])
+    across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
+    if across or attracts(case.contact_law) or len(held) < len(case.steps):
+        return
+    nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
+    nearest, deepest = float(nearer.problem.gap.min()), _approach(nearer)
+    if nearest < 0.0:
+        return
     yield (
         f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
         f"or more from the nodes of the contact zone {case.zone!r}{_beside(case)}"
     )
+
+
+def _approach(increment: Increment) -> float:
+    return float(increment.base[COLUMNS["approach"]][0])
 
 
 def _beside(case: "Case") -> str:

@@ -1,11 +1,14 @@
 """What the message of an increment adds to how its iteration ended."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.contact import Status
+from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
 from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction
 from meeframe.core.mesh import Indices
@@ -17,6 +20,16 @@ _SAME: Final = 1e-6
 """Tractions that change by a smaller fraction are the same ..."""
 _UNCERTAIN: Final = 10.0
 """... as are those within so many times the residual."""
+LARGEST_ARRIVAL: Final = 0.25
+"""Fraction of the nodes in contact that may come into it within one increment: of a sphere tangential tractions are
+then within some per cent (docs/case-files.md)."""
+_NOTICED: Final = 1e-3
+"""Tangential over normal tractions below which there are none, and gaps over displacements."""
+COARSE: Final = 0.1
+"""Fraction of the contact area from which on a reader should know that it is uncertain."""
+_OF_RIM: Final = 0.5
+"""Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
+circles six or more spacings across."""
 
 
 def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
@@ -40,6 +53,67 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
     yield from _large(zone, step)
     if _slides(zone, step, law):
         yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
+
+
+@dataclass(frozen=True, eq=False)
+class Arrivals:
+    """Which increment of a load step brought each node into the contact that it is in.
+
+    gap: (n,) in the last converged state [m]; touching: (n,) whether it touches there; number: (n,) of the increment in
+    which it came to, from 1, 0 where it touched before the load step or does not.
+    """
+
+    gap: Array
+    touching: NDArray[np.bool_]
+    number: Indices
+
+    @classmethod
+    def of(cls, gap: Array, touching: NDArray[np.bool_]) -> "Arrivals":
+        """At the beginning of a load step."""
+        return cls(gap, touching, np.zeros(len(gap), np.int64))
+
+    def after(self, step: StepResult) -> "Arrivals":
+        """After another increment; itself if that did not converge. Nodes between which nothing opened are not new."""
+        if step.status is not Status.CONVERGED:
+            return self
+        apart = self.gap > _NOTICED * np.abs(step.displacement[:, 2]).max()
+        number = np.where(self.touching | ~apart, self.number, step.increment)
+        return Arrivals(step.gap, step.touching, np.where(step.touching, number, 0))
+
+
+def remarks_on_end(zone: Zone, step: StepResult, law: ContactLaw, arrivals: Arrivals) -> Iterator[str]:
+    """What a reader should know at the end of a load step, each in words; arrivals: after its last increment.
+
+    That much of the contact came about within one increment, if it has friction that matters: slip counts from the
+    increment's beginning, before those nodes touched. That the contact is so few nodes across that its area is
+    uncertain.
+    """
+    if step.status is not Status.CONVERGED or not step.touching.any():
+        return
+    count, rim = int(step.touching.sum()), _rim(zone, step)
+    new = np.bincount(arrivals.number, minlength=2)[1:]
+    late = arrivals.number == 1 + new.argmax()
+    shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
+    # on coarse meshes nodes that are equally far come at once, whatever the increments
+    much = new.max() > max(LARGEST_ARRIVAL * count, rim / 2)
+    if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
+        yield (
+            f"{new.max() / count:.0%} of the contact came about in one increment, and its slip counts from before it "
+            "touched: more `increments` follow the history, with less slip"
+        )
+    uncertain = _OF_RIM * (rim / count) ** 1.5
+    if uncertain > COARSE:
+        yield (
+            f"{count} nodes are in contact, {rim} of them at its rim: its area is known to about {uncertain:.0%}, more "
+            "divisions resolve it"
+        )
+
+
+def _rim(zone: Zone, step: StepResult) -> int:
+    """Nodes in contact that share an element with one that is not."""
+    parted = [nodes[~step.touching[nodes].all(axis=1)] for _, nodes in zone.cells]
+    beside = np.unique(np.concatenate([nodes.ravel() for nodes in parted]))
+    return int(step.touching[beside].sum())
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:

@@ -14,7 +14,7 @@ from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
-from meeframe.case.remarks import remarks
+from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
@@ -126,15 +126,24 @@ def solve_steps(
         if case.restart is not None:
             check_same_body(case.restart, system)
         here, controls = beginning(mechanism)
+    if case.restart is None:
+        arrivals = Arrivals.of(mechanism.touching_gap, np.zeros(len(system.points), bool))
+    else:
+        arrivals = Arrivals.of(case.restart.step.gap, case.restart.step.touching)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before = here, controls
+        arrivals = Arrivals.of(arrivals.gap, arrivals.touching)
         for increment in range(1, step.increments + 1):
             controls = ramped(before, begin, step.given, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             with faults_of_plugins():
                 planned = mechanism.increment(controls, here, step.increment_duration)
                 here, result = _solve(mechanism, planned, here, (number, increment), share)
+            arrivals = arrivals.after(result)
+            if increment == step.increments:
+                told = remarks_on_end(zone_of(system), result, case.contact_law, arrivals)
+                result = replace(result, message="; ".join([result.message, *told]))
             if boundary and number == 1 and increment == step.increments:
                 result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
 from meeframe.core.law import ConductivityLaw, ContactLaw, attracts, conducts
+from meeframe.core.quantities import Quantity
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
@@ -29,8 +30,9 @@ class Step:
     translation (2,) [m], tangential_force (2,) [N] or force_ratio (2,), the tangential over the normal force; tilt (2,)
     [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; electric_potential [V] or charge [C]; magnetic_potential
     [A] or magnetic_flux [Wb]. Axes, signs and reference point as in Loading and `resultants`. duration: time of the
-    whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied.
-    Raises CaseError if two of them name the same motion or a number is not allowed.
+    whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied. Texts with units, such
+    as "5 N", become SI numbers as in case files. Raises CaseError if two of them name the same motion, or what is given
+    is not allowed.
     """
 
     approach: float | None = None
@@ -50,6 +52,8 @@ class Step:
     increments: int = 1
 
     def __post_init__(self) -> None:
+        for key in (field.name for field in fields(self) if field.name != "increments"):
+            object.__setattr__(self, key, _in_si(key, getattr(self, key)))
         for key, value in self.given.items():
             columns = COLUMNS[key]
             if value.shape != (columns.stop - columns.start,) or not np.isfinite(value).all():
@@ -77,6 +81,21 @@ class Step:
         return None if self.duration is None else self.duration / self.increments
 
 
+def _in_si(key: str, value: Any) -> Any:
+    """What is given for a key, with SI numbers in place of texts. Raises CaseError for what holds no numbers."""
+    quantity = Quantity(UNITS.get(key, "s").removeprefix("1"))
+    try:
+        if isinstance(value, str):
+            return quantity.convert(value)
+        if isinstance(value, list | tuple):
+            value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
+        if value is not None and np.asarray(value).dtype.kind not in "fiu":
+            raise ValueError(f"expected {quantity.expected}")
+    except ValueError as error:
+        raise CaseError(f"{key} = {value!r}: {error}") from None
+    return value
+
+
 def check_first(step: Step) -> None:
     """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
     if step.approach is None and step.normal_force is None:
@@ -87,7 +106,7 @@ def check_pull(step: Step, law: ContactLaw) -> None:
     """Raises CaseError if a load step pulls on surfaces that do not attract each other."""
     if step.normal_force is not None and step.normal_force < 0 and not attracts(law):
         raise CaseError(
-            f"normal_force = {step.normal_force!r}; allowed: numbers >= 0 [N], pressing on the body, unless the "
+            f"normal_force = {step.normal_force:g} N; allowed: numbers >= 0 [N], pressing on the body, unless the "
             "contact law attracts"
         )
 

@@ -20,7 +20,9 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
         return text, tomllib.loads(text)
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:  # its own, of the encoding, of digits without end, of depth
+    except UnicodeDecodeError:
+        raise CaseError(f"{file}: is not a TOML file: it is no text in UTF-8") from None
+    except (ValueError, RecursionError) as error:  # its own, of digits without end, of depth
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
 
 

@@ -142,7 +142,8 @@ class Registry:
         return None if kind is None else lambda value: self.create(kind, value)
 
     def _choices(self, kind: Kind, name: str) -> str:
-        return choices(name, self.names(kind)) + "".join(f"; {broken}" for broken in self.broken)
+        own = "; one of your own comes with --plugin FILE.py"
+        return choices(name, self.names(kind)) + own + "".join(f"; {broken}" for broken in self.broken)
 
 
 def _hooks(plugin: object) -> Any:

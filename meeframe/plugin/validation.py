@@ -20,6 +20,7 @@ Converters = Callable[[Any], Callable[[Any], Any] | None]
 
 _MISSING = object()
 _HUGE: Final = 10**300  # whole numbers beyond are no floats
+_SIMILAR: Final = 0.7  # of difflib: 'form' is near to 'from', 'friction' not to 'rotation'
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 # pydantic's kinds of errors whose own texts speak of Python and not of TOML
@@ -208,7 +209,7 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
 
 def choices(name: str, names: Collection[str]) -> str:
     """'did you mean ...? allowed: ...' for a name that is not among those allowed."""
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 

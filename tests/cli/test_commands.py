@@ -35,7 +35,7 @@ def test_version():
 def test_check(case_file):
     status, out, err = meeframe_command("check", case_file)
     assert (status, err) == (0, "")
-    assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact, 2 steps\n"
+    assert out == f"{case_file}: ok: material batio3-cofe2o4, 80 elements, contact zone contact of 25 nodes, 2 steps\n"
 
 
 def test_slender_bodies_are_warned_of(case_file, tmp_path):

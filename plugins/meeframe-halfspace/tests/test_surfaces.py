@@ -209,7 +209,7 @@ def test_levelled_takes_the_plane_away(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("1 2 3 4\n5 6 7 8\n", "spacing"),
+        ("1 2 3 4\n5 6 7 8\n", r'heights needs a key such as spacing = \["10 um", "10 um"\]'),
         ("1 2 3\n4 5\n", "equally many"),
         ("nothing\n", "equally many"),
         ("0 0 1\n1 0 1\n0 1 1\n", "no full grid"),

@@ -153,6 +153,33 @@ def test_mesh_and_heights_from_files_beside_the_case(write_case, registry, tmp_p
     assert case.indenter == Heights(tmp_path / "rough.npy")
 
 
+def test_a_half_space_needs_nothing_beside_its_contact_zone(write_case, registry):
+    """By default the mesh reaches 16 widths of the zone to each side, in 6 rings."""
+    potentials = "electric_potential = 0\nmagnetic_potential = 0\n"
+    support = f'[[boundary]]\ngroup = "base"\ndisplacement = [0, 0, 0]\n{potentials}'
+    bare = '[mesh]\ntype = "half-space"\ncontact_width = ["5 mm", "4 mm"]\ndivisions = 4\n'
+    mesh = load_case(write_case((MESH, bare), (support, "")), registry).mesh
+    np.testing.assert_allclose(mesh.points.max(axis=0), [0.08, 0.064, 0.0])
+    assert mesh.n_elements == 16 + 6 * 16
+    given = bare + 'half_width = "50 mm"\nrings = 1\n'
+    mesh = load_case(write_case((MESH, given), (support, "")), registry).mesh
+    np.testing.assert_allclose(mesh.points.max(axis=0), [0.05, 0.05, 0.0])
+    assert mesh.n_elements == 16 + 16
+
+
+def test_a_file_that_is_no_text(tmp_path, registry):
+    path = tmp_path / "result.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(CaseError, match=r"result\.h5: is not a TOML file: it is no text in UTF-8$"):
+        load_case(path, registry)
+
+
+def test_what_is_hardly_alike_is_not_suggested(write_case, registry):
+    path = write_case(('radius = "100 mm"', 'radius = "100 mm"\nfriction = 0.3'))
+    with pytest.raises(CaseError, match=r"indenter\.friction = 0\.3: unknown key; allowed: radius"):
+        load_case(path, registry)
+
+
 WRONG = {
     "not TOML": ([('title = "tiny"', "title = tiny")], "case.toml: is not a TOML file"),
     "unknown table": ([("[indenter]", "[indentor]")], "indenter: missing key"),
@@ -162,7 +189,7 @@ WRONG = {
     ),
     "unknown key in a table": (
         [("rings = 2", "rings = 2\nring = 3")],
-        "mesh.ring = 3: unknown key; did you mean 'rings'? allowed: half_width, contact_width",
+        "mesh.ring = 3: unknown key; did you mean 'rings'? allowed: contact_width, divisions",
     ),
     "unknown key in a list": ([("displacement", "displacment")], "boundary[1].displacment = [0, 0, 0]: unknown key"),
     "missing key": ([('radius = "100 mm"\n', "")], "indenter.radius: missing key"),
@@ -188,6 +215,10 @@ WRONG = {
         "material: unknown material 'unobtainium'; the library has",
     ),
     "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
+    "unknown law": (
+        [("[indenter]", '[contact]\nlaw = "shear-limited"\n\n[indenter]')],
+        "; one of your own comes with --plugin FILE.py",
+    ),
     "unknown mesh type": (
         [("half_width", 'type = "ball"\nhalf_width')],
         "mesh.type = 'ball': should be one of block, half-space, file",

@@ -122,6 +122,14 @@ def test_an_indenter_that_touches_nothing_is_warned_of(write_case, registry, cha
     assert all(told in text for text in warnings)
 
 
+@pytest.mark.parametrize(("approach", "told"), [("62 um", False), ("63 um", True), ("40 mm", True)])
+def test_an_indenter_that_overlaps_the_whole_zone_is_warned_of(write_case, registry, approach, told):
+    """At its corners, sqrt(2) 2.5 mm away, a sphere of 100 mm is 62.5 um high."""
+    warnings = load_case(write_case(('"10 um"', f'"{approach}"')), registry).warnings
+    assert len(warnings) == told
+    assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
+
+
 def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
     above = ('"10 um"', '"-10 um"')
     assert load_case(write_case(above), registry).warnings

@@ -11,6 +11,7 @@ from meeframe.case.load import load_case
 from meeframe.case.remarks import remarks
 from meeframe.core.contact import Status
 from meeframe.core.result import Region
+from meeframe.geometry import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
@@ -120,3 +121,57 @@ def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
     region[[0, 1]] = Region.STICK
     (told,) = remarks(zone, replace(step, region=region), LAWS[0])
     assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
+
+
+ONE_INCREMENT = "of the contact came about in one increment"
+AREA = "its area is known to about"
+
+
+def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
+    """Remarks of the last increment of each load step on an elastic half space, and the path."""
+    path = bed.follow(rubbing, bed.half_space(cells, poisson), *steps, **changes)
+    return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
+
+
+@pytest.mark.parametrize(
+    ("steps", "poisson", "changes", "told"),
+    [
+        ([meeframe.Step(approach=2e-5)], 0.3, {}, ["100%"]),
+        ([meeframe.Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
+        ([meeframe.Step(approach=2e-5, increments=10)], 0.3, {}, [""]),
+        ([meeframe.Step(approach=2e-5)], 0.5, {}, [""]),  # nothing moves along the surface
+        ([meeframe.Step(approach=2e-5)], 0.3, {"contact_law": Signorini()}, [""]),
+        ([meeframe.Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # touches from the beginning
+        ([meeframe.Step(approach=2e-5), meeframe.Step(translation=(1e-6, 0.0))], 0.3, {}, ["100%", ""]),
+        ([meeframe.Step(approach=1e-5, increments=8), meeframe.Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
+    ],
+)
+def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes, told):
+    messages, _ = pressed(bed, rubbing, *steps, poisson=poisson, **changes)
+    for message, share in zip(messages, told, strict=True):
+        assert (ONE_INCREMENT in message) == bool(share)
+        assert f"{share} {ONE_INCREMENT}" in message or not share
+
+
+def test_what_is_told_of_one_increment_is_so(bed, rubbing):
+    """Spence: the stick radius is 0.73 of the contact radius at every load for mu = 0.2, tractions along the surface
+    taken not to move it along the normal, which changes it little."""
+    exact, law = 0.7334, IsotropicCoulomb(0.2)
+    once, often = (
+        pressed(bed, rubbing, meeframe.Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
+    )
+    ratio = [(path.totals[-1].stick_area / path.totals[-1].contact_area) ** 0.5 for path in (once, often)]
+    assert ratio[1] == pytest.approx(exact, abs=0.08)
+    assert ratio[0] < 0.6 * exact
+    dissipated = [sum(total.dissipated_energy for total in path.totals) for path in (once, often)]
+    assert dissipated[0] > 5.0 * dissipated[1]
+
+
+@pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
+def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cells, told):
+    """Hertz: a circle of radius sqrt(R g), each node for one cell; 0: nothing is told, it is less than a tenth."""
+    (message,), path = pressed(bed, rubbing, meeframe.Step(approach=2e-5), cells=cells, contact_law=Signorini())
+    found = re.search(rf"{AREA} (\d+)%", message)
+    assert (int(found[1]) if found else 0) == told
+    error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
+    assert abs(error) < (1.15 * told / 100.0 or 0.1)

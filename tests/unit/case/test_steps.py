@@ -61,7 +61,7 @@ REFUSED = {
     "twist = 0\ntorque = 0": "steps[2]: twist and torque are both given",
     "electric_potential = 0\ncharge = 0": "steps[2]: electric_potential and charge are both given",
     "magnetic_potential = 0\nmagnetic_flux = 0": "steps[2]: magnetic_potential and magnetic_flux are both given",
-    "normal_force = -1": "steps[2]: normal_force = -1.0; allowed: numbers >= 0 [N], pressing on the body, unless",
+    "normal_force = -1": "steps[2]: normal_force = -1 N; allowed: numbers >= 0 [N], pressing on the body, unless",
     'normal_force = "1 Pa"': "steps[2].normal_force = '1 Pa': has the wrong unit; expected a number in N",
     'torque = "1 N"': "steps[2].torque = '1 N': has the wrong unit; expected a number in N m",
     'twist = "1 m"': "steps[2].twist = '1 m': has the wrong unit; expected a number in rad",
@@ -129,8 +129,20 @@ def test_the_first_step_must_press(write_case, registry):
         ({"twist": 1.0, "torque": 1.0}, "twist and torque are both given"),
         ({"duration": 0.0}, r"duration = 0.0; allowed: finite numbers > 0 \[s\]"),
         ({"increments": 0}, "increments = 0; allowed: whole numbers from 1"),
+        ({"normal_force": "5 m"}, "normal_force = '5 m': has the wrong unit; expected a number in N or a text"),
+        ({"force_ratio": ("0.1 N", 0.0)}, r"force_ratio = \('0.1 N', 0.0\): has the wrong unit; expected a number"),
+        ({"approach": "deep"}, "approach = 'deep': cannot be read as one number"),
+        ({"translation": ([1.0], 2.0)}, "translation = "),
+        ({"approach": {}}, "approach = {}: expected a number in m"),
+        ({"duration": True}, "duration = True: expected a number in s"),
     ],
 )
 def test_steps_from_python_are_checked_too(given, text):
     with pytest.raises(CaseError, match=text):
         Step(**given)
+
+
+def test_steps_from_python_take_units():
+    step = Step(normal_force="5 kN", translation=("1 um", 0.0), force_ratio=None, duration="2 ms")
+    assert step == Step(normal_force=5e3, translation=(1e-6, 0.0), duration=2e-3)
+    assert step.given["translation"].tolist() == [1e-6, 0.0]
