@@ -17,9 +17,9 @@ import numpy as np
 
 from meeframe.core.contact import Status
 from meeframe.core.errors import ResultError
-from meeframe.core.fields import FLUX_UNITS, VALUE_UNITS, Array
+from meeframe.core.fields import FLUX_UNITS, N_FIELDS, VALUE_UNITS, Array
 from meeframe.core.formulation import NodalFields
-from meeframe.core.indenter import MOTIONS, RESULTANTS, UNITS
+from meeframe.core.indenter import COLUMNS, MOTIONS, N_MOTIONS, RESULTANTS, UNITS
 from meeframe.core.mesh import Indices
 from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Result, StepResult, Zone, resultants
 from meeframe.io.hdf5 import changed_file
@@ -64,6 +64,7 @@ RESULTANT_UNITS: Final = {
     "max_abs_electric_potential": "V",
     "max_abs_magnetic_potential": "A",
 }
+_SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
 _BOUNDARY_UNITS: Final = {
     "points": "m",
     "values": ", ".join(VALUE_UNITS),
@@ -119,7 +120,8 @@ def read_result(folder: Path) -> Result:
     except OSError:
         state = "cannot be read as HDF5" if path.exists() else "does not exist"
         raise ResultError(f"no result in {folder}: {path} {state}") from None
-    except (KeyError, RuntimeError, TypeError, ValueError) as error:  # changed on the disk
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        # changed on the disk
         raise ResultError(f"{path} is damaged: {error}") from None
 
 
@@ -196,68 +198,106 @@ def _put_boundary(file: Any, step: Any, boundary: NodalFields) -> None:
 
 
 def _read(file: Any) -> Result:
-    attributes = file.attrs
-    zone = Zone(**{name: file["zone"][name][()] for name in _ZONE_UNITS}, cells=_get_cells(file["zone"]))
+    attributes, places = file.attrs, file["zone"]
+    n = len(places["points"])
+    shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,)}
+    zone = Zone(**{name: _numbers(places, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(places, n))
     return Result(
         provenance=Provenance(
-            title=attributes["title"],
-            case_text=attributes["case"],
-            versions=json.loads(attributes["versions"]),
+            title=_text(file, "title"),
+            case_text=_text(file, "case"),
+            versions=_table(file, "versions", str),
             threads=int(attributes["threads"]),
         ),
         zone=zone,
         planned_steps=int(attributes["planned_steps"]),
-        steps=tuple(_get_step(file, file["steps"][name]) for name in sorted(file["steps"])),
-        timings=json.loads(attributes.get("timings", "{}")),
+        steps=tuple(_get_step(file, file["steps"][name], n) for name in sorted(file["steps"])),
+        timings=_table(file, "timings", int | float) if "timings" in attributes else {},
         peak_memory_mb=float(attributes.get("peak_memory_mb", 0.0)),
     )
 
 
-def _get_step(file: Any, group: Any) -> StepResult:
+def _get_step(file: Any, group: Any, n: int) -> StepResult:
     boundary, counter = None, None
     if "counter" in group:
-        counter = CounterSurface(group["counter/displacement"][()], _get_both(group["counter"], "potential"))
+        own = group["counter"]
+        counter = CounterSurface(_numbers(own, "displacement", (n, 3)), _get_both(own, "potential", n))
     if "boundary" in group:
-        own = group["boundary"]
-        shared = file["boundary"]
-        boundary = NodalFields(shared["points"][()], _get_cells(shared), own["values"][()], own["fluxes"][()])
+        own, shared = group["boundary"], file["boundary"]
+        p = len(shared["points"])
+        fields = (_numbers(own, name, (p, N_FIELDS)) for name in ("values", "fluxes"))
+        boundary = NodalFields(_numbers(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
     return StepResult(
         loading=_get_loading(group["loading"]),
         step=int(group["step"][()]),
         increment=int(group["increment"][()]),
-        initial_gap=group["initial_gap"][()],
-        traction=group["traction"][()],
-        displacement=group["displacement"][()],
-        potentials=_get_both(group, "potential"),
-        fluxes=_get_both(group, "flux"),
-        closed=group["closed"][()],
-        slip=group["slip"][()],
-        total_slip=group["total_slip"][()],
-        slip_path=group["slip_path"][()],
-        region=group["region"][()],
+        initial_gap=_numbers(group, "initial_gap", (n,)),
+        traction=_numbers(group, "traction", (n, 3)),
+        displacement=_numbers(group, "displacement", (n, 3)),
+        potentials=_get_both(group, "potential", n),
+        fluxes=_get_both(group, "flux", n),
+        closed=_numbers(group, "closed", (n,)),
+        slip=_numbers(group, "slip", (n, 2)),
+        total_slip=_numbers(group, "total_slip", (n, 2)),
+        slip_path=_numbers(group, "slip_path", (n,)),
+        region=_numbers(group, "region", (n,), "iu"),
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
         residual=float(group["residual"][()]),
-        history=group["history"][()],
-        message=group.attrs["message"],
+        history=_numbers(group, "history", (len(group["history"]), 2)),
+        message=_text(group, "message"),
         boundary=boundary,
         counter=counter,
     )
 
 
-def _get_both(group: Any, name: str) -> Array:
+def _get_both(group: Any, name: str, n: int) -> Array:
     """The electric and the magnetic dataset of that name, (n, 2)."""
-    return np.stack([group[f"electric_{name}"][()], group[f"magnetic_{name}"][()]], axis=1)
+    return np.stack([_numbers(group, f"{kind}_{name}", (n,)) for kind in ("electric", "magnetic")], axis=1)
 
 
 def _get_loading(group: Any) -> Loading:
     motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
-    prescribed = {key: own[()] for key, own in group["prescribed"].items()}
+    if motion.shape != (N_MOTIONS,):
+        raise ValueError(f"{group.name} has {len(motion)} motions instead of {N_MOTIONS}")
+    prescribed = {key: _numbers(group["prescribed"], key, _SHAPES[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
-    return Loading.of(motion, prescribed, group["reference"][()], group["axes"][()], duration)
+    reference, axes = _numbers(group, "reference", (3,)), _numbers(group, "axes", (3, 3))
+    return Loading.of(motion, prescribed, reference, axes, duration)
 
 
-def _get_cells(group: Any) -> tuple[tuple[str, Indices], ...]:
-    return tuple(
-        (str(own.attrs["type"]), own[()]) for own in (group["cells"][n] for n in sorted(group["cells"], key=int))
-    )
+def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
+    """Of n points."""
+    cells = []
+    for name in sorted(group["cells"], key=int):
+        own = group["cells"][name]
+        connectivity: Indices = _numbers(group["cells"], name, own.shape, "iu")
+        if connectivity.ndim != 2 or ((connectivity < 0) | (connectivity >= n)).any():
+            raise ValueError(f"{own.name} are no numbers into {n} points")
+        cells.append((_text(own, "type"), connectivity))
+    return tuple(cells)
+
+
+def _numbers(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:
+    """A dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
+    values = group[name][()]
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
+        found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise ValueError(f"{group.name}/{name} is {found} instead of numbers of shape {shape}")
+    return values
+
+
+def _text(group: Any, name: str) -> str:
+    """An attribute. Raises ValueError unless it is a text."""
+    text = group.attrs[name]
+    if not isinstance(text, str):
+        raise ValueError(f"attribute {name!r} of {group.name} is no text")
+    return text
+
+
+def _table(group: Any, name: str, kind: Any) -> dict[str, Any]:
+    """What an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
+    table = json.loads(_text(group, name))
+    if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
+        raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")
+    return table

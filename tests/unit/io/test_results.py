@@ -113,6 +113,55 @@ def test_damaged_file(tmp_path, synthetic):
         files.read_result(tmp_path)
 
 
+def replaced(name, values):
+    """A change that puts other values in the place of a dataset or a group of the first step."""
+
+    def change(file):
+        del file["steps/0001"][name]
+        file["steps/0001"][name] = values
+
+    return change
+
+
+def attribute(name, value):
+    """A change of an attribute of the file."""
+    return lambda file: file.attrs.create(name, value)
+
+
+DAMAGES = {
+    "prescribed is a number": replaced("loading/prescribed", 1.0),
+    "prescribed twice": replaced("loading/prescribed/tangential_force", [1.0, 2.0, 3.0]),
+    "motions": replaced("loading/tilt", [0.0]),
+    "axes": replaced("loading/axes", [1.0, 0.0, 0.0]),
+    "infinite step": replaced("step", np.inf),
+    "step is a group": lambda file: [file["steps/0001"].pop("step"), file.create_group("steps/0001/step")],
+    "few tractions": replaced("traction", [1.0, 2.0]),
+    "tractions in words": replaced("traction", "none"),
+    "one gap": replaced("initial_gap", 1.0),
+    "region in words": replaced("region", "abc"),
+    "region of fractions": lambda file: replaced("region", file["steps/0001/region"][()] + 0.5)(file),
+    "history": replaced("history", [1.0]),
+    "boundary": replaced("boundary/values", [[1.0]]),
+    "zone": lambda file: [file["zone"].pop("weights"), file["zone"].create_dataset("weights", data=[1.0])],
+    "cells": lambda file: file["zone/cells/0"].write_direct(np.full(file["zone/cells/0"].shape, 10**6)),
+    "infinitely many steps": attribute("planned_steps", np.inf),
+    "versions are a list": attribute("versions", "[1]"),
+    "versions are numbers": attribute("versions", '{"numpy": 2}'),
+    "timings are a number": attribute("timings", "3"),
+    "timings are texts": attribute("timings", '{"solve": "long"}'),
+    "title is a number": attribute("title", 3.0),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_whatever_was_changed_is_damage(tmp_path, synthetic, damage):
+    write(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    with h5py.File(tmp_path / RESULT_FILE, "r+") as file:
+        damage(file)
+    with pytest.raises(ResultError, match=r"result\.h5 is damaged: "):
+        files.read_result(tmp_path)
+
+
 def test_output_folder_is_made_refused_or_accepted(tmp_path):
     check_output(tmp_path / "a" / "b", overwrite=False)
     assert list(tmp_path.iterdir()) == []
