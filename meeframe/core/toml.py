@@ -10,6 +10,8 @@ from typing import Any, Final
 
 from meeframe.core.errors import CaseError
 
+_MOST_BITS: Final = 10_000
+"""Of whole numbers: Python writes none of more than 4300 decimal digits, not even into a message."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -17,13 +19,26 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
     """Text and tables of a TOML file. Raises CaseError."""
     try:
         text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
-        return text, tomllib.loads(text)
+        return text, toml_tables(text)
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise CaseError(f"{file}: is not a TOML file: it is no text in UTF-8") from None
     except (ValueError, RecursionError) as error:  # its own, of digits without end, of depth
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
+
+
+def toml_tables(text: str) -> dict[str, Any]:
+    """Tables of TOML text. Raises ValueError, and RecursionError for tables too deep within each other."""
+    tables = tomllib.loads(text)
+    values: list[Any] = [tables]
+    for value in values:
+        if isinstance(value, int) and value.bit_length() > _MOST_BITS:  # as many hexadecimal digits as one likes
+            digits = f"{value.bit_length()} binary digits"
+            raise ValueError(f"it has a whole number of {digits}; allowed: {_MOST_BITS} at most")
+        if isinstance(value, dict | list):
+            values += value.values() if isinstance(value, dict) else value
+    return tables
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:

@@ -1,7 +1,6 @@
 """The cited library of materials, and the entry point for the [material] table of a case file."""
 
 import difflib
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from meeframe.core.errors import MaterialError
+from meeframe.core.toml import toml_tables
 from meeframe.materials.material import Material
 from meeframe.materials.tables import check_keys, inline_material, quantity, read_material, turned
 
@@ -101,7 +101,7 @@ def _entry(name: Any) -> LibraryEntry:
 @lru_cache(maxsize=32)
 def _data(name: str) -> dict[str, Any]:
     text = (files("meeframe.materials") / "data" / f"{name}.toml").read_text(encoding="utf-8")
-    return tomllib.loads(text)
+    return toml_tables(text)
 
 
 @lru_cache(maxsize=32)

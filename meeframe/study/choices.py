@@ -1,7 +1,6 @@
 """What a comparison varies: choices of the command line, and the case of each of their combinations."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from meeframe.case.case import Case
 from meeframe.case.load import case_from_tables
 from meeframe.case.values import DEFAULT_FORMULATION
 from meeframe.core.errors import CaseError
+from meeframe.core.toml import toml_tables
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import TableError, choices
 from meeframe.solvers import Limits
@@ -49,8 +49,8 @@ class Choice:
         if not text.strip().startswith("{"):
             return cls(text, text)
         try:
-            table = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError as error:
+            table = toml_tables(f"value = {text}")["value"]
+        except (ValueError, RecursionError) as error:
             raise CaseError(f"--{option} {text}: is no inline table of TOML: {error}") from None
         return cls(words(table), table)
 

@@ -209,6 +209,9 @@ def test_labels_of_choices():
     assert Choice.read("contact-law", COULOMB).label == "isotropic-coulomb mu=0.2"
     with pytest.raises(CaseError, match="is no inline table"):
         Choice.read("contact-law", "{mu}")
+    for mu in ("9" * 5000, "0x" + "f" * 4000, "[" * 5000 + "]" * 5000):
+        with pytest.raises(CaseError, match="is no inline table"):
+            Choice.read("contact-law", f"{{mu = {mu}}}")
 
 
 @dataclass(frozen=True)

@@ -409,6 +409,11 @@ def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
             r"mesh.divisions = 9999.*\.\.\.: should be less than or equal to",
         ),
         (('"tiny"', "9" * 5000), "is not a TOML file: Exceeds the limit"),
+        (
+            ('"tiny"', "0x" + "f" * 4000),
+            "is not a TOML file: it has a whole number of 16000 binary digits",
+        ),
+        (('"tiny"', f"[{{a = [0x{'f' * 4000}]}}]"), "a whole number of 16000 binary digits"),
         (('"tiny"', "[" * 5000 + "]" * 5000), "is not a TOML file: maximum recursion depth"),
         (('"tiny"', r'"a\u0000b"'), r"title = 'a\\x00b': holds the character NUL; allowed: any other in a title"),
         (('"tiny"', "1979-05-27"), r"title = 1979-05-27: should be a text"),
