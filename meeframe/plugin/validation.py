@@ -89,7 +89,7 @@ def build(
     try:
         model = _model(factory, converters, unit)
     except (NameError, TypeError, PydanticUserError) as error:
-        raise TableError(Problem((), f"its class {factory!r} cannot be used: {error}")) from error
+        raise TableError(Problem((), f"its class {factory!r} cannot be used: {error}", cause=error)) from error
     try:
         checked = model.model_validate(dict(table))
     except ValidationError as error:

@@ -173,8 +173,10 @@ def test_a_class_with_broken_annotations_fails_only_who_names_it():
 
     registry = Registry.from_plugins([GOOD, (Provider("vague", "1"), plugin(record("vague", Vague)))])
     assert registry.create(Kind.INDENTER, {"name": "ball", "radius": 1}) == Ball(1.0)
-    with pytest.raises(TableError, match=r"Vague.* cannot be used: name 'Nobody_knows' is not defined"):
+    with pytest.raises(TableError, match=r"Vague.* cannot be used: name 'Nobody_knows' is not defined") as raised:
         registry.create(Kind.INDENTER, {"name": "vague", "shape": 1})
+    assert isinstance(raised.value.__cause__, NameError)
+    assert isinstance(raised.value.problems[0].cause, NameError), "which sweeps tell from refusals by"
 
 
 def test_duplicates_raise_and_name_both_providers():
