@@ -82,8 +82,9 @@ class Grazing:
             by = by / self.slope[nodes]
             step -= np.linalg.lstsq(np.eye(len(by)) + along @ by.T, along @ step, rcond=None)[0] @ by
             found = np.clip(self.closed[nodes] - step, 0.0, 1.0)
-            # what its own trial drives away from where it is does not stay
-            stays = (found == self.closed[nodes]) & ~_between(found)
+            # no node ends against its own trial: where conduction draws nodes into contact, trials fall with fractions
+            # and vanish beyond the wrong end
+            stays = ((found - self.closed[nodes]) * self.trial[nodes] >= 0.0) & ~_between(found)
             fraction[nodes] = np.where(stays, fraction[nodes], found)
             if _between(found).all() or stays.any():
                 break

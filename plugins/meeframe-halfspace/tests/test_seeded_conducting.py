@@ -7,7 +7,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Status
+from meeframe.core.contact import ContactProblem, ContactState, Status, indenter_position
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini
@@ -51,10 +51,59 @@ def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.Monk
     problem, limits = seeded(seed), Limits(tolerance=1e-10, max_iterations=200)
     newton = solve(problem, SemismoothNewton(), limits)
     assert newton.status is Status.CONVERGED
-    largest = np.abs(newton.state.load).max(axis=0) + np.finfo(float).tiny
     for following in (1e-3, 3e-3, 1e-2, 3e-2):
         monkeypatch.setattr(normal_response, "FOLLOWING", following)
         found = solve(problem, ProjectedCG(), limits)
         assert found.status is Status.CONVERGED, (following, found.message)
-        difference = float((np.abs(found.state.load - newton.state.load) / largest)[:, 2:].max())
-        assert difference < 1e-6, (following, difference)
+        assert_same_load(found.state, newton.state)
+
+
+def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side() -> None:
+    """Twelve nodes of seed 54 are pressed where they conduct and apart where they do not: each method finds solutions.
+
+    With potentials of the other sign nodes graze instead, and there is one solution.
+    """
+    problem, limits = seeded(54), Limits(tolerance=1e-10, max_iterations=200)
+    methods = (SemismoothNewton(), ProjectedCG())
+    states = [solve(problem, method, limits).state for method in methods]
+    for state in states:
+        assert_strictly_lawful(problem, state)
+    closed, opened = (state.closed == 1.0 for state in states)
+    assert (closed & ~opened).sum() == 12
+    assert not (opened & ~closed).any()
+    for method, state in zip(methods, reversed(states), strict=True):
+        found = solve(problem, method, limits, replace(state, load=0.999 * state.load))
+        assert found.iterations > 0
+        assert_same_load(found.state, state)
+    repelled = replace(problem, potentials=-problem.potentials)
+    states = [solve(repelled, method, limits).state for method in methods]
+    assert ((states[0].closed > 0.0) & (states[0].closed < 1.0)).sum() > 12
+    assert_same_load(*states)
+
+
+@pytest.mark.parametrize("following", [1e-3, 3e-3, 1e-2, 3e-2])
+def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two nodes of seed 24 lie on either side, too: the trial of a closed one vanishes beyond the wrong end."""
+    monkeypatch.setattr(normal_response, "FOLLOWING", following)
+    problem = seeded(24)
+    found = solve(problem, ProjectedCG(), Limits(tolerance=1e-10, max_iterations=200))
+    assert found.status is Status.CONVERGED, found.message
+    assert_strictly_lawful(problem, found.state)
+
+
+def assert_strictly_lawful(problem: ContactProblem, state: ContactState) -> None:
+    """Pressed and at the potentials of the indenter, or apart and without load: no node is near to both."""
+    ahead = indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
+    largest, touching = np.abs(state.load).max(axis=0), state.closed == 1.0
+    pressed, apart = state.load[touching, 2], ahead[~touching, 2]
+    assert (pressed < -1e-3 * largest[2]).all()
+    assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()
+    off = np.abs(ahead[touching, 2:]) / np.abs(state.displacement[:, 2:]).max(axis=0)
+    assert off.max() < 1e-8
+    assert not state.load[~touching].any()
+
+
+def assert_same_load(found: ContactState, other: ContactState) -> None:
+    """To 1e-6 of the largest, pressures and fluxes: there is no friction."""
+    largest = np.abs(other.load).max(axis=0) + np.finfo(float).tiny
+    assert float((np.abs(found.load - other.load) / largest)[:, 2:].max()) < 1e-6
