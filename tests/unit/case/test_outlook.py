@@ -9,7 +9,7 @@ import meeframe
 from meeframe.case.load import load_case
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
-from meeframe.laws import IsotropicCoulomb
+from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
 from meeframe.solvers import Auto, ProjectedCG
 from meeframe.solvers.frictionless import takes
 
@@ -74,6 +74,21 @@ def test_solvers_are_asked_about_every_step(case):
     assert replace(case, solver=Shallow(), steps=steps[:2]).solver == Shallow()
     with pytest.raises(CaseError, match=r"solver 'shallow' at \[0\. 0\. 0\.\]"):
         replace(case, solver=Shallow(), steps=steps)
+
+
+@dataclass(frozen=True)
+class Selective(Shallow):
+    """Knows the law it takes by its class."""
+
+    def check(self, problem):
+        if not isinstance(problem.electric_law, StepConductivity):
+            raise CaseError(f"solver 'selective' does not take {type(problem.electric_law).__name__}")
+
+
+def test_solvers_are_asked_about_the_laws_themselves(case):
+    assert replace(case, electric_law=StepConductivity(1.0), solver=Selective()).solver == Selective()
+    with pytest.raises(CaseError, match="solver 'selective' does not take Insulating"):
+        replace(case, electric_law=Insulating(), solver=Selective())
 
 
 @dataclass(frozen=True)
