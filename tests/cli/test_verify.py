@@ -1,7 +1,7 @@
 """`meeframe verify`: what agrees is found to agree, what is wrong by 2 % is found out, and what fails is told."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,9 @@ from typer.testing import CliRunner
 from meeframe.cli import app
 from meeframe.core.errors import CaseError
 from meeframe.core.quantities import unit_registry
+from meeframe.laws import Signorini
+from meeframe.plugin.hookspecs import Record
+from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.report.extrapolation import Basis
 from meeframe.report.verified import Verdict
 from meeframe.report.verify import unit_of, verification_figure, verification_json
@@ -180,14 +183,35 @@ def test_runs_that_do_not_converge(write_case, registry, tmp_path):
     assert json.loads(verification_json(found))["verdict"] == "not-converged"
 
 
-def test_what_a_solver_refuses_is_told(write_case, registry, tmp_path):
+def test_what_a_solver_refuses_is_told_before_anything_is_computed(write_case, registry, tmp_path):
     path = write_case(
         FINE, ("[[steps]]", '[solver]\nname = "projected-cg"\n\n[[steps]]'),
         more='\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.1}\n',
     )  # fmt: skip
-    found = verified(path, registry, tmp_path / "o")
+    with pytest.raises(CaseError, match=r"case\.toml: solver: .* takes frictionless contact only"):
+        verified(path, registry, tmp_path / "o")
+    assert not (tmp_path / "o").exists()
+
+
+@dataclass(frozen=True)
+class Wearing(Signorini):
+    """Has no law for surfaces that have slipped."""
+
+    def for_increment(self, slip_path, duration):
+        if slip_path.any():
+            raise CaseError("the surface is worn off")
+        return self
+
+
+def test_what_a_law_refuses_later_is_told(write_case, registry, tmp_path):
+    entry = Entry(Kind.CONTACT_LAW, Record("wearing", Wearing, "for tests", "none"), Provider("tests", "0"))
+    path = write_case(
+        FINE, ('approach = "10 um"', 'approach = "10 um"\ntranslation = ["1 um", 0]\nincrements = 2'),
+        more='\n[contact]\nlaw = "wearing"\n',
+    )  # fmt: skip
+    found = verified(path, replace(registry, entries=(*registry.entries, entry)), tmp_path / "o")
     assert found.verdict is Verdict.NOT_CONVERGED
-    assert all("frictionless" in run.message for run in found.runs)
+    assert {(run.status, run.message) for run in found.runs} == {("refused", "the surface is worn off")}
 
 
 def test_the_numbers_so_far_are_kept_if_it_is_stopped(write_case, registry, tmp_path, monkeypatch):
