@@ -166,7 +166,8 @@ def _check_names(manager: pluggy.PluginManager) -> None:
         manager.check_pending()
     except pluggy.PluginValidationError as error:
         what = str(error).partition(" in plugin ")[0]
-        raise PluginError(f"{what}; {choices(what, [kind.hook for kind in Kind])}") from None
+        name = what.partition("'")[2].rstrip("'")
+        raise PluginError(f"{what}; {choices(name, [kind.hook for kind in Kind])}") from None
 
 
 def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Broken]]:
