@@ -199,7 +199,8 @@ def _of_array(array: Array, scales: Scales) -> HeightMap:
         (dx, dy), (ny, nx) = scales.spacing, array.shape
         return _matrix(dx * np.arange(nx), dy * np.arange(ny), array.astype(float), scales)
     if array.shape[1] != 3:
-        raise ValueError(f"a matrix of {array.shape[0]} x {array.shape[1]} heights needs a key such as spacing = [\"10 um\", \"10 um\"]")
+        size = f"{array.shape[0]} x {array.shape[1]}"
+        raise ValueError(f'a matrix of {size} heights needs a key such as spacing = ["10 um", "10 um"]')
     x, column = np.unique(array[:, 0], return_inverse=True)
     y, row = np.unique(array[:, 1], return_inverse=True)
     if len(array) != len(x) * len(y) or len(np.unique(column * len(y) + row)) != len(array):
