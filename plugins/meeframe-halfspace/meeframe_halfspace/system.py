@@ -22,8 +22,8 @@ SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
 SMALL: Final = 0.6
 """Of the nodes: parts with more of them are not worth entries of their own."""
-SIZES: Final = 3
-"""Of parts whose entries are kept: that of the contact, what it was before, and one that is looked at besides."""
+SIZES: Final = 2
+"""Of parts whose entries are kept, up to 400 MB each at 1024 squared: that of the contact, and what it was before."""
 
 
 @final

@@ -7,6 +7,8 @@ from typing import final
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.convolution import Convolution
+from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
@@ -206,6 +208,23 @@ def test_parts_of_free_grids() -> None:
     assert system.within(np.flatnonzero(distance < 0.4)) is None
     periodic = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n, n))
     assert periodic.within(np.arange(10)) is None
+
+
+def test_parts_of_two_sizes_are_kept() -> None:
+    """The contact's, and what it was before: of 1, 12 and 25 nodes along a side."""
+    system = system_of(HalfSpace(matrix_up_to=0), (40, 40))
+
+    def answering(count: int) -> Convolution:
+        part = system.within(np.arange(count))
+        assert part is not None
+        assert isinstance(part.system, HalfSpaceSystem)
+        return part.system.convolution
+
+    first, second = answering(1), answering(12)
+    assert (answering(1), answering(12)) == (first, second)
+    third = answering(25)
+    assert (answering(12), answering(25)) == (second, third)
+    assert answering(1) is not first
 
 
 def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
