@@ -47,7 +47,12 @@ class Grazing:
         return cls(*np.full((3, n), np.nan))
 
     def next(self, closed: Array, trial: Array) -> "Grazing":
-        """After the trial tractions (n,) at closed fractions (n,): anew if these grew, or hardly anything moved."""
+        """After the trial tractions (n,) at closed fractions (n,): anew if these grew, or hardly anything moved.
+
+        From the beginning if trials are no numbers, which laws may answer on the way.
+        """
+        if not np.isfinite(trial).all():
+            return Grazing.unknown(len(closed))
         moved, rise = closed - self.closed, trial - self.trial
         known = self.slope > 0.0
         nodes = np.flatnonzero(known & (_between(closed) | _between(self.closed)))

@@ -90,3 +90,14 @@ def test_slopes_that_others_spoiled_throw_no_node_to_and_fro() -> None:
         found = grazing.fractions(trial < 0.0)
         closed = found
     assert closed[:4] == pytest.approx(root, abs=1e-9)
+
+
+def test_trials_that_are_no_numbers_are_forgotten() -> None:
+    grazing = Grazing.unknown(6)
+    for closed in (1.0, 0.0, 0.5):
+        grazing = grazing.next(np.full(6, closed), np.full(6, closed - 0.3))
+    touching = np.arange(6) < 3
+    after = grazing.next(np.full(6, 0.2), np.array([0.1, np.nan, 0.0, np.inf, -0.1, 0.0]))
+    assert np.array_equal(after.fractions(touching), touching.astype(float))
+    again = after.next(np.full(6, 0.3), np.zeros(6)).fractions(touching)
+    assert np.array_equal(again, touching.astype(float))
