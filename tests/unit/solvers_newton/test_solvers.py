@@ -219,7 +219,7 @@ def test_conjugate_gradients_bear_an_asymmetric_compliance(sphere) -> None:
 
 
 def test_newton_without_newton_steps_still_converges(sphere, monkeypatch) -> None:
-    fail = lambda _, blocks, tolerance: Step(np.full_like(blocks.residual, np.nan), blocks.balance)  # noqa: E731
+    fail = lambda _, blocks, *__: Step(np.full_like(blocks.residual, np.nan), blocks.balance)  # noqa: E731
     monkeypatch.setattr(newton_module, "newton_step", fail)
     problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
     monkeyed, _ = force(problem, SemismoothNewton())
