@@ -146,7 +146,9 @@ def test_unused_point() -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_non_finite_points(value: float) -> None:
-    refused(moved(cube(), lambda p: p.__setitem__((3, 1), value)), rf"not finite or beyond 1e\+60 m: 1 point, at .*{value}")
+    refused(
+        moved(cube(), lambda p: p.__setitem__((3, 1), value)), rf"not finite or beyond 1e\+60 m: 1 point, at .*{value}"
+    )
 
 
 def test_repeated_node() -> None:
