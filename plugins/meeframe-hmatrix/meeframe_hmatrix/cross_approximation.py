@@ -128,9 +128,9 @@ def _skeleton(
         held_out = samples // HELD_OUT
         spread = spread_out(places, row.row_box[0], row.row_box[1], samples + held_out)
         new = spread[len(sizes) :]
-        room = np.empty((len(source), len(new), 2 * N_FIELDS), raw.dtype)
-        more = room, _samples(integrals, integrals.positions[row.sources], rows, places[new], normals[new], room)
-        raw, sizes = (np.concatenate(pair, axis=axis) for axis, pair in ((1, (raw, more[0])), (0, (sizes, more[1]))))
+        more = np.empty((len(source), len(new), 2 * N_FIELDS), raw.dtype)
+        norms = _samples(integrals, integrals.positions[row.sources], rows, places[new], normals[new], more)
+        raw, sizes = np.concatenate((raw, more), axis=1), np.concatenate((sizes, norms))
         away = np.linalg.norm(places[spread] - centre, axis=1, keepdims=True) ** [1, 2]
         factors = 1.0 / np.maximum(sizes, LEAST * (away * sizes).max(axis=0) / away)
         sampled = raw * np.repeat(factors, N_FIELDS, axis=1).astype(raw.dtype)

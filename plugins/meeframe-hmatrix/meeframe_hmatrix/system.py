@@ -27,7 +27,7 @@ SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
 RESIDUAL: Final = 1e-10
 CYCLE, MOST_CYCLES = 50, 4
-"""Of GMRES: iterations until it starts again, and how often it does."""
+"""Of GMRES: iterations of a cycle, and cycles."""
 MOST_PRODUCTS: Final = 8
 """Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
