@@ -2,10 +2,10 @@
 
 import contextlib
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -18,6 +18,8 @@ UNNAMED = "surface"
 # how names of meshio's cells begin that are not surfaces
 _LOWER = ("vertex", "line", "VTK_LAGRANGE_CURVE")
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
+_PATIENCE = 1000
+"""How often a file is read beyond its end before that is taken for an endless search for what is missing."""
 
 
 def read_mesh(
@@ -61,11 +63,41 @@ def read_any(file: Path) -> Any:
         raise MeshError("no such file")
     said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), _ends(meshio):
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         text = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
         raise MeshError(f"meshio cannot read it: {text}") from None
+
+
+class _Source(io.FileIO):
+    """A file that is not read beyond its end for ever, as readers of meshio do where a file is cut off."""
+
+    beyond = 0
+
+    def readinto(self, buffer: Any, /) -> int | None:
+        """As of any file. Raises EOFError."""
+        count = super().readinto(buffer)
+        self.beyond = 0 if count else self.beyond + 1
+        if self.beyond > _PATIENCE:
+            raise EOFError("the file ends too early")
+        return count
+
+
+def _open(path: str, mode: str = "r") -> IO[Any]:
+    """In place of the built-in function, for reading."""
+    source = io.BufferedReader(_Source(path))
+    return source if "b" in mode else io.TextIOWrapper(source)
+
+
+@contextlib.contextmanager
+def _ends(meshio: Any) -> Iterator[None]:
+    """meshio opens files that end."""
+    meshio._files.open = _open
+    try:
+        yield
+    finally:
+        del meshio._files.open
 
 
 def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, group_data: str | None) -> SurfaceMesh:

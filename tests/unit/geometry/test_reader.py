@@ -273,6 +273,21 @@ def test_files_that_are_refused(
     assert (out, err) == ("", "")
 
 
+@pytest.mark.parametrize(
+    ("suffix", "kind", "end"),
+    [("ply", "ply", b"end_header"), ("off", "off", b"\n"), ("dat", "tecplot", b"1.0"), ("msh", "ansys", b" Binary")],
+)
+def test_files_that_are_cut_off(suffix: str, kind: str, end: bytes, tmp_path: Path) -> None:
+    """Readers of meshio that would look for what is missing beyond the end for ever."""
+    path = tmp_path / f"cut.{suffix}"
+    meshio.write(path, meshio.Mesh(np.array(TETRA, float), CLOSED), file_format=kind)
+    whole = path.read_bytes()
+    assert volume(read(path)) == pytest.approx(1 / 6)
+    path.write_bytes(whole[: whole.index(end)])
+    with pytest.raises(MeshError, match=rf"cut\.{suffix}: meshio cannot read it: the file ends too early"):
+        read(path)
+
+
 def test_a_good_tetrahedron_and_its_unit(tmp_path: Path) -> None:
     path = tmp_path / "good.vtk"
     _mesh_file(TETRA, CLOSED)(path)
