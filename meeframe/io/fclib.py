@@ -35,6 +35,7 @@ from scipy import sparse
 from meeframe.core.errors import CaseError, ResultError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
+from meeframe.io.hdf5 import changed_file
 from meeframe.io.output import replacing
 
 PER_CONTACT: Final = 3
@@ -143,7 +144,7 @@ def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | Non
 
     The file is whole or not there. Raises ResultError if it cannot be written.
     """
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    with replacing(path) as temporary, changed_file(temporary, "w") as file:
         local = file.create_group(_LOCAL)
         _put_whole(local, "spacedim", PER_CONTACT)
         _put_matrix(local.create_group("W"), problem.matrix)
@@ -160,7 +161,7 @@ def write_solution(path: Path, solution: LocalSolution) -> None:
     """Put a solution into the file of its problem, in place of the one that it has. Raises ResultError."""
     with replacing(path) as temporary:
         shutil.copy(path, temporary)
-        with h5py.File(temporary, "r+") as file:
+        with changed_file(temporary, "r+") as file:
             file.pop(_SOLUTION, None)
             _put_solution(file, solution)
 

@@ -9,38 +9,61 @@ from typing import Any
 import h5py
 
 
-class _Sink(io.FileIO):
-    """A file that keeps the first error of writing to itself: HDF5 gets into disorder by one, up to a crash."""
+class _Sink:
+    """A file that keeps the first error of writing to itself, and what comes from then on in memory.
 
-    error: OSError | None = None
+    HDF5 gets into disorder by such an error, and by what it wrote and does not find again, up to a crash.
+    """
 
-    def write(self, data: Any, /) -> int:
-        """All of the data, or nothing any more after an error."""
-        left = memoryview(data).cast("B")
-        size = len(left)
+    def __init__(self, path: Path, mode: str) -> None:
+        self.error: OSError | None = None
+        self._file: io.FileIO | io.BytesIO = io.FileIO(path, mode)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else a file does."""
+        return getattr(self._file, name)
+
+    def write(self, data: Any) -> int:
+        """All of the data."""
+        place, whole = self._file.tell(), memoryview(data).cast("B")
+        left = whole
         try:
-            while self.error is None and left:
-                left = left[super().write(left) :]
+            while left:
+                left = left[self._file.write(left) :]
         except OSError as error:
-            self.error = error
-        return size
+            self._go_on_in_memory(error, place).write(whole)
+        return len(whole)
 
-    def truncate(self, size: int | None = None, /) -> int:
+    def truncate(self, size: int) -> int:
         """As of any file."""
         try:
-            return super().truncate(size)
+            return self._file.truncate(size)
         except OSError as error:
-            self.error = self.error or error
-            return self.tell() if size is None else size
+            return self._go_on_in_memory(error, self._file.tell()).truncate(size)
+
+    def _go_on_in_memory(self, error: OSError, place: int) -> io.BytesIO:
+        self._file.seek(0)
+        with self._file as full:
+            memory = io.BytesIO(full.read())
+        memory.seek(place)
+        self.error, self._file = error, memory
+        return memory
+
+
+@contextmanager
+def sink(path: Path, mode: str) -> Iterator[_Sink]:
+    """A file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
+    file = _Sink(path, {"w": "w+", "r+": "r+"}[mode])
+    try:
+        yield file
+    finally:
+        file.close()
+        if file.error is not None:
+            raise file.error
 
 
 @contextmanager
 def changed_file(path: Path, mode: str) -> Iterator[Any]:
     """An HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
-    with _Sink(path, {"w": "w+", "r+": "r+"}[mode]) as sink:
-        try:
-            with h5py.File(sink, mode) as file:
-                yield file
-        finally:
-            if sink.error is not None:
-                raise sink.error
+    with sink(path, mode) as own, h5py.File(own, mode) as file:
+        yield file

@@ -13,6 +13,7 @@ import numpy as np
 
 from meeframe.core.errors import CaseError, ResultError
 from meeframe.core.sweep import INCREMENT, SweepResult
+from meeframe.io.hdf5 import sink
 from meeframe.io.output import check_output, replacing
 
 FORMAT: Final = "meeframe-sweep 1"
@@ -31,8 +32,9 @@ def write_sweep(folder: Path, sweep: SweepResult) -> None:
     ResultError if it cannot be written, CaseError without xarray.
     """
     check_installed()
-    with replacing(folder / SWEEP_FILE) as path:
-        dataset(sweep).to_netcdf(path, engine="h5netcdf")
+    h5netcdf, backends = import_module("h5netcdf"), import_module("xarray.backends")
+    with replacing(folder / SWEEP_FILE) as path, sink(path, "w") as own, h5netcdf.File(own, "w") as file:
+        dataset(sweep).dump_to_store(backends.H5NetCDFStore(file))
 
 
 def check_installed() -> None:

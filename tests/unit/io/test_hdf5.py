@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 from meeframe.core.errors import ResultError
+from meeframe.core.sweep import SweepAxis, SweepResult
+from meeframe.io.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local, write_solution
 from meeframe.io.hdf5 import changed_file
 from meeframe.io.output import replacing
 from meeframe.io.results import append_step, create_result, finish_result, read_result
+from meeframe.io.sweep import dataset, write_sweep
 from meeframe.io.systems import read_kept, write_kept
 
 
@@ -67,6 +70,56 @@ def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, syn
     append_step(tmp_path, synthetic.zone(), second)
     finish_result(tmp_path, synthetic.result(first, second))
     assert len(read_result(tmp_path).steps) == 2
+
+
+def made_sweep(count):
+    """A sweep of so many numbers in its two quantities."""
+    numbers = np.random.default_rng(3).random((2, count // 2))
+    axes = (SweepAxis("law", ("a", "b")), SweepAxis("mu", ("",) * (count // 2), numbers[0], "1"))
+    texts = [np.full(numbers.shape, text) for text in ("converged", "é", "0")]
+    return SweepResult("title", axes, {"force": numbers}, {"force": "N"}, *texts, notes={"case": "[mesh]"})
+
+
+@pytest.mark.parametrize("size", [0, 3000, 20_000])
+def test_a_sweep_that_finds_no_room_leaves_the_earlier_one(tmp_path, room, size):
+    xarray = pytest.importorskip("xarray")
+    write_sweep(tmp_path, made_sweep(4))
+    room(size)
+    with pytest.raises(ResultError, match=r"sweep\.h5 cannot be written: File too large$"):
+        write_sweep(tmp_path, made_sweep(40_000))
+    assert [path.name for path in tmp_path.iterdir()] == ["sweep.h5"]
+    room(resource.RLIM_INFINITY)
+    for count in (4, 40_000):
+        with xarray.open_dataset(tmp_path / "sweep.h5", engine="h5netcdf") as found:
+            xarray.testing.assert_identical(found.load(), dataset(made_sweep(count)))
+        write_sweep(tmp_path, made_sweep(40_000))
+
+
+@pytest.mark.parametrize("size", [0, 3000, 20_000])
+def test_a_problem_of_fclib_that_finds_no_room_stays_as_it_was(tmp_path, room, size):
+    def problem(contacts):
+        matrix = np.eye(3 * contacts) + np.random.default_rng(4).random((3 * contacts, 3 * contacts))
+        return LocalProblem(matrix, np.ones(3 * contacts), np.full(contacts, 0.3))
+
+    path, small, large = tmp_path / "problem.hdf5", problem(1), problem(40)
+    solution = LocalSolution(np.ones(120), np.zeros(120))
+    room(size)
+    with pytest.raises(ResultError, match=r"problem\.hdf5 cannot be written: File too large$"):
+        write_local(path, large, solution)
+    assert not list(tmp_path.iterdir())
+    room(resource.RLIM_INFINITY)
+    write_local(path, large)
+    room(size)
+    with pytest.raises(ResultError, match=r"problem\.hdf5 cannot be written: File too large$"):
+        write_solution(path, solution)
+    assert [path.name for path in tmp_path.iterdir()] == ["problem.hdf5"]
+    room(resource.RLIM_INFINITY)
+    np.testing.assert_array_equal(read_local(path).matrix, large.matrix)
+    assert read_solution(path) is None
+    write_solution(path, solution)
+    np.testing.assert_array_equal(read_solution(path).u, solution.u)
+    write_local(path, small)
+    np.testing.assert_array_equal(read_local(path).matrix, small.matrix)
 
 
 def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
