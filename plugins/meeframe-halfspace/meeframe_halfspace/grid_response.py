@@ -59,8 +59,8 @@ class FreeGrid(GridResponse):
 
     @property
     def padded(self) -> tuple[int, int]:
-        """See GridResponse: twice as many nodes, or a few more; of one node, too, which would be a periodic grid."""
-        px, py = (int(scipy.fft.next_fast_len(max(2, 2 * n - 1), real=True)) for n in self.size)
+        """See GridResponse: twice as many nodes, or a few more; an even number of them, for `wave_inverse`."""
+        px, py = (2 * int(scipy.fft.next_fast_len(n, real=True)) for n in self.size)
         return px, py
 
     @cached_property

@@ -5,9 +5,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-import scipy  # its parts load where they are used
 
-from meeframe.core.fields import N_FIELDS, Array
+from meeframe.core.fields import Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol
 from meeframe_halfspace.kernels import N_VALUES
 
@@ -18,34 +17,53 @@ NONE: Final = 1e-5
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
     """Loads of the given k fields from the displacements that they cause.
 
-    A node in the middle tells the kernel. On a free grid that is tapered to zero half a grid away, which leaves the
-    waves that are shorter as they are, and wrapped around; of a periodic one the inverse is exact. Single precision:
-    what preconditions need not be better.
+    On a periodic grid it is exact. A free one of p padded nodes along an axis answers to the waves of p / 2 nodes as
+    their neighbours among its own do in the mean: as if its response were multiplied by cos(2 pi x / p), which falls to
+    zero as the part of it does that wraps around, and leaves the shorter waves as they are. Single precision: what
+    preconditions need not be better.
     """
-    size, k = convolution.size, len(fields)
-    middle = size[0] // 2, size[1] // 2
-    load: Array = np.zeros((1, *size), np.float32)
-    load[0, *middle] = 1.0
-    unscaled = Convolution(convolution.symbol, size, convolution.padded, np.ones((N_FIELDS, N_FIELDS)))
-    matrix = np.empty((k, k, size[0] // 2 + 1, size[1]), np.complex64)
-    for column, loaded in enumerate(fields):
-        kernel = np.roll(unscaled.response(load, [loaded], fields[column:]), (-middle[0], -middle[1]), axis=(1, 2))
-        if not convolution.periodic:
-            along, across = (np.cos(np.pi * scipy.fft.fftfreq(n)).astype(np.float32) for n in size)
-            kernel *= np.outer(along, across)
-        matrix[column:, column] = scipy.fft.rfftn(kernel, axes=(2, 1), overwrite_x=True)
-        matrix[column, column:] = matrix[column:, column].conj()
+    single, k, padded = np.dtype(np.float32), len(fields), convolution.padded
+    if not convolution.periodic:
+        padded = padded[0] // 2, padded[1] // 2
+
+    def entry(number: int, parity: float) -> Array | float:
+        symbol, known = convolution.symbol.entries([number], single)
+        if not known[number]:
+            return 0.0
+        return symbol[number] if convolution.periodic else _between(symbol[number], parity)
+
+    matrix: Spectrum = np.zeros((k, k, padded[0] // 2 + 1, padded[1]), np.complex64)
+    for row, field in enumerate(fields):
+        for column, other in enumerate(fields[: row + 1]):
+            matrix[row, column].real = entry(int(REAL[field, other]), 1.0)
+            if column != row:
+                matrix[row, column].imag = SIGN[field, other] * entry(int(IMAGINARY[field, other]), -1.0)
+                matrix[column, row] = matrix[row, column].conj()
     _invert(matrix)
-    entries: Array = np.empty((N_VALUES, *matrix.shape[2:]), np.float32)
-    numbers: list[int] = []
+    entries: Array = np.empty((N_VALUES, *matrix.shape[2:]), single)
+    there: list[int] = []
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
     for (row, field), (column, other) in product(enumerate(fields), repeat=2):
         parts = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
         for number, part, sign in parts:
             if SIGN[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
-                numbers.append(int(number[field, other]))
-                entries[numbers[-1]] = part
-    return Convolution(Symbol.of(entries, numbers), size, size, 1.0 / convolution.scale.T)
+                there.append(int(number[field, other]))
+                entries[there[-1]] = part
+    return Convolution(Symbol.of(entries, there), convolution.size, padded, 1.0 / convolution.scale.T)
+
+
+def _between(entry: Array, parity: float) -> Array:
+    """Means (px // 4 + 1, py // 2) of an entry (px // 2 + 1, py) of a symbol at the four waves around each even one.
+
+    px, py: even; parity: 1 of entries that are even functions of the wave, -1 of odd ones.
+    """
+    odd = entry[1::2, 1::2]
+    along = odd + np.roll(odd, 1, axis=1)  # of the waves 2 l - 1 and 2 l + 1
+    around = np.empty((len(along) + 2, along.shape[1]), entry.dtype)
+    around[1:-1] = along
+    for row in (0, -1):  # beyond the first and the last row the spectrum goes on turned around
+        around[row] = parity * np.roll(along[row, ::-1], 1)
+    return 0.25 * (around[:-1] + around[1:])[: (len(entry) - 1) // 2 + 1]
 
 
 def _invert(matrix: Spectrum) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_halfspace.inverse import wave_inverse
 
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactSolution, Status
@@ -81,6 +82,25 @@ def test_inverse_answers_in_the_precision_of_the_question(periodic) -> None:
     found, single = inverse(moved), inverse(moved.astype(np.float32))
     assert (found.dtype, single.dtype) == (np.float64, np.float32)
     assert (np.abs(found - single) / np.abs(found).max(axis=0)).max() < 1e-5
+
+
+@pytest.mark.parametrize("n", [14, 23, 32])
+def test_free_grids_answer_to_waves_as_if_they_faded(n) -> None:
+    """Of 30, 48 and 64 padded nodes: the kernel itself, multiplied by a cosine and wrapped around, transforms to it."""
+    system = reduced(n)
+    fields, (px, py) = [0, 2, 4], system.convolution.padded
+    wide = replace(system.convolution, size=(px, py), scale=np.ones((5, 5)))
+    load = np.zeros((1, px, py))
+    load[0, 0, 0] = 1.0
+    kernel = np.array([wide.response(load, [field], fields) for field in fields]).swapaxes(0, 1)
+    kernel *= np.outer(*(np.cos(2.0 * np.pi * np.arange(p) / p) for p in (px, py)))
+    wrapped = kernel.reshape(3, 3, 2, px // 2, 2, py // 2).sum(axis=(2, 4))
+    expected = np.linalg.inv(np.fft.fft2(wrapped).transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1)
+    waves = replace(wave_inverse(system.convolution, fields), size=(px // 2, py // 2), scale=np.ones((5, 5)))
+    unit = load[:, : px // 2, : py // 2].astype(np.float32)
+    for column, field in enumerate(fields):
+        found = np.fft.fft2(waves.response(unit, [field], fields))
+        assert np.abs(found - expected[:, column]).max() < 3e-5 * np.abs(expected).max()
 
 
 def test_chosen_fields_answer_as_if_the_others_bore_nothing() -> None:
