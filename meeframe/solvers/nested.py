@@ -36,7 +36,7 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     A resultant keeps its density: the measure of a freedom is scaled with the weights.
     """
     law = problem.contact_law
-    special = type(law).resolve is not ContactLaw.resolve or attracts(law) or _holds_nodes(law, len(problem.gap))
+    special = type(law).resolve is not ContactLaw.resolve or attracts(law) or holds_nodes(law, len(problem.gap))
     if special or problem.covered is not None:
         return None
     coarsening = problem.system.coarser()
@@ -103,10 +103,10 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
     )
 
 
-def _holds_nodes(part: object, n: int) -> bool:
+def holds_nodes(part: object, n: int) -> bool:
     """Whether a law, or what it is made of, holds an array with one entry for each of n nodes."""
     if isinstance(part, np.ndarray):
         return n in part.shape
     if isinstance(part, tuple | list):
-        return any(_holds_nodes(item, n) for item in part)
-    return is_dataclass(part) and any(_holds_nodes(item, n) for item in vars(part).values())
+        return any(holds_nodes(item, n) for item in part)
+    return is_dataclass(part) and any(holds_nodes(item, n) for item in vars(part).values())

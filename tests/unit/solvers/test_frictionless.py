@@ -45,3 +45,24 @@ def test_laws_are_tried_at_pressures_of_all_sizes_at_every_node(n: int) -> None:
         assert not takes(problem(Capped(most), n))
         assert not takes(problem(CappedSomewhere(most), n))
     assert not takes(problem(IsotropicCoulomb(0.1), n))
+
+
+@dataclass(frozen=True)
+class CappedByNode(Signorini):
+    """Bears no more than pressures (n,) [Pa]."""
+
+    most: tuple[Array]
+
+    def project(self, trial: Array) -> Array:
+        traction = super().project(trial)
+        traction[:, 2] = np.maximum(traction[:, 2], -self.most[0])
+        return traction
+
+
+def test_laws_that_hold_something_of_each_node_are_tried_at_all_of_many() -> None:
+    most = np.full(2_500, np.inf)
+    assert takes(problem(CappedByNode((most,)), len(most)))
+    most[-1] = 1e7
+    assert not takes(problem(CappedByNode((most,)), len(most)))
+    assert takes(problem(Signorini(), len(most)))
+    assert not takes(problem(Capped(1e7), len(most)))
