@@ -100,7 +100,7 @@ class Quantity:
             raise ValueError(f"{error}; expected {self.expected}") from None
         for unit in self.units:
             one = _in_base_units(unit_registry().Quantity(Decimal(1), unit))
-            if one.units == quantity.units:
+            if one.dimensionality == quantity.dimensionality:  # angles have none, as pure numbers
                 return float(quantity.magnitude / one.magnitude)
         raise ValueError(f"has the wrong unit; expected {self.expected}")
 

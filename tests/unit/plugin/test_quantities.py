@@ -82,7 +82,11 @@ def test_a_prefixed_number_is_the_nearest_there_is():
         ("m", "5 * mm", 5e-3),
         ("1/m", "5 /mm", 5e3),
         ("rad", "0.5 pi rad", math.pi / 2),
+        ("rad", "0.3", 0.3),
+        ("rad", "5 mm/m", 5e-3),
+        ("rad", "10 %", 0.1),
         ("", "50 %", 0.5),
+        ("", "180 deg", math.pi),
     ],
 )
 def test_any_unit_will_do(unit, given, number):
