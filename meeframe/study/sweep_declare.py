@@ -30,6 +30,8 @@ from meeframe.study.sweep_numbers import FIELD_UNITS, NUMBERS
 
 _SPACING: Final = {"from", "to", "count", "scale"}
 _SCALES: Final[Mapping[str, Callable[..., Array]]] = {"linear": np.linspace, "log": np.geomspace}
+_UNITS: Final = ("N", "Pa", "V", "C", "Wb", "N m")
+"""Names of derived units of what case files prescribe."""
 RESERVED: Final = ("status", "message", "key", "x", "y", "z", INCREMENT, NODE, POINT, *NUMBERS)
 """Names in sweep.h5 that no axis may have."""
 MOST: Final = 100_000
@@ -208,11 +210,21 @@ def _unit(values: Sequence[Any]) -> str:
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):
-            units.setdefault(f"{read_quantity(value).units:~}", value)
+            units.setdefault(_named(read_quantity(value)), value)
+    if "rad" in units:
+        units.pop("", None)  # "5 mm/m" is an angle beside "1 deg"
     if len(units) > 1:
         told = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
         raise ValueError(f"values: {told}; allowed: units of one quantity")
     return next(iter(units), "")
+
+
+def _named(quantity: Any) -> str:
+    """The SI unit of a quantity in base units, by its name if case files use one: "N", not "kg*m/s^2"."""
+    for name in _UNITS:
+        if read_quantity(f"1 {name}").dimensionality == quantity.dimensionality:
+            return name
+    return f"{quantity.units:~C}".replace("**", "^")
 
 
 def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:

@@ -31,6 +31,14 @@ def test_curves_have_prefixed_units(sweep):
     np.testing.assert_allclose(area.lines[1].get_ydata(), [2.0, np.nan, 6.0])
 
 
+def test_forces_along_an_axis_have_a_prefix(sweep):
+    force = SweepAxis("steps[1].normal_force", ("5 N", "1 kN", "20 kN"), np.array([5.0, 1e3, 2e4]), "N")
+    figure = sweep_figure(dataclasses.replace(sweep, axes=(force, sweep.axes[1])), [SweepPlot(("max_pressure",))])
+    (axes,) = figure.axes
+    assert axes.get_xlabel() == "steps[1].normal_force [kN]"
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), [0.005, 1.0, 20.0])
+
+
 def test_maps_have_units_too(sweep):
     axes, bar = sweep_figure(sweep, [SweepPlot(("max_pressure",), kind="map")]).axes
     assert bar.get_ylabel() == "largest pressure [GPa]"
