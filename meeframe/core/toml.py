@@ -1,10 +1,11 @@
 """Tables as TOML: files of them are read, and a case with keys changed is written as a case file again."""
 
 import json
-import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from datetime import date, time
+from numbers import Integral
 from pathlib import Path
 from typing import Any, Final
 
@@ -42,7 +43,10 @@ def toml_tables(text: str) -> dict[str, Any]:
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """TOML text that gives these tables when it is read: one header for each table of the top, inner ones in line."""
+    """TOML text that gives these tables when it is read: one header for each table of the top, inner ones in line.
+
+    Raises TypeError for values that TOML has not, such as None.
+    """
     plain = {key: value for key, value in tables.items() if not _is_table(value) and not _is_tables(value)}
     lines = [_entry(key, value) for key, value in plain.items()]
     for key, value in tables.items():
@@ -67,18 +71,24 @@ def _entry(key: str, value: Any) -> str:
 
 
 def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
+    return key if _BARE.fullmatch(key) else _text(key)
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # its escapes are TOML's
 
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{" + ", ".join(_entry(*item) for item in value.items()) + "}"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # its escapes are TOML's
+        return _text(value)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else str(value)
-    if isinstance(value, Sequence):
+        return repr(float(value))  # of numpy's, too
+    if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
-    return str(value)  # whole numbers, dates
+    if isinstance(value, Integral | date | time):
+        return str(value)
+    raise TypeError(f"TOML has no {type(value).__name__}: {value!r}")
