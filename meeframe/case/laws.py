@@ -14,8 +14,8 @@ _STEPS: Final = (1e12, 1e12)
 _TRIALS: Final = np.array([[1e6, -2e6, -3e6], [1e5, 0.0, -3e6], [0.0, 0.0, -3e6], [1e6, 0.0, 1e6], [0.0, 0.0, 0.0]])
 """Trial tractions of nodes that slip, stick, are pressed, are apart, and nothing [Pa]."""
 
-_PLAIN: Final = ("tangential_scaling", "adhesion")
-"""Methods that are not asked for trial tractions."""
+_PLAIN: Final = {"tangential_scaling": "", "adhesion": " at a gap of 0 m"}
+"""Methods that are not asked for trial tractions, and for what they are."""
 
 
 def gap_of_law(law: ContactLaw, points: Array) -> Array:
@@ -54,31 +54,35 @@ def _check_tractions(law: ContactLaw, trial: Array) -> None:
         if getattr(type(law), method) is getattr(ContactLaw, method):
             continue
         what, given = f"{method} of the contact law {type(law).__name__}", (trial.copy(), gap.copy())
+        tried = _PLAIN.get(method, trial)
         with np.errstate(all="ignore"):
             answer = ask(*given)
         if not all(map(np.array_equal, given, (trial, gap))):
             raise CaseError(f"{what} changes the array that it is given; allowed: a new one")
         if method != "tangents":
-            _check_array(what, answer, shape, None if method in _PLAIN else trial)
+            _check_array(what, answer, shape, tried)
         elif not isinstance(answer, tuple) or len(answer) != 2:
             raise CaseError(f"{what} returns {_kind(answer)}; allowed: two arrays, by trial and by gap")
         else:
             for way, array in zip(("by trial", "by gap"), answer, strict=True):
-                _check_array(f"{what}, {way},", array, shape, trial)
+                _check_array(f"{what}, {way},", array, shape, tried)
 
 
-def _check_array(what: str, array: object, shape: tuple[int, ...], trial: Array | None = None) -> None:
-    """Raises CaseError unless it is an array of real numbers of this shape, and finite at trial tractions (n, 3)."""
+def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array | str | None = None) -> None:
+    """Raises CaseError unless it is an array of real numbers of this shape, and finite if it was tried.
+
+    tried: trial tractions (n, 3), or in words for what.
+    """
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         raise CaseError(f"{what} returns {_kind(array)}; allowed: an array of real numbers of shape {shape}")
     if array.shape != shape:
         raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
     wrong = np.argwhere(~np.isfinite(array))
-    if trial is not None and wrong.size:
-        tried = ", ".join(f"{traction:g}" for traction in trial[wrong[0][0]])
-        raise CaseError(
-            f"{what} is {array[tuple(wrong[0])]} at a trial traction of ({tried}) Pa; allowed: finite numbers"
-        )
+    if tried is None or not wrong.size:
+        return
+    if not isinstance(tried, str):
+        tried = f" at a trial traction of ({', '.join(f'{traction:g}' for traction in tried[wrong[0][0]])}) Pa"
+    raise CaseError(f"{what} is {array[tuple(wrong[0])]}{tried}; allowed: finite numbers")
 
 
 def _kind(answer: object) -> str:

@@ -328,6 +328,15 @@ def test_laws_say_numbers_of_finite_tractions(case, method):
         replace(case, contact_law=Bare(method, says))
 
 
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+@pytest.mark.parametrize(("method", "where"), [("tangential_scaling", ""), ("adhesion", " at a gap of 0 m")])
+def test_laws_say_numbers_that_are_finite(case, method, where, number):
+    with pytest.raises(
+        CaseError, match=f"^{method} of the contact law Bare is {number}{where}; allowed: finite numbers"
+    ):
+        replace(case, contact_law=Bare(method, lambda array: array + number))
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_small_zones_try_every_traction(n):
     """NaN where nothing presses."""
