@@ -64,7 +64,7 @@ class Step:
                 raise CaseError(
                     f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
                 )
-        if self.duration is not None and not 0.0 < self.duration < math.inf:
+        if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
         if not isinstance(self.increments, int) or self.increments < 1:
             raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
@@ -82,18 +82,20 @@ class Step:
 
 
 def _in_si(key: str, value: Any) -> Any:
-    """What is given for a key, with SI numbers in place of texts. Raises CaseError for what holds no numbers."""
+    """What is given for a key as a number or a tuple of them, in SI units. Raises CaseError for what holds none."""
     quantity = Quantity(UNITS.get(key, "s").removeprefix("1"))
     try:
         if isinstance(value, str):
             return quantity.convert(value)
         if isinstance(value, list | tuple):
             value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
-        if value is not None and np.asarray(value).dtype.kind not in "fiu":
+        numbers = np.asarray(value)
+        if value is not None and numbers.dtype.kind not in "fiu":
             raise ValueError(f"expected {quantity.expected}")
     except ValueError as error:
         raise CaseError(f"{key} = {value!r}: {error}") from None
-    return value
+    # of arrays, too, which are neither equal nor fixed
+    return numbers.item() if numbers.size == 1 else tuple(numbers.tolist())
 
 
 def check_first(step: Step) -> None:

@@ -1,7 +1,9 @@
 """[[steps]] of case files: every key, what it becomes, and what is refused."""
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import meeframe
@@ -135,6 +137,8 @@ def test_the_first_step_must_press(write_case, registry):
         ({"translation": ([1.0], 2.0)}, "translation = "),
         ({"approach": {}}, "approach = {}: expected a number in m"),
         ({"duration": True}, "duration = True: expected a number in s"),
+        ({"duration": (1.0, 2.0)}, r"duration = \(1\.0, 2\.0\); allowed: finite numbers > 0"),
+        ({"approach": np.zeros((2, 2))}, r"approach = .*; allowed: one finite number \[m\]"),
     ],
 )
 def test_steps_from_python_are_checked_too(given, text):
@@ -146,3 +150,11 @@ def test_steps_from_python_take_units():
     step = Step(normal_force="5 kN", translation=("1 um", 0.0), force_ratio=None, duration="2 ms")
     assert step == Step(normal_force=5e3, translation=(1e-6, 0.0), duration=2e-3)
     assert step.given["translation"].tolist() == [1e-6, 0.0]
+
+
+@pytest.mark.parametrize("force", [-5.0, np.float64(-5.0), np.array(-5.0), np.array([-5.0]), [-5], (np.float32(-5),)])
+def test_arrays_are_numbers(write_case, registry, force):
+    step = Step(normal_force=force, translation=np.array([1e-6, 0.0]), duration=np.array([2.0]))
+    assert step == Step(normal_force=-5.0, translation=(1e-6, 0.0), duration=2.0)
+    with pytest.raises(CaseError, match=r"^normal_force = -5 N; allowed: numbers >= 0 \[N\], pressing on the body"):
+        replace(load_case(write_case(), registry), steps=(step,))
