@@ -13,7 +13,7 @@ from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.law import GAPS, PRESSURES, ConductivityLaw, contact_traction
 from meeframe.solvers.scales import problem_scales
 
-ASTRAY: Final = 10.0
+_ASTRAY: Final = 10.0
 """An iteration that comes to so many times the characteristic pressure has gone astray before."""
 
 
@@ -78,7 +78,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
     laws = (("electric", problem.electric_law, ELECTRIC, "V"), ("magnetic", problem.magnetic_law, MAGNETIC, "A"))
     state = solution.state
     finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
-    most = ASTRAY * problem_scales(problem).pressure
+    most = _ASTRAY * problem_scales(problem).pressure
     for key, law, column, unit in laws:
         if finite:
             found = list(_wrong_in_state(problem, solution, law, column))

@@ -14,18 +14,18 @@ from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Region, StepResult, Zone, corners
 
-LARGEST_ANGLE: Final = 0.1
+_LARGEST_ANGLE: Final = 0.1
 """Rotations [rad] beyond are not small: their cosine differs from one by half a per cent."""
 _SAME: Final = 1e-6
 """Tractions that change by a smaller fraction are the same ..."""
 _UNCERTAIN: Final = 10.0
 """... as are those within so many times the residual."""
-LARGEST_ARRIVAL: Final = 0.25
+_LARGEST_ARRIVAL: Final = 0.25
 """Fraction of the nodes in contact that may come into it within one increment: of a sphere tangential tractions are
 then within some per cent (docs/case-files.md)."""
 _NOTICED: Final = 1e-3
 """Tangential over normal tractions below which there are none, and gaps over displacements."""
-COARSE: Final = 0.1
+_COARSE: Final = 0.1
 """Fraction of the contact area from which on a reader should know that it is uncertain."""
 _OF_RIM: Final = 0.5
 """Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
@@ -39,8 +39,8 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
 
     What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
     is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
-    zone or LARGEST_ANGLE; a prescribed tangential force or torque is all that friction can bear, so that the motion is
-    not determined.
+    zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can bear, so that the
+    motion is not determined.
     """
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
@@ -95,30 +95,29 @@ def remarks_on_end(zone: Zone, step: StepResult, law: ContactLaw, arrivals: Arri
     late = arrivals.number == 1 + new.argmax()
     shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes nodes that are equally far come at once, whatever the increments
-    much = new.max() > max(LARGEST_ARRIVAL * count, rim / 2)
+    much = new.max() > max(_LARGEST_ARRIVAL * count, rim / 2)
     if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact came about in one increment, and its slip counts from before it "
             "touched: more `increments` follow the history, with less slip"
         )
     uncertain = _OF_RIM * (rim / count) ** 1.5
-    if uncertain > COARSE:
-        yield (
-            f"{count} nodes are in contact, {rim} of them at its rim: its area is known to about {uncertain:.0%}, more "
-            "divisions resolve it"
-        )
+    if uncertain > _COARSE:
+        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its rim"
+        yield f"the contact has {nodes}: its area is known to about {uncertain:.0%}, more divisions resolve it"
 
 
 def _rim(zone: Zone, step: StepResult) -> int:
     """Nodes in contact that share an element with one that is not."""
-    parted = [nodes[~step.touching[nodes].all(axis=1)] for _, nodes in zone.cells]
-    beside = np.unique(np.concatenate([nodes.ravel() for nodes in parted]))
-    return int(step.touching[beside].sum())
+    beside = np.zeros(len(step.touching), bool)
+    for _, nodes in zone.cells:
+        beside[nodes[~step.touching[nodes].all(axis=1)]] = True
+    return int((step.touching & beside).sum())
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:
     """Motions that are not small; potentials always are."""
-    limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": LARGEST_ANGLE}
+    limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
     for name in MOTIONS:
         size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
         unit = UNITS[name]
@@ -154,7 +153,8 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
 
 def _border_sides(zone: Zone) -> Indices:
     """Corners (m, 2) of the sides that belong to one cell only."""
-    sides = [np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(zone.cells)]
-    unique, counts = np.unique(np.sort(np.concatenate(sides), axis=1), axis=0, return_counts=True)
+    sides = (np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(zone.cells))
+    joined = np.concatenate([np.zeros((0, 2), np.int64), *sides])
+    unique, counts = np.unique(np.sort(joined, axis=1), axis=0, return_counts=True)
     border: Indices = unique[counts == 1]
     return border

@@ -32,8 +32,9 @@ def system():
 
 @pytest.fixture(scope="session")
 def bed():
-    """The half space: its maker, Young's modulus [Pa], Poisson's ratio; radius of the sphere [m]; follower of paths."""
-    return SimpleNamespace(half_space=half_space, young=YOUNG, poisson=POISSON, radius=RADIUS, follow=Path)
+    """The half space: its maker, Young's modulus [Pa], Poisson's ratio, side [m]; radius of the sphere [m]; follower
+    of paths."""
+    return SimpleNamespace(half_space=half_space, young=YOUNG, poisson=POISSON, side=SIDE, radius=RADIUS, follow=Path)
 
 
 @pytest.fixture

@@ -175,3 +175,17 @@ def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cell
     assert (int(found[1]) if found else 0) == told
     error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
     assert abs(error) < (1.15 * told / 100.0 or 0.1)
+
+
+def test_a_single_node_in_contact(bed, rubbing):
+    (message,), _ = pressed(bed, rubbing, meeframe.Step(approach=1e-6), cells=9)
+    assert "the contact has one node: its area is known to about 50%" in message
+
+
+def test_a_system_without_cells_has_no_rim(bed, rubbing):
+    system = replace(bed.half_space(8), cells=())
+    path = bed.follow(rubbing, system, meeframe.Step(approach=2e-5))
+    (step,) = path.steps
+    assert path.totals[0].contact_area == pytest.approx(step.touching.mean() * bed.side**2) != 0.0
+    assert "edge of its zone" not in step.message
+    assert AREA not in step.message
