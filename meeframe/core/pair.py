@@ -100,7 +100,8 @@ class PairSystem(ReducedSystem):
 
     def within(self, nodes: Indices) -> Part | None:
         """If both bodies have a part there and on the same nodes, as they have on grids that are divided alike."""
-        part, theirs = self.first.within(nodes), self.counter.within(self.partners[nodes])
+        part = self.first.within(nodes)
+        theirs = None if part is None else self.counter.within(self.partners[nodes])
         if part is None or theirs is None or len(part.kept) != len(theirs.kept):
             return None
         kept, number = part.kept, np.full(len(self.partners), -1)

@@ -1,15 +1,14 @@
-# mypy: ignore-errors
 """Fast products of a hierarchical matrix with one vector: all its numbers in the order in which they are read."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape, stored
 from meeframe_hmatrix.gemm import FULL
+from meeframe_hmatrix.product_kernels import add_product
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +29,7 @@ class Product:
         if x.shape != (self.columns,):
             raise ValueError(f"a vector of shape {x.shape}; allowed: ({self.columns},)")
         result = np.zeros(self.rows)
-        _add(self.table, self.numbers, np.ascontiguousarray(x, float), result)
+        add_product(self.table, self.numbers, np.ascontiguousarray(x, float), result)
         return result
 
 
@@ -45,34 +44,3 @@ def product_of(block: Block) -> Product:
             numbers[place : place + part.size].reshape(part.shape)[:] = part
             place += part.size
     return Product(*shape(block), np.array(table, np.int64), numbers)
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def _dots(numbers, x, result):
-    """result (m,) += matrix @ x, (n,), for the numbers (m n) of a matrix by rows."""
-    n = len(x)
-    for i in range(len(result)):
-        row, total = numbers[i * n : (i + 1) * n], 0.0
-        for j in range(n):
-            total += row[j] * x[j]
-        result[i] += total
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def _add(table, numbers, x, result):
-    place = 0
-    for line in range(len(table)):
-        row, m, column, n, rank = table[line]
-        values, target = x[column : column + n], result[row : row + m]
-        if rank == FULL:
-            _dots(numbers[place : place + m * n], values, target)
-            place += m * n
-            continue
-        inner = np.zeros(rank)
-        left, right = place, place + rank * m
-        place = right + rank * n
-        _dots(numbers[right:place], values, inner)
-        for k in range(rank):
-            part = numbers[left + k * m : left + (k + 1) * m]
-            for i in range(m):
-                target[i] += part[i] * inner[k]

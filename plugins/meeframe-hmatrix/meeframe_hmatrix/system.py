@@ -72,7 +72,10 @@ class BoundarySystem:
         if not rhs.any():
             return np.zeros_like(rhs), 0
         if not np.isfinite(rhs).all():
-            raise CaseError("loads or prescribed data of the boundary element system are not finite")
+            raise CaseError(
+                f"{np.count_nonzero(~np.isfinite(rhs))} of {len(rhs)} right-hand sides of the boundary element system, "
+                "from tractions of the contact zone and prescribed data, are no finite numbers"
+            )
         iterations = 0
 
         def precondition(x: Array) -> Array:
@@ -81,16 +84,12 @@ class BoundarySystem:
             return solved(self.factors, x.reshape(-1, 1))[:, 0]
 
         size = (len(rhs), len(rhs))
-        solution, failed = gcrotmk(
-            LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float),
-            rhs,
-            rtol=RESIDUAL,
-            maxiter=MOST_CYCLES + 1,  # the residual is judged where a cycle begins
-            M=LinearOperator(size, precondition, dtype=float),
-            m=CYCLE,
-            k=1,
-        )
-        if failed:
+        matrix = LinearOperator(size, lambda x: multiply(self.system.matrix, x.reshape(-1, 1))[:, 0], dtype=float)
+        preconditioner = LinearOperator(size, precondition, dtype=float)
+        solution, unjudged = gcrotmk(
+            matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
+        )  # SciPy judges where a cycle begins
+        if unjudged and np.linalg.norm(rhs - matrix @ solution) > RESIDUAL * np.linalg.norm(rhs):
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
                 "the tolerance of the formulation is too large; try a smaller tolerance"

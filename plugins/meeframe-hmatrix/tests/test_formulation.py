@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from meeframe_hmatrix import HierarchicalBEM, cross_approximation, formulation
+from meeframe_hmatrix import system as hierarchical
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import LowRank, leaves, stored, to_dense
 from meeframe_hmatrix.cross_approximation import interpolation
@@ -250,3 +251,23 @@ def test_bodies_it_cannot_take_are_refused(make_block, monkeypatch):
     monkeypatch.setattr(formulation, "memory_of_machine", lambda: 1e6)
     with pytest.raises(CaseError, match=r"unknowns need about .* GB; this machine has 0.001"):
         HierarchicalBEM().check(body)
+
+
+def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
+    """With factors that are good for nothing: as many iterations as are needed, all in one cycle."""
+    system = systems[1e-3]
+    loads = np.ones(5 * len(system.points))
+    expected = system.boundary.unknowns(loads)
+    with monkeypatch.context() as bad:
+        bad.setattr(hierarchical, "solved", lambda factors, x: x)
+        bad.setattr(hierarchical, "MOST_CYCLES", 1)
+        bad.setattr(hierarchical, "CYCLE", len(expected))
+        assert np.abs(system.boundary.unknowns(loads) - expected).max() < 1e-6 * np.abs(expected).max()
+        bad.setattr(hierarchical, "CYCLE", 10)
+        with pytest.raises(CaseError, match="not solved after 11 iterations"):  # no vector carried over: one more
+            system.boundary.unknowns(loads)
+
+
+def test_loads_that_are_no_numbers_are_refused(systems):
+    with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
+        systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))

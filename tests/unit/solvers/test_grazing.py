@@ -18,8 +18,7 @@ def test_nodes_go_where_their_trials_vanish() -> None:
         beyond = closed - root
         trial = stiffness * beyond * (1.0 + 0.2 * beyond) + coupling @ (closed - np.clip(root, 0.0, 1.0))
         grazing = grazing.next(closed, trial)
-        found = grazing.fractions(trial < 0.0)
-        closed = found
+        closed = grazing.fractions(trial < 0.0)
     assert np.abs(closed - np.clip(root, 0.0, 1.0)).max() <= 1e-9
 
 
@@ -33,8 +32,7 @@ def test_rows_of_nodes_that_press_each_other_apart() -> None:
         trial = np.full(n, -1.0)
         trial[row] = stiffness @ (closed[row] - root)
         grazing = grazing.next(closed, trial)
-        found = grazing.fractions(trial < 0.0)
-        closed = found
+        closed = grazing.fractions(trial < 0.0)
     assert np.abs(closed[row] - root).max() <= 1e-4
 
 
@@ -45,8 +43,7 @@ def test_slopes_that_no_longer_hold_are_found_anew() -> None:
     for stiffness, root in ((1.0, 0.5), (1.0, 0.5), (1.0, 0.6), *[(10.0, 0.5)] * 4):
         trial = np.where(two, stiffness * (closed - root), -1.0)
         grazing = grazing.next(closed, trial)
-        found = grazing.fractions(trial < 0.0)
-        closed = found
+        closed = grazing.fractions(trial < 0.0)
     assert (grazing.slope[:2] > 5.0).all()
     assert closed[:2] == pytest.approx(0.5, abs=1e-9)
 
@@ -87,8 +84,7 @@ def test_slopes_that_others_spoiled_throw_no_node_to_and_fro() -> None:
         trial[:4] = closed[:4] - root
         trial[0] -= 0.9 * (closed[1:4].mean() - 0.5)
         grazing = grazing.next(closed, trial)
-        found = grazing.fractions(trial < 0.0)
-        closed = found
+        closed = grazing.fractions(trial < 0.0)
     assert closed[:4] == pytest.approx(root, abs=1e-9)
 
 
