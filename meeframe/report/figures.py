@@ -35,6 +35,8 @@ class _Quantity:
 
 _BETWEEN: Final = (0.1, 2.0)
 """Bounds of the weights by which the edge of the contact is put between two nodes."""
+_SEEN: Final = 0.01
+"""Fraction of the largest traction from which on attraction is shown: it fades with the distance, but never ends."""
 _QUANTITIES: Final = (
     _Quantity("pressure", "contact pressure", "Pa"),
     _Quantity("electric_potential", "electric potential", "V"),
@@ -102,7 +104,9 @@ def _edge(zone: Zone, step: StepResult) -> Array:
     level = np.where(touching, np.maximum(-step.traction[:, 2], 0.0) ** 2, np.maximum(step.gap, 0.0) ** (2 / 3))
     for side in (touching, ~touching):
         mean = level[side & edge & np.isfinite(level)].mean() if (side & edge & np.isfinite(level)).any() else 0.0
-        level[side] = np.clip(np.where(np.isfinite(level[side]) & (mean > 0), level[side] / mean, 1.0), *_BETWEEN)
+        level[side] = np.clip(
+            np.where(np.isfinite(level[side]) & (mean > 0), level[side] / (mean or 1.0), 1.0), *_BETWEEN
+        )
     return np.where(touching, level, -level)
 
 
@@ -114,7 +118,8 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
     of_contact = quantity.file == "pressure"
     axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     head(axes, quantity.label, title)
-    if of_contact and not touching.any():
+    felt = _felt(step)
+    if of_contact and not felt.any():
         _no_contact(axes, picture)
         return figure
     values = quantity.values(step)
@@ -125,8 +130,14 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
     if touching.any() and not touching.all():
         axes.tricontour(picture.triangulation, picture.values(_edge(zone, step)), [0.0], colors="white")
     if of_contact:
-        _zoom(axes, picture, touching)
+        _zoom(axes, picture, felt)
     return figure
+
+
+def _felt(step: StepResult) -> NDArray[np.bool_]:
+    """Nodes (n,) in contact, and those that are attracted across the gap, but for what no colour tells from nothing."""
+    size = np.abs(step.traction[:, 2])
+    return np.asarray(step.touching | (size > _SEEN * size.max()))
 
 
 def _zoom(axes: Any, picture: Picture, touching: NDArray[np.bool_]) -> None:

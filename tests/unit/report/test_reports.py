@@ -267,11 +267,30 @@ def test_table_has_motions_that_were_free_or_are_not_zero(synthetic):
 def test_no_contact_is_said_in_words(synthetic):
     step = synthetic.step(0.0)
     apart = dataclasses.replace(step, region=np.zeros_like(step.region))
+    assert not apart.traction.any()
     for name in ("pressure.png", "stick_slip.png"):
         figure = figures(synthetic.result(apart))[name]
         (axes,) = figure.axes  # no bar of colours
         assert [text.get_text() for text in axes.texts] == ["no contact"]
         assert not axes.collections
+
+
+@pytest.mark.parametrize("touches", [False, True])
+def test_attraction_across_the_gap_is_drawn(synthetic, touches):
+    """Out to 1.5 mm, around a middle that touches or does not; beyond it fades."""
+    step = synthetic.step(1e-6)
+    middle = ~synthetic.zone().points.any(axis=1)
+    inside = step.touching
+    traction = step.traction.copy()
+    traction[:, 2] = np.where(inside, 2e6, 1e3)
+    region = np.where(middle & touches, Region.SLIP, Region.OPEN)
+    drawn = figures(synthetic.result(dataclasses.replace(step, traction=traction, region=region)))
+    axes, bar = drawn["pressure.png"].axes
+    assert not axes.texts
+    assert bar.get_ylabel() == "contact pressure [MPa]"
+    np.testing.assert_allclose([axes.get_xlim(), axes.get_ylim()], 1.5 * np.array([[-1.0, 1.0]] * 2))
+    words = [text.get_text() for text in drawn["stick_slip.png"].axes[0].texts]
+    assert words == ([] if touches else ["no contact"])
 
 
 def test_round_off_is_no_history(synthetic):
