@@ -135,12 +135,16 @@ def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
     """Says so, once, when numba compiles a kernel of meeframe's: only what it does not find is compiled, and kept."""
     from numba.core import event
 
+    from meeframe.plugin.sources import LOCAL
+
     class Told(event.Listener):
         told = False
 
         def on_start(self, event: event.Event) -> None:
-            ours = event.data["dispatcher"].py_func.__module__.startswith("meeframe")
-            if ours and not self.told:
+            kernel = event.data["dispatcher"]
+            module = str(kernel.py_func.__module__)  # generated functions have none
+            ours = module.startswith("meeframe") and not module.startswith(LOCAL)
+            if ours and kernel.stats.cache_path is not None and not self.told:
                 self.told = True
                 tell("compiling kernels, once: later runs find them (takes up to two minutes)")
 

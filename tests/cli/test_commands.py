@@ -301,16 +301,25 @@ def test_threads_of_a_run(case_file, tmp_path):
     assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", 0)[0] == 2
 
 
-def test_compilation_is_told_once_of_what_is_ours():
+def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch):
+    """Not of functions that are compiled in each run, plugin files' or generated ones."""
+
     def kernel(x):
         return x + 1
 
+    def compile_it(module, cache):
+        kernel.__module__ = module
+        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / str(module)))
+        numba.njit(kernel, cache=cache)(1)
+
     told = []
     with console._compilation(told.append):
-        for module in ("somebody.else", "meeframe_kernels", "meeframe.kernels"):
-            kernel.__module__ = module
-            numba.njit(kernel)(1)
-            assert len(told) == (module != "somebody.else")
-    kernel.__module__ = "meeframe"
-    numba.njit(kernel)(1)
+        for module, cache in (("somebody.else", True), ("meeframe.kernels", False), (None, False)):
+            compile_it(module, cache)
+        compile_it("meeframe_file_rough_0123456789ab", cache=True)
+        assert not told
+        for module in ("meeframe_kernels", "meeframe.kernels"):
+            compile_it(module, cache=True)
+            assert len(told) == 1
+    compile_it("meeframe", cache=True)
     assert len(told) == 1
