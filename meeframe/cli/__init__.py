@@ -1,9 +1,14 @@
 """The command line, a module for each group of commands."""
 
 import gc
+import sys
 
-from meeframe.cli import cases, extensions, fclib, studies
-from meeframe.cli.app import app
+try:
+    from meeframe.cli import cases, extensions, fclib, studies
+    from meeframe.cli.app import app
+except KeyboardInterrupt:  # in the first third of a second
+    print("interrupted", file=sys.stderr)
+    sys.exit(130)
 
 __all__ = ["app", "cases", "extensions", "fclib", "main", "studies"]
 

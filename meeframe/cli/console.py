@@ -1,6 +1,5 @@
 """What all commands share: exit status, messages, progress, the registry."""
 
-import _thread
 import gc
 import signal
 import sys
@@ -9,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Final
 
 import typer
@@ -69,20 +69,44 @@ def _ended_as_by_hand() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
         yield
         return
-    before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
+    hook, before = sys.unraisablehook, {signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a shell's background job is deaf to it
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
     sys.unraisablehook = lambda ignored: _again(ignored) or _told(ignored) or hook(ignored)
     try:
         yield
     finally:
         sys.unraisablehook = hook
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _interrupt(_number: int, frame: FrameType | None) -> None:
+    """Raises KeyboardInterrupt; in a moment where compiled code asks Python to unpickle what it returns, which it does
+    at the end of every long call: numba returns all the same, and Python makes a SystemError of it."""
+    while frame is not None:
+        if frame.f_code.co_name == "_numba_unpickle":
+            _soon()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _soon() -> None:
+    """Asks to end once more in a moment, by a signal, which ends waiting too, unless there is nothing left to end."""
+
+    def ask() -> None:
+        if signal.getsignal(signal.SIGTERM) is _interrupt:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+
+    threading.Timer(0.01, ask).start()
 
 
 def _again(ignored: "sys.UnraisableHookArgs") -> bool:
     """An interruption that came while an object was let go (h5py lets go of many) comes again in a moment."""
     interrupts = issubclass(ignored.exc_type, KeyboardInterrupt)
     if interrupts:
-        threading.Timer(0.01, _thread.interrupt_main, [signal.SIGTERM]).start()
+        _soon()
     return interrupts
 
 

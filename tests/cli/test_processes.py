@@ -75,6 +75,44 @@ def test_finished_steps_survive(case_file, tmp_path, name, end, status):
     assert "unfinished: 1 of 2 increments" in CliRunner().invoke(app, ["show", str(out)]).stdout
 
 
+IN_COMPILED_CODE = """
+import os, signal, sys, threading, time
+import numba, numpy as np, typer
+from meeframe.cli.console import exit_status
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+@numba.njit(nogil=True)
+def long(n):
+    total = np.zeros(1)
+    for i in range(n):
+        total[0] += np.sin(i)
+    return total
+
+long(1)
+threading.Timer(0.05, os.kill, [os.getpid(), signal.{signal}]).start()
+try:
+    with exit_status():
+        long(20_000_000)
+        time.sleep(20)
+except typer.Exit as ended:
+    sys.exit(ended.exit_code)
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_interruptions_in_compiled_code(name):
+    done = python("-c", IN_COMPILED_CODE.replace("{signal}", name))
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_interrupted_while_modules_are_loaded():
+    """Before there is a command that could say more."""
+    script = "import sys\nclass Stop:\n def find_spec(self, name, *_):\n  if name == 'typer': raise KeyboardInterrupt\n"
+    done = python("-c", f"{script}sys.meta_path.insert(0, Stop())\nfrom meeframe.cli import main")
+    assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
 def test_bare_import_is_light():
     heavy = "numba", "matplotlib", "pint", "h5py", "meshio", "scipy"
     done = python("-c", f"import sys, meeframe; print([m for m in {heavy} if m in sys.modules])")
