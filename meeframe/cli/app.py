@@ -18,6 +18,9 @@ Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Name or
 PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")
 ]
+Threads = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Of this command; by default those of all processors.")
+]
 
 
 def _print_version(wanted: bool) -> None:

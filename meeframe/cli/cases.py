@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meeframe.cli import console
-from meeframe.cli.app import CaseFile, PluginFiles, app
+from meeframe.cli.app import CaseFile, PluginFiles, Threads, app
 
 
 @app.command()
@@ -16,9 +16,7 @@ def run(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", metavar="", help="Replace the results that DIR holds.")
     ] = False,
-    threads: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Of this run; by default those of all processors.")
-    ] = None,
+    threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Solve a case and write result.h5, summary.json, fields.vtu and figures.

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from meeframe.cli import console
-from meeframe.cli.app import CaseFile, Choices, PluginFiles, app
+from meeframe.cli.app import CaseFile, Choices, PluginFiles, Threads, app
 
 
 @app.command()
@@ -19,6 +19,7 @@ def compare(
     formulation: Choices = None,
     fundamental_solution: Choices = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace what DIR holds.")] = False,
+    threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case with all combinations of laws, solvers and formulations; write compare.json and sections.png.
@@ -27,6 +28,7 @@ def compare(
     case that fit it. Exit status 0 if every run converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
+        from meeframe.case.threads import limited
         from meeframe.report.compare import comparison_table
         from meeframe.study.compare import compare as compare_runs
 
@@ -38,7 +40,7 @@ def compare(
             "fundamental-solution": fundamental_solution or [],
         }
         registry = console.registry(plugin)
-        with console.progress() as progress:
+        with limited(threads), console.progress() as progress:
             comparison = compare_runs(case, options, out, overwrite, registry, progress, console.warn)
         console.stdout().print(comparison_table(comparison))
         raise typer.Exit(
@@ -58,6 +60,7 @@ def verify(
         bool, typer.Option("--every-step", metavar="", help="Compare at the end of every load step.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace what DIR holds.")] = False,
+    threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Run a case by several formulations on several meshes and tell whether they agree within their own errors.
@@ -66,13 +69,14 @@ def verify(
     disagree, 1 if some do or a run did not converge, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
+        from meeframe.case.threads import limited
         from meeframe.report.verified import Verdict
         from meeframe.report.verify import verification_table
         from meeframe.study.verify import Meshes
         from meeframe.study.verify import verify as verify_case
 
         meshes = Meshes(levels, factor, order)
-        with console.progress() as progress:
+        with limited(threads), console.progress() as progress:
             registry = console.registry(plugin)
             found = verify_case(
                 case, out, formulation or (), meshes, every_step, overwrite, registry, progress, warn=console.warn
@@ -92,6 +96,7 @@ def sweep(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
     workers: Workers = None,
     scheduler: Scheduler = None,
+    threads: Threads = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", metavar="", help="Replace another sweep; equal points stay.")
     ] = False,
@@ -108,7 +113,7 @@ def sweep(
         from meeframe.study.sweep_engine import pool_of
 
         registry = console.registry(plugin)
-        with console.progress() as progress, pool_of(workers, scheduler, plugin or ()) as pool:
+        with console.progress() as progress, pool_of(workers, scheduler, plugin or (), threads) as pool:
             found = run_sweep(study, out, pool, overwrite, registry, progress, console.warn)
         console.stdout().print(sweep_table(found))
         passed = bool((found.status == "converged").all())
@@ -122,6 +127,7 @@ def reproduce(
     validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the studies.")] = Path("validation"),
     workers: Workers = None,
     scheduler: Scheduler = None,
+    threads: Threads = None,
 ) -> None:
     """Solve the studies of figures of the reference paper; write FIGURE.png and FIGURE.json.
 
@@ -135,7 +141,7 @@ def reproduce(
         console.registry(None)
         missed: list[str] = []
         here = 1 if workers is None and scheduler is None else workers
-        with console.progress() as progress, pool_of(here, scheduler) as pool:
+        with console.progress() as progress, pool_of(here, scheduler, threads=threads) as pool:
             for study in reproduce_figures(figures, validation, out, progress, pool):
                 print(f"{study.name}: {out / study.name}.png, {study.title}")
                 missed += [f"{study.name}: {run}: not converged" for run in study.not_converged]

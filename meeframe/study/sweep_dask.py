@@ -1,10 +1,11 @@
 """Points solved by other processes: local ones, or workers of a Dask cluster. Imported only where they are wanted."""
 
 import logging
+import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
@@ -137,12 +138,14 @@ def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) ->
 @dataclass(frozen=True, eq=False)
 class Cluster(Pool):
     """The workers of a Dask cluster. connect: gives a client, the same each time; address: of its scheduler; plugins:
-    as in Sealed; processes: local ones that share the machine, None for workers that have theirs."""
+    as in Sealed; processes: local ones that share the machine, None for workers that have theirs; threads: of all of
+    them together."""
 
     connect: Callable[[], Any]
     address: str
     plugins: tuple[tuple[str, bytes], ...]
     processes: int | None = None
+    threads: int = 1
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
         """As Pool.solve. What a lost worker had not finished others begin again.
@@ -195,7 +198,7 @@ class Cluster(Pool):
         places = accumulate((len(group) for _, group in groups[:-1]), initial=0)
         first = sum(place < AHEAD * self.processes for place in places)
         systems = {key for bodies, _ in groups[:first] for key, _ in bodies}
-        return [max(self.processes // len(systems), 1)] * first + [1] * (len(groups) - first)
+        return [max(self.threads // len(systems), 1)] * first + [1] * (len(groups) - first)
 
     def _sealed(self, content: object) -> Sealed:
         return Sealed.of(content, self.plugins, code_key(content))
@@ -218,13 +221,13 @@ class Cluster(Pool):
 
 
 @contextmanager
-def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Iterator[Cluster]:
-    """Local processes, as many threads in all, not before they are needed; or, at an address, the workers there.
+def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], threads: int) -> Iterator[Cluster]:
+    """Local processes, so many threads in all, not before they are needed; or, at an address, the workers there.
 
     Raises CaseError if the scheduler does not answer.
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
-    environment = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(workers)}
+    environment = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(threads)}
     environment["PYTHONWARNINGS"] = "ignore"  # of plugins and libraries: where cases are read they are told once
     settings = {
         "distributed.nanny.pre-spawn-environ": environment,
@@ -235,6 +238,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
+        stack.enter_context(_environment_kept(environment))
         scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
         stack.enter_context(dask.config.set({**settings, "temporary-directory": scratch}))
         # what users can mend is said by errors
@@ -246,7 +250,20 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path]) -> Ite
 
         if scheduler is not None:
             connect()
-        yield Cluster(connect, scheduler or "of the local processes", sources, workers if scheduler is None else None)
+        address, processes = (scheduler, None) if scheduler else ("of the local processes", workers)
+        yield Cluster(connect, address, sources, processes, threads)
+
+
+@contextmanager
+def _environment_kept(names: Iterable[str]) -> Iterator[None]:
+    """These variables of this process, which Dask sets for those that it starts, are in the end what they were."""
+    before = {name: os.environ[name] for name in names if name in os.environ}
+    try:
+        yield
+    finally:
+        for name in names:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:

@@ -10,6 +10,7 @@ from typing import final
 
 from meeframe.case.cache import cached_body, system_key
 from meeframe.case.solve import bodies_of
+from meeframe.case.threads import limited
 from meeframe.core.body import Body
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.formulation import Formulation, Progress, silent
@@ -65,28 +66,38 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 
 
 @contextmanager
-def pool_of(workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = ()) -> Iterator[Pool]:
+def pool_of(
+    workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = (), threads: int | None = None
+) -> Iterator[Pool]:
     """This process for one worker; else as many local processes, or the workers of a Dask cluster.
 
     Local processes have one thread each; they leave theirs to the first reduced systems, for which all of them wait.
-    workers: None: one for each core; scheduler: address of the cluster's scheduler, in place of local processes;
-    plugins: local files whose classes the cases may hold, which the workers get to know.
-    Raises CaseError if both are given, for fewer than one worker, for a scheduler that does not answer, or without
-    Dask.
+    workers: None: one for each core, or for each of the threads; scheduler: address of the cluster's scheduler, in
+    place of local processes; plugins: local files whose classes the cases may hold, which the workers get to know;
+    threads: of this process, or of the local ones together; None: all that it has, or one for each.
+    Raises CaseError if a scheduler is given with workers or threads, for fewer than one worker, for fewer threads than
+    workers, for a scheduler that does not answer, or without Dask.
     """
     if scheduler is not None and workers is not None:
         raise CaseError(f"workers = {workers} and scheduler = {scheduler}: allowed: one of them")
+    if scheduler is not None and threads is not None:
+        raise CaseError(
+            f"threads = {threads} and scheduler = {scheduler}: allowed: one of them, its workers have theirs"
+        )
     if scheduler is not None and not scheduler.strip():
         raise CaseError(f"scheduler = {scheduler!r}: allowed: the address of a running one, such as tcp://host:8786")
-    count = cores() if workers is None else workers
+    count = min(threads or cores(), cores()) if workers is None else workers
     if count < 1:
         raise CaseError(f"workers = {count}: allowed: 1 or more")
+    if threads is not None and threads < count:
+        raise CaseError(f"threads = {threads} and workers = {count}: allowed: a thread or more for each worker")
     if scheduler is None and count == 1:
-        yield InProcess()
+        with limited(threads):
+            yield InProcess()
         return
     from meeframe.study.sweep_dask import cluster
 
-    with cluster(count, scheduler, plugins) as pool:
+    with cluster(count, scheduler, plugins, threads or count) as pool:
         yield pool
 
 

@@ -85,7 +85,8 @@ def command(study, out, *options):
 
 def sweep(study, out, *options):
     """Exit status, standard output, standard error, of a run in this process."""
-    result = CliRunner().invoke(app, command(study, out, "--workers", 1, *options))
+    workers = () if {"--workers", "--threads"} & set(options) else ("--workers", 1)
+    result = CliRunner().invoke(app, command(study, out, *workers, *options))
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result.exit_code, result.stdout, result.stderr
@@ -338,6 +339,33 @@ def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path,
     assert set(log("threads")) - set(of_reductions) == {"threads of a point: 1, of libraries: 1"}
 
 
+@pytest.mark.parametrize(
+    ("options", "reduction", "point"),
+    [
+        (("--workers", 1, "--threads", 1), 1, 1),
+        (("--threads", 1), 1, 1),
+        (("--workers", 2, "--threads", 3), 3, 1),
+    ],
+)
+def test_threads_of_all_processes_together(study, tmp_path, log, options, reduction, point):
+    assert sweep(study(LINE), tmp_path / "out", *options)[0] == 0
+    assert set(log("threads")) == {
+        f"threads of a reduction: {reduction}, of libraries: {reduction}",
+        f"threads of a point: {point}, of libraries: {point}",
+    }
+
+
+@pytest.mark.parametrize("command", ["compare", "verify"])
+def test_threads_of_other_studies(study, tmp_path, log, command):
+    options = [f"--formulation={{name='springs', stiffness={k}, log='{tmp_path / 'log'}'}}" for k in ("1e14", "2e14")]
+    case = study(LINE).with_name("case.toml")
+    case.write_text(case.read_text().replace("divisions = 4", "divisions = 16"))
+    arguments = [command, case, "--out", tmp_path / "out", "--threads", 1, "--plugin", PLUGIN, *options]
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code in (0, 1), result.stderr
+    assert set(log("threads")) == {f"threads of a {what}: 1, of libraries: 1" for what in ("reduction", "point")}
+
+
 def test_one_at_a_time_writes_a_folder(study, tmp_path):
     out, file = tmp_path / "out", study(LINE, pause=0.3)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
@@ -388,7 +416,14 @@ def test_a_scheduler_that_is_not_there(study, tmp_path):
     assert not out.exists()
 
 
-@pytest.mark.parametrize(("options", "text"), [(("--scheduler", "tcp://a:1"), "allowed: one of them")])
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--workers", 1, "--scheduler", "tcp://a:1"), "workers = 1 and scheduler = tcp://a:1: allowed: one of them"),
+        (("--threads", 1, "--scheduler", "tcp://a:1"), "threads = 1 and scheduler = tcp://a:1: allowed: one of them"),
+        (("--workers", 3, "--threads", 2), "threads = 2 and workers = 3: allowed: a thread or more for each worker"),
+    ],
+)
 def test_workers_or_a_scheduler(study, tmp_path, options, text):
     status, _, complained = sweep(study(LINE), tmp_path / "out", *options)
     assert status == 2
