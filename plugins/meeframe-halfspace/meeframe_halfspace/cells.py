@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe_halfspace.kernels import N_VALUES, NEAR, fill_far, fill_rows, tabulate
-from meeframe_halfspace.response import PointResponse
+from meeframe_halfspace.response import PointResponse, mirrored
 
 Shape = Literal["bilinear", "constant"]
 
@@ -63,15 +63,16 @@ def far_table(
     Samples at the nodes add up to the integral over a density with weights that are exact for polynomials.
     """
     nx, ny = size
-    table = np.empty((nx, 2 * ny - 1))
     coefficients, odd = response.entry(entry)
-    steps, weights = np.array(spacing), _node_weights(shape)
+    steps, weights, parity = np.array(spacing), _node_weights(shape), mirrored(coefficients)
+    middle = 0 if parity else ny - 1
+    part = np.empty((nx, middle + ny))
 
     def fill(first: int, last: int) -> None:
-        fill_far(first, last, steps, coefficients, odd, weights, table)
+        fill_far(first, last, steps, coefficients, odd, weights, middle, part)
 
     share_out(fill, nx)
-    return table
+    return np.concatenate([parity * part[:, :0:-1], part], axis=1) if parity else part
 
 
 def share_out(work: Callable[[int, int], None], count: int) -> None:

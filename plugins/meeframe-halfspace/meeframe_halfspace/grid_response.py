@@ -12,7 +12,7 @@ import scipy  # its parts load where they are used
 from meeframe.core.fields import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_table, near_size, share_out
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, fill_symbol
-from meeframe_halfspace.response import PointResponse, series_entry
+from meeframe_halfspace.response import PointResponse, mirrored, series_entry
 
 Window = Literal["bilinear", "constant", "trigonometric"]
 _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
@@ -79,8 +79,11 @@ class FreeGrid(GridResponse):
         near = self._near[number]
         middle, reach = table.shape[1] // 2, near.shape[1] // 2
         table[: len(near), middle - reach : middle + reach + 1] = near
+        parity, mirror = (-1 if odd else 1), mirrored(coefficients)
+        if mirror:
+            return _folded(table[:, middle:], (parity * mirror, mirror), self.padded)
         kernel = np.zeros(self.padded)
-        _wrap(kernel, table, -1.0 if odd else 1.0)
+        _wrap(kernel, table, float(parity))
         spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
         return np.ascontiguousarray(spectrum.imag if odd else spectrum.real)
 
@@ -187,6 +190,27 @@ def _wrap(kernel: Array, response: Array, parity: float) -> None:
     turned = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
     kernel[kernel.shape[0] - nx + 1 :, :ny] = turned[:, ny - 1 :]
     kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
+
+
+def _folded(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
+    """Entry (px // 2 + 1, py) of a symbol from its kernel at offsets that are not negative, (nx, ny).
+
+    parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
+    """
+    (along, across), (px, py) = parities, padded
+    spectrum = _half_spectrum(_half_spectrum(quarter, along, px).T, across, py).T
+    if along == across == -1:
+        spectrum = -spectrum  # i times i
+    return np.concatenate([spectrum, across * spectrum[:, py // 2 - 1 : 0 : -1]], axis=1)
+
+
+def _half_spectrum(half: Array, parity: int, padded: int) -> Array:
+    """Transform (padded // 2 + 1, k) of even or odd functions (n, k) along the first axis, without the factor i."""
+    whole = np.zeros((padded, half.shape[1]))
+    whole[: len(half)] = half
+    whole[padded - len(half) + 1 :] = parity * half[:0:-1]
+    spectrum = scipy.fft.rfft(whole, axis=0, overwrite_x=True, workers=numba.get_num_threads())
+    return np.asarray(spectrum.real if parity == 1 else spectrum.imag)
 
 
 def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:

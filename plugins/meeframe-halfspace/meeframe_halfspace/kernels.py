@@ -159,8 +159,10 @@ def series_values(c, s, coefficients, odd, work, values):
         cn[:], sn[:] = 1.0, 0.0
     values[:] = 0.0
     for n in range(len(coefficients)):
-        _add(coefficients[n, 0], cn, values)
-        _add(coefficients[n, 1], sn, values)
+        if coefficients[n, 0] != 0.0:
+            _add(coefficients[n, 0], cn, values)
+        if coefficients[n, 1] != 0.0:
+            _add(coefficients[n, 1], sn, values)
         _turn(cn, sn, step_c, step_s)
 
 
@@ -181,8 +183,8 @@ def _add(factor, part, whole):
 
 
 @njit(cache=True, nogil=True)
-def fill_far(first, last, spacing, coefficients, odd, weights, out):
-    """out[i, j], (nx, 2 ny - 1), for rows first..last - 1 = one entry's response, as of `fill_rows`, far from the cell.
+def fill_far(first, last, spacing, coefficients, odd, weights, middle, out):
+    """out[i, middle + j] for rows first..last - 1 = one entry's response, as of `fill_rows`, far from the cell.
 
     weights: (2 m + 1,) with which samples at the places around add up to the integral over a density.
     """
@@ -190,7 +192,7 @@ def fill_far(first, last, spacing, coefficients, odd, weights, out):
     samples = np.empty((len(weights), width + 2 * reach))  # of row i in place i modulo their number
     across, inverse, c, s = np.empty((4, samples.shape[1]))
     work = np.empty((4, samples.shape[1]))
-    y = (np.arange(samples.shape[1]) - (reach + (width - 1) // 2)) * spacing[1]
+    y = (np.arange(samples.shape[1]) - (reach + middle)) * spacing[1]
     area = spacing[0] * spacing[1]
     for ahead in range(first - reach, last + reach):
         row, x = samples[ahead % len(weights)], ahead * spacing[0]

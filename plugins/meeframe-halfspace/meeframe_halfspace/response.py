@@ -96,6 +96,12 @@ def series_entry(even: Array, odd: Array, number: int) -> tuple[Array, bool]:
     return np.ascontiguousarray(whole[:count]), antisymmetric
 
 
+def mirrored(coefficients: Array) -> int:
+    """1 or -1 if a series (n, 2) is even or odd in the angle, as in media with planes of symmetry; else 0."""
+    cosines, sines = coefficients.any(axis=0)
+    return int(cosines) - int(sines)
+
+
 def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[np.complex128]:
     """Surface compliance Y(m), (n, 5, 5) complex Hermitian, scaled fields, in the axes of the frame (3, 3).
 

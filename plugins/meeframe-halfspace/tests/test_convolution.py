@@ -19,6 +19,7 @@ from meeframe.testing.elastic_half_space import cell_response
 
 TURNED = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 RESPONSE = PointResponse.of(TURNED, np.eye(3))
+STRAIGHT = PointResponse.of(library_material("orthotropic-mee").stiffness, np.eye(3))
 SPACING = (1.0, 0.8)
 SIZES = [(9, 14), (16, 7), (5, 5), (12, 6)]
 ALL = (0, 1, 2, 3, 4)
@@ -40,11 +41,16 @@ def convolution_of(grid: GridResponse) -> Convolution:
     return Convolution(Symbol(grid.symbol), grid.size, grid.padded, np.ones((N_FIELDS, N_FIELDS)))
 
 
-def free(size: tuple[int, int]) -> tuple[Convolution, Array]:
+def free(size: tuple[int, int], response: PointResponse = RESPONSE) -> tuple[Convolution, Array]:
     """With the response (2 nx - 1, 2 ny - 1, 5, 5) of each node to one load, from its most negative offset on."""
-    ahead = entries_to_matrix(np.moveaxis(cell_table(RESPONSE, SPACING, "bilinear", size), 0, -1))
+    ahead = entries_to_matrix(np.moveaxis(cell_table(response, SPACING, "bilinear", size), 0, -1))
     behind = ahead[:0:-1, ::-1].swapaxes(2, 3)  # reciprocity
-    return convolution_of(FreeGrid(RESPONSE, SPACING, size, "bilinear")), np.concatenate([behind, ahead])
+    return convolution_of(FreeGrid(response, SPACING, size, "bilinear")), np.concatenate([behind, ahead])
+
+
+def straight(size: tuple[int, int]) -> tuple[Convolution, Array]:
+    """The same of a medium with planes of symmetry along the axes of the grid, whose entries are even or odd."""
+    return free(size, STRAIGHT)
 
 
 def periodic(size: tuple[int, int]) -> tuple[Convolution, Array]:
@@ -82,7 +88,7 @@ def summed(kernel: Array, load: Array, loaded: tuple[int, ...], fields: tuple[in
     return found
 
 
-@pytest.mark.parametrize("kind", [free, periodic])
+@pytest.mark.parametrize("kind", [free, straight, periodic])
 @pytest.mark.parametrize("size", SIZES)
 def test_products_are_sums_over_nodes(kind, size, threads) -> None:
     """One after another by one convolution, which makes entries as it needs them; odd sizes and even ones."""

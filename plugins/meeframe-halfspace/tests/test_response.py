@@ -6,7 +6,7 @@ from meeframe_halfspace import PointResponse
 from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_table, near_size
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
-from meeframe_halfspace.response import entries_to_matrix
+from meeframe_halfspace.response import entries_to_matrix, mirrored
 from scipy.integrate import dblquad
 
 from meeframe.core.errors import MaterialError
@@ -159,14 +159,17 @@ def test_product_rules_take_over_without_a_step(shape):
     assert worst < 1e-13
 
 
+@pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("shape", ["constant", "bilinear"])
-def test_far_cells_from_the_response_at_nodes(shape):
-    """Every entry against integration, relative to the largest at that place."""
-    response = PointResponse.of(turned_orthotropic(), np.eye(3))
+def test_far_cells_from_the_response_at_nodes(shape, turned):
+    """Every entry against integration, relative to the largest at that place; half is mirrored if nothing is turned."""
+    stiffness = turned_orthotropic() if turned else library_material("orthotropic-mee").stiffness
+    response = PointResponse.of(stiffness, np.eye(3))
     spacing, size = (1.0, 0.8), (44, 50)
     near = near_size(spacing, size)
     assert near == (31, 39)
     whole = cell_table(response, spacing, shape, size)
+    assert [mirrored(response.entry(entry)[0]) for entry in (0, 1, 16, 19)] == ([0] * 4 if turned else [1, -1, 1, -1])
     found = np.stack([far_table(response, spacing, shape, size, entry) for entry in range(25)])
     far = np.ones(whole.shape[1:], bool)
     far[: near[0], size[1] - near[1] : size[1] + near[1] - 1] = False
