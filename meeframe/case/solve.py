@@ -115,8 +115,8 @@ def solve_steps(
 ) -> Iterator[StepResult]:
     """The increments of a case's load steps one after the other, each from the last one that converged.
 
-    Slip is measured from that state too (notes, section 7): a single increment, from the undeformed body, is the
-    paper's. What a step names goes linearly there from the state in which the step begins.
+    Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
+    the paper's. What a step names goes linearly there from the state in which the step begins.
     boundary: recover the fields on the whole boundary too, at the end of each step, and tell in the first one's message
     what the formulations warn of; a study of the contact zone does not need the one and tells the other itself. Raises
     CaseError if the case continues a run whose state does not belong to this body.

@@ -49,7 +49,9 @@ def show_plugin(
 def new_plugin(
     kind: Annotated[str, typer.Argument(metavar="KIND", help=_KINDS)],
     name: Annotated[str, typer.Argument(metavar="NAME", help="As case files will write it: my-law.")],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to make; meeframe-NAME if not given.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the package itself; meeframe-NAME if not given.")
+    ] = None,
 ) -> None:
     """Write an installable package that registers something new, with its conformance test, a case and a README."""
     with console.exit_status():

@@ -25,7 +25,7 @@ FLUX_UNITS: Final = ("Pa", "Pa", "Pa", "C/m^2", "Wb/m^2")
 
 @dataclass(frozen=True, eq=False)
 class FieldScaling:
-    """Factors s_J that make all entries of the extended stiffness of order one (notes, section 2).
+    """Factors s_J that make all entries of the extended stiffness of order one (docs/theory.md, Scaling).
 
     C'_iJKm = s_J s_K C_iJKm, u' = u / s, t' = s t, where primes mark scaled fields. In SI units the extended stiffness
     has a condition number near 1e19; scaled, near 10.

@@ -41,7 +41,7 @@ class ReducedSystem(ABC):
 
     load (n, 5) = (t.e1, t.e2, t.nu, q, s): extended tractions as densities; t.nu <= 0 in compression, q = D.nu and
     s = B.nu outward. displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). The two potentials are negated here, once,
-    so that the compliance has a positive-definite symmetric part (notes, section 1).
+    so that the compliance has a positive-definite symmetric part (docs/theory.md, Flipped rows).
 
     points: node coordinates, (n, 3) [m];
     frames: local frames, (n, 3, 3), rows e1, e2, nu, right-handed, nu outward;

@@ -52,8 +52,8 @@ class ContactLaw(ABC):
     def tangential_scaling(self) -> Array:
         """Dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
 
-        It belongs to the metric of `project` (M^2 / max(mu)^2 for orthotropic friction; notes, section 7). Zero where
-        the law admits no tangential traction.
+        It belongs to the metric of `project` (docs/theory.md, Set and metric): M^2 / max(mu)^2 if friction is orthotropic.
+        Zero where the law admits no tangential traction.
         """
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
@@ -133,7 +133,7 @@ def _differences(function: Callable[[Array], Array], at: Array, width: Array, fi
 
 @dataclass(frozen=True)
 class ConductivityLaw(ABC):
-    """Surface conductivity kappa of the flux law flux = +kappa (potential - potential_o) (notes, section 1)."""
+    """Surface conductivity kappa of the flux law flux = +kappa (potential - potential_o) (docs/theory.md, Contact)."""
 
     across_gap: ClassVar[bool] = False
     """Whether the conductivity depends on the gap or on the drop; only then do solvers follow them."""

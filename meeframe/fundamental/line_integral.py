@@ -24,7 +24,7 @@ class LineIntegral(FundamentalSolution):
 
     points: nodes of the rule, an even number; they are doubled, direction by direction, until the result is exact to
     round-off. Raises CaseError if points is out of bounds.
-    Source: Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; notes, section 6.
+    Source: Barnett, Phys. Stat. Sol. (b) 49 (1972) 741; docs/theory.md, Fundamental solution.
     """
 
     points: int = 32

@@ -68,7 +68,7 @@ class Tabulated(FundamentalSolution):
     decides; U comes out a hundred times better.
     cells: cells along a face at first, 1 to 64; bind checks every cell against the line integral and refines all
     of them if one fails. Raises CaseError if an option is out of bounds.
-    Source: notes, section 6.
+    Source: docs/theory.md, Fundamental solution.
     """
 
     tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 1e-8

@@ -18,7 +18,7 @@ ON_THE_EDGE = 1 + 1e-9  # a node on the edge of a punch belongs to it, whatever 
 @final
 @dataclass(frozen=True)
 class Sphere(Indenter):
-    """Sphere. profile: r^2 / (2 R), as in Hertz's theory and notes, section 4, or the exact R - sqrt(R^2 - r^2).
+    """Sphere. profile: r^2 / (2 R), as in Hertz's theory, or the exact R - sqrt(R^2 - r^2).
 
     The exact sphere has no surface beyond its equator. Raises CaseError unless 0 < radius < inf.
     """
@@ -75,7 +75,7 @@ class RectangularPunch(Indenter):
 @final
 @dataclass(frozen=True)
 class Cone(Indenter):
-    """Cone, apex down; angle: between its side and the plane of the surface (notes, section 4).
+    """Cone, apex down; angle: between its side and the plane of the surface.
 
     Raises CaseError unless 0 < angle < pi/2.
     """

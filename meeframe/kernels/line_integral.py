@@ -1,4 +1,4 @@
-"""H and its tangential derivatives as means over the half circle normal to a direction (Barnett; notes, section 6).
+"""H and its tangential derivatives as means over the half circle normal to a direction (Barnett, docs/theory.md).
 
 Directions are taken in groups of LANES, of which the compiler makes vectors: arrays are flat, lanes run fastest, and
 what is called in a loop over them is inlined.

@@ -36,7 +36,7 @@ def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
 
     magnetoelectric_scale: what the printed lambda_11, lambda_22, lambda_33 = 0.60, 0.80, 0.10 are multiples of [s/m].
     The printed unit would make the material inadmissible; the power of ten is lost, and 1e-8 s/m agrees best with the
-    paper's results (notes, section 5). Raises MaterialError from 2.68e-8 s/m on, where the block
+    paper's results (docs/theory.md, Half space). Raises MaterialError from 2.69e-8 s/m on, where the block
     [[eps, lambda], [lambda, mu]] ceases to be positive definite.
     """
     printed = np.diag([0.60, 0.80, 0.10])

@@ -48,8 +48,9 @@ class Uzawa(Solver):
     metric of the contact law; it follows the contact as that grows and conducts, and is shortened if the tractions
     begin to run away.
 
-    Gaps are those of u^(n+1), from p^(n) (notes, section 6). A node that keeps opening and closing because it conducts
-    in contact only is brought to graze (meeframe.solvers.conduction). Raises CaseError for a step that is not positive.
+    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that keeps opening and closing because it
+    conducts in contact only is brought to graze (meeframe.solvers.conduction). Raises CaseError for a step that
+    is not positive.
     """
 
     stride: ClassVar[int] = 10

@@ -37,7 +37,7 @@ class PathStep:
 def follow(
     system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
 ) -> Iterator[PathStep]:
-    """The steps of a path, each started from the one before; slip is measured from there (notes, section 7).
+    """The steps of a path, each started from the one before; slip is measured from there (docs/theory.md, Departures).
 
     No fluxes enter. A step's dissipation is the work of its own tractions on its slip. Raises MeeframeError if a step
     does not converge.

@@ -113,8 +113,9 @@ def test_bad_names_are_refused(tmp_path, kind, name, message):
 
 def test_folders_that_hold_files_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
+    told = f"folder {tmp_path} holds files; --out names the folder to make, such as {tmp_path / 'meeframe-mine'}"
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path)
-    assert (status, err) == (2, f"error: folder {tmp_path} holds files; name another one with --out\n")
+    assert (status, err) == (2, f"error: {told}\n")
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path / "notes.txt")
     assert status == 2

@@ -1,4 +1,4 @@
-"""Closed forms against the notes' numbers and against independent integration of their own boundary values."""
+"""Closed forms against the numbers of docs/theory.md and independent integration of their own boundary values."""
 
 import numpy as np
 import pytest
@@ -48,13 +48,13 @@ def newton_potential(solution: Indentation, field: int, r: float) -> float:
 @pytest.mark.parametrize(
     ("condition", "force"), [("EMII", 23330.6), ("ECMII", 21896.1), ("EIMCI", 23287.8), ("EMCI", 21849.6)]
 )
-def test_forces_of_the_notes(xi: np.ndarray, condition: str, force: float) -> None:
+def test_forces_of_the_theory_page(xi: np.ndarray, condition: str, force: float) -> None:
     solution = indent(xi, Sphere(0.1), APPROACH, *CONDITIONS[condition])
     assert solution.force == pytest.approx(force, abs=0.05)
     assert solution.contact_radius == pytest.approx(np.sqrt(0.1 * APPROACH))
 
 
-def test_insulated_centre_potentials_of_the_notes(xi: np.ndarray) -> None:
+def test_insulated_centre_potentials_of_the_theory_page(xi: np.ndarray) -> None:
     solution = indent(xi, Sphere(0.1), APPROACH)
     centre = np.zeros(1)
     assert solution.electric_potential(centre)[0] == pytest.approx(-4.3584e4, rel=1e-5)

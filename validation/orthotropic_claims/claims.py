@@ -8,10 +8,10 @@ from judging import CLEARLY, UNALTERED, Claim, Found, change, claim, percent, si
 from tangential import directions, fig_10, maps_under_load
 
 ANALYTIC = 0.015
-"""Largest difference between the paper's finite block and the half space (notes, section 4)."""
+"""Largest difference between the paper's finite block and the half space (docs/theory.md, Half space)."""
 HALF_SPACE_RISES = {1e-12: 1.02, 1e-9: 0.92, 5e-9: 0.71, 8e-9: 0.63, 1e-8: 0.59}
-"""Rise of the largest electric potential at mu = 0.9 by an independent half-space solver (notes, section 5), by the
-scale of the magneto-electric coefficients [s/m]."""
+"""Rise of the largest electric potential at mu = 0.9 by an independent half-space solver (docs/theory.md, Half space),
+by the scale of the magneto-electric coefficients [s/m]."""
 BLOCK = 0.05
 """Largest difference of such a rise on the paper's finite block and mesh."""
 

@@ -27,7 +27,7 @@ def load(condition: str) -> Case:
 
 
 def closed_form(case: Case, condition: str) -> Indentation:
-    """The half space under the case's sphere (notes, section 4)."""
+    """The half space under the case's sphere (docs/theory.md, Indentation in closed form)."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return indent(xi, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
 

@@ -21,7 +21,7 @@ NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Units of the system: points / length; values u / s; fluxes t * s * length (notes, section 2)."""
+    """Units of the system: points / length; values u / s; fluxes t * s * length (docs/theory.md, Scaling)."""
 
     length: float
     scaling: FieldScaling

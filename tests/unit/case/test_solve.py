@@ -87,7 +87,7 @@ def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
         np.testing.assert_allclose(step.potentials[closed, 0], 7.0, rtol=1e-9)
         assert not step.potentials[~closed, 0].any()
         assert not step.potentials[:, 1].any()  # magnetically insulated
-        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (notes, section 1)
+        # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/theory.md)
         assert meeframe.resultants(result.zone, step).charge < 0
 
 

@@ -1,4 +1,4 @@
-"""Surface compliance against isotropic closed forms, the Stroh eigenproblem and the notes' numbers."""
+"""Surface compliance against isotropic closed forms, the Stroh eigenproblem and the numbers of docs/theory.md."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def stroh_compliance(stiffness: np.ndarray, normal: np.ndarray, direction: np.nd
     return scaling.factors[:, None] * y * scaling.factors
 
 
-def test_table_1_gives_the_numbers_of_the_notes() -> None:
+def test_table_1_gives_the_numbers_of_the_theory_page() -> None:
     xi = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
     expected = [[2.03385e-12, 1.77286e-3, 1.93803e-6], [1.77286e-3, -2.35892e7, 2.85282e3]]
     np.testing.assert_allclose(xi[:2], expected, rtol=3e-6)
@@ -34,7 +34,7 @@ def test_table_1_gives_the_numbers_of_the_notes() -> None:
 
 
 def test_unrounded_mixture_gives_table_2() -> None:
-    # xi11 as corrected in the notes; the printed digits of the others
+    # xi11 as corrected, docs/theory.md; the printed digits of the others
     mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
     xi = axisymmetric_compliance(mixed.stiffness)
     expected = [[2.03552e-12, 1.77480e-3, 1.93900e-6], [1.77480e-3, -2.35928e7, 2.85507e3]]

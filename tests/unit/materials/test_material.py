@@ -1,6 +1,7 @@
 """The record: symmetries, admissibility, extended stiffness, rotation, mixture."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -178,6 +179,21 @@ def test_quarter_turn_about_x2_moves_the_axis(table_1: Material) -> None:
     assert half.piezoelectric[2, 2, 2] == pytest.approx(-9.3)
 
 
+@pytest.mark.parametrize(("odd", "magnetic"), [("piezomagnetic", 1.0), ("magnetoelectric", -1.0)])
+def test_mirror_images(table_3: Material, odd: str, magnetic: float) -> None:
+    """docs/materials.md: values that a reflection in x1 = 0 maps onto each other, psi as it is or negated."""
+    material = table_3.rotated(rotation_from_euler([0.3, 0.8, -0.5]))
+    names = ("piezoelectric", odd)
+    negated = replace(material, **{name: -getattr(material, name) for name in names})
+    mirrored = negated.rotated(rotation_about([1, 0, 0], np.pi))
+    values = np.diag([-1.0, 1.0, 1.0, 1.0, magnetic])
+    space = values[:3, :3]
+    expected = np.einsum("ia,JB,KD,mc,aBDc->iJKm", space, values, values, space, material.stiffness)
+    found, wanted, before = map(material.scaling.scale_stiffness, (mirrored.stiffness, expected, material.stiffness))
+    np.testing.assert_allclose(found, wanted, atol=1e-14)
+    assert not np.allclose(found, before, atol=1e-3)
+
+
 def test_subnormal_coupling_survives_rotation(table_1: Material) -> None:
     data = fields(table_1)
     data["magnetoelectric"] = np.full((3, 3), 1.3e-316)
@@ -216,7 +232,7 @@ def test_bad_axes_and_sequences_are_refused() -> None:
 
 def test_equal_mixture_of_phases_is_table_1(table_1: Material) -> None:
     mixed = mixture(library_material("batio3"), library_material("cofe2o4"), 0.5)
-    # unrounded constants of notes, section 3
+    # unrounded constants, docs/theory.md, Half space
     assert mixed.elastic[2, 2, 2, 2] == pytest.approx(215.75e9)
     assert mixed.piezomagnetic[2, 2, 2] == pytest.approx(349.85)
     assert mixed.permittivity[2, 2] == pytest.approx(6.3465e-9)

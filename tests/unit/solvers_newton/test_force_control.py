@@ -193,7 +193,7 @@ def test_eccentric_force_tilts_a_flat_punch() -> None:
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 def test_hertz_at_a_given_force_with_a_charged_conductor(solver) -> None:
-    """Notes, section 4: force, charge and magnetic flux of given approach and potentials; here the other way round."""
+    """Force, charge and magnetic flux of given approach and potentials; here the other way round."""
     exact = indent(XI, Sphere(RADIUS), APPROACH, 1e4, -10.0)
     system = half_space_system(XI, 5e-3, 24)
     height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / (2.0 * RADIUS)
