@@ -73,7 +73,8 @@ def case_from_tables(
         return assemble(checked.solver.named)
     except MeeframeError as error:
         body = Body(material.stiffness, mesh, (), checked.contact.zone)
-        raise TableError(locate(error, checked, body, counter, restart, assemble)) from error.__cause__
+        problem = locate(error, checked, body, counter, restart, assemble)
+        raise TableError(problem.quoting(tables)) from error.__cause__
     except MemoryError as error:
         raise TableError(_no_memory(error, "mesh")) from None
 

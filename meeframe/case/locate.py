@@ -20,7 +20,7 @@ from meeframe.core.contact import Solver
 from meeframe.core.errors import MeeframeError, MeshError
 from meeframe.geometry import check_contact_zone, check_supports, zone_frames
 from meeframe.plugin.sources import faults_of_plugins
-from meeframe.plugin.validation import Problem
+from meeframe.plugin.validation import Problem, TableError
 from meeframe.solvers import Auto
 
 Check = tuple[Problem, Callable[[], object]]
@@ -50,7 +50,10 @@ def locate_in_counter(error: MeeframeError, table: CounterBodyTable, body: Body)
 
 
 def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
-    return replace(_place(error, table, body, checks), text=str(error), cause=error.__cause__)
+    place = _place(error, table, body, checks)
+    if isinstance(error, TableError):
+        return error.problems[0].inside(*place.location)
+    return replace(place, text=str(error), cause=error.__cause__)
 
 
 def _place(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:

@@ -14,6 +14,7 @@ from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
 from meeframe.core.law import ConductivityLaw, ContactLaw, attracts, conducts
 from meeframe.core.quantities import Quantity
+from meeframe.plugin.validation import Problem, TableError
 
 _LEAST_PART: Final = 1e-9
 """Of a motion that is along the normal: less is round-off of the frames."""
@@ -105,12 +106,11 @@ def check_first(step: Step) -> None:
 
 
 def check_pull(step: Step, law: ContactLaw) -> None:
-    """Raises CaseError if a load step pulls on surfaces that do not attract each other."""
-    if step.normal_force is not None and step.normal_force < 0 and not attracts(law):
-        raise CaseError(
-            f"normal_force = {step.normal_force:g} N; allowed: numbers >= 0 [N], pressing on the body, unless the "
-            "contact law attracts"
-        )
+    """Raises TableError if a load step pulls on surfaces that do not attract each other."""
+    force = step.given.get("normal_force", np.zeros(1)).item()
+    if force < 0 and not attracts(law):
+        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law attracts"
+        raise TableError(Problem(("normal_force",), allowed, force))
 
 
 def check_duration(step: Step, number: int, law: ContactLaw) -> None:
@@ -123,12 +123,12 @@ def check_duration(step: Step, number: int, law: ContactLaw) -> None:
 
 
 def check_resisted(step: Step, resists: NDArray[np.bool_]) -> None:
-    """Raises CaseError if a resultant is asked of a motion that nothing resists; resists: (8,) as of `resisted`."""
+    """Raises TableError if a resultant is asked of a motion that nothing resists; resists: (8,) as of `resisted`."""
     for key, value in step.given.items():
         if key not in MOTIONS and np.any((value != 0.0) & ~resists[COLUMNS[key]]):
             why = "insulate" if key in ("charge", "magnetic_flux") else "admit no traction that resists this motion"
-            shown = ", ".join(f"{component:g}" for component in value)
-            raise CaseError(f"{key} = {shown} [{UNITS[key]}]: the laws of the contact {why}; allowed: 0, or other laws")
+            given = value.item() if value.size == 1 else value.tolist()
+            raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", given))
 
 
 def resisted(

@@ -13,6 +13,7 @@ from meeframe.core.errors import CaseError
 
 _MOST_BITS: Final = 10_000
 """Of whole numbers: Python writes none of more than 4300 decimal digits, not even into a message."""
+_DIGITS: Final = re.compile(r"[0-9_]+")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -31,14 +32,25 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
 
 def toml_tables(text: str) -> dict[str, Any]:
     """Tables of TOML text. Raises ValueError, and RecursionError for tables too deep within each other."""
-    tables = tomllib.loads(text)
-    values: list[Any] = [tables]
-    for value in values:
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:  # of Python's, of more decimal digits than it reads
+        longest = max(_DIGITS.finditer(text), key=lambda digits: len(digits[0]))
+        raise ValueError(
+            f"a whole number of {len(longest[0])} digits (at line {text.count(chr(10), 0, longest.start()) + 1}); "
+            f"allowed: {_MOST_BITS} binary digits at most"
+        ) from None
+    values: list[tuple[str, Any]] = [("", tables)]
+    for key, value in values:
         if isinstance(value, int) and value.bit_length() > _MOST_BITS:  # as many hexadecimal digits as one likes
             digits = f"{value.bit_length()} binary digits"
-            raise ValueError(f"it has a whole number of {digits}; allowed: {_MOST_BITS} at most")
-        if isinstance(value, dict | list):
-            values += value.values() if isinstance(value, dict) else value
+            raise ValueError(f"{key[1:]}: a whole number of {digits}; allowed: {_MOST_BITS} at most")
+        if isinstance(value, dict):
+            values += ((f"{key}.{name}", entry) for name, entry in value.items())
+        if isinstance(value, list):
+            values += ((f"{key}[{number}]", entry) for number, entry in enumerate(value, 1))
     return tables
 
 

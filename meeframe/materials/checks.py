@@ -18,6 +18,11 @@ _SEMIDEFINITE = 1e-12  # relative to the largest eigenvalue: positive, but for r
 _SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below any table's last digit
 
 
+def called(material: str) -> str:
+    """A material in words, by its name if it has one."""
+    return f"material {material!r}" if material else "the material"
+
+
 def component_name(symbol: str, index: tuple[int, ...]) -> str:
     """Name of a component as in the paper's tables, of 0-based indices: ('c', (0, 0, 1, 1)) is 'c_1122'."""
     return f"{symbol}_{''.join(str(i + 1) for i in index)}"
@@ -32,11 +37,11 @@ def checked_tensor(material: str, symbol: str, values: Array) -> Array:
     tensor = np.array(values, dtype=float)
     dimensions = len(_SYMMETRIES[symbol][0][1])
     if tensor.shape != (3,) * dimensions:
-        raise MaterialError(f"material {material!r}: {symbol} has shape {tensor.shape}, needs {(3,) * dimensions}")
+        raise MaterialError(f"{called(material)}: {symbol} has shape {tensor.shape}, needs {(3,) * dimensions}")
     if not np.isfinite(tensor).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(tensor))[0])
         raise MaterialError(
-            f"material {material!r}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
+            f"{called(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
         )
     for law, axes in _SYMMETRIES[symbol]:
         _check_symmetry(material, symbol, tensor, law, axes)
@@ -54,7 +59,7 @@ def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: t
     index = tuple(int(i) for i in np.unravel_index(difference.argmax(), tensor.shape))
     partner = tuple(index[axis] for axis in axes)
     raise MaterialError(
-        f"material {material!r}: {symbol} must satisfy {law} (eq. 8), but {component_name(symbol, index)} = "
+        f"{called(material)}: {symbol} must satisfy {law} (eq. 8), but {component_name(symbol, index)} = "
         f"{tensor[index]:g} and {component_name(symbol, partner)} = {tensor[partner]:g}"
     )
 
@@ -64,7 +69,7 @@ def check_elastic(material: str, elastic: Array) -> None:
     lowest, definite = _lowest_eigenvalue(mandel_matrix(elastic))
     if not definite:
         raise MaterialError(
-            f"material {material!r} is not admissible: the elastic stiffness c must be positive definite, "
+            f"{called(material)} is not admissible: the elastic stiffness c must be positive definite, "
             f"but its smallest eigenvalue is {lowest:.6g} Pa"
         )
 
@@ -79,7 +84,7 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
         lowest, definite = _lowest_eigenvalue(tensor)
         if not definite:
             raise MaterialError(
-                f"material {material!r} is not admissible: {symbol} must be positive definite, "
+                f"{called(material)} is not admissible: {symbol} must be positive definite, "
                 f"but its smallest eigenvalue is {lowest:.6g} {unit}"
             )
     block = np.block([[eps, lambda_], [lambda_, mu]])
@@ -87,7 +92,7 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
     lowest, definite = _lowest_eigenvalue(scale[:, None] * scale[None, :] * block)
     if not definite:
         raise MaterialError(
-            f"material {material!r} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
+            f"{called(material)} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
             f"definite, but its smallest eigenvalue is {lowest:.6g} with eps and mu scaled to order one "
             f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from meeframe.core.errors import MaterialError
 from meeframe.core.fields import Array
+from meeframe.materials.checks import called
 from meeframe.materials.material import SYMBOLS, VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY, Material
 from meeframe.materials.symmetry import Component, symmetry_class
 from meeframe.materials.voigt import PAIRS, coupling_matrix, elastic_matrix, voigt_index
@@ -67,7 +68,7 @@ def material_from_components(
                 given |= {(symbol, i, i): value for i in (1, 2, 3)}
         values = symmetry_class(symmetry).complete(given, component_label)
     except MaterialError as error:
-        raise MaterialError(f"material {name!r}: {error}") from None
+        raise MaterialError(f"{called(name)}: {error}") from None
     c, e, q, eps, lambda_, mu = (_matrix(symbol, values) for symbol in SYMBOLS.values())
     return Material.from_voigt(name, c, e, q, eps, lambda_, mu, source)
 

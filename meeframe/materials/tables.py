@@ -10,6 +10,7 @@ from meeframe.core.errors import CaseError, MaterialError
 from meeframe.core.fields import Array
 from meeframe.core.quantities import Quantity
 from meeframe.core.toml import read_toml, toml_text
+from meeframe.materials.checks import called
 from meeframe.materials.components import UNITS, material_components, material_from_components, parse_component
 from meeframe.materials.material import Material
 from meeframe.materials.rotation import rotation_about, rotation_from_euler
@@ -25,14 +26,14 @@ def inline_material(table: Mapping[str, Any]) -> Material:
     key, value and what is allowed.
     """
     check_keys(table, _INLINE_KEYS, "material")
-    name = _text(table, "name", "unnamed")
+    name = _text(table, "name", "")
     components = table.get("components")
     if not isinstance(components, Mapping) or not components:
         raise MaterialError(
-            f"material {name!r}: components is {components!r}, must be a table such as {{c_1111 = '226 GPa'}}"
+            f"{called(name)}: components is {components!r}, must be a table such as {{c_1111 = '226 GPa'}}"
         )
     values = {
-        key: quantity(f"material {name!r}: components.{key}", value, UNITS[parse_component(key)[0]])
+        key: quantity(f"{called(name)}: components.{key}", value, UNITS[parse_component(key)[0]])
         for key, value in components.items()
     }
     material = material_from_components(name, values, _text(table, "symmetry", "triclinic"), _text(table, "source", ""))

@@ -55,6 +55,16 @@ class Problem:
         """The same problem seen from an enclosing table."""
         return replace(self, location=(*outer, *self.location))
 
+    def quoting(self, tables: Mapping[str, Any]) -> "Problem":
+        """The same problem with the value that tables have in its place, as it was written there, if they have one."""
+        value: Any = tables
+        try:
+            for key in self.location:
+                value = value[key]
+        except (LookupError, TypeError):
+            return self
+        return self if self.value is _MISSING else replace(self, value=value)
+
     def __str__(self) -> str:
         path = ""
         for key in self.location:

@@ -48,12 +48,15 @@ class DenseBEM(Formulation):
 
         Raises MeshError unless the mesh is a closed surface with outward normals; TooLargeError if its matrices would
         not fit into this machine's memory; CaseError if boundary conditions contradict each other, touch the contact
-        zone or leave a field undetermined; MaterialError if the fundamental solution does not apply.
+        zone or leave a field undetermined; MaterialError if the fundamental solution does not apply, or the material is
+        too near to inadmissible.
         """
         _check_memory(body)
         check_mesh(body.mesh)
         self._layout(body)
-        _bound(self.fundamental_solution, _scaled(body).tobytes())
+        stiffness = _scaled(body)
+        _bound(self.fundamental_solution, stiffness.tobytes())
+        anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Of slender parts, whose bending may be wrong; for a body that check lets pass."""

@@ -77,7 +77,7 @@ class HierarchicalBEM(Formulation):
         Raises MeshError unless the mesh is a closed surface with outward normals; CaseError if boundary conditions
         contradict each other, touch the contact zone or leave a field undetermined, or if there is no contact zone;
         TooLargeError if the matrices would not fit into this machine's memory; MaterialError if the fundamental
-        solution does not apply.
+        solution does not apply, or the material is too near to inadmissible.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
@@ -85,7 +85,9 @@ class HierarchicalBEM(Formulation):
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
-        self.fundamental_solution.bind(_scaled(body))
+        stiffness = _scaled(body)
+        self.fundamental_solution.bind(stiffness)
+        anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
         """Of slender parts, whose bending may be wrong; for a body that check lets pass."""

@@ -100,12 +100,12 @@ def test_what_nothing_resists_is_left_alone_or_refused(bed, rubbing, system):
     for prescribed in ({"tangential_force": (0.0, 1.0)}, {"force_ratio": (0.1, 0.0)}, {"torque": 1.0}):
         with pytest.raises(CaseError, match=rf"{next(iter(prescribed))} = .*admit no traction.*{allowed}"):
             replace(rubbing, contact_law=Signorini(), steps=(Step(approach=1e-5), Step(**prescribed)))
-    with pytest.raises(CaseError, match=rf"tangential_force = 1, 0 \[N\].*{allowed}"):
+    with pytest.raises(CaseError, match=rf"tangential_force = \[1.0, 0.0\]: .*{allowed}"):
         replace(
             rubbing, contact_law=OrthotropicCoulomb(0.0, 0.3), steps=(Step(approach=1e-5, tangential_force=(1.0, 0.0)),)
         )
     replace(rubbing, contact_law=Signorini(), steps=(Step(approach=1e-5, moment=(0.1, 0.0)),))
-    with pytest.raises(CaseError, match=rf"charge = 1 \[C\]: the laws of the contact insulate; {allowed}"):
+    with pytest.raises(CaseError, match=rf"charge = 1.0: the laws of the contact insulate; {allowed}"):
         replace(rubbing, steps=(Step(approach=1e-5, charge=1.0),))
 
 

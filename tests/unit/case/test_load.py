@@ -408,12 +408,15 @@ def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
             ("divisions = 4", f"divisions = {'9' * 400}"),
             r"mesh.divisions = 9999.*\.\.\.: should be less than or equal to",
         ),
-        (('"tiny"', "9" * 5000), "is not a TOML file: Exceeds the limit"),
+        (
+            ('"tiny"', "9" * 5000),
+            r"is not a TOML file: a whole number of 5000 digits \(at line 2\); allowed: 10000 bin",
+        ),
         (
             ('"tiny"', "0x" + "f" * 4000),
-            "is not a TOML file: it has a whole number of 16000 binary digits",
+            "is not a TOML file: title: a whole number of 16000 binary digits; allowed: 10000 at most",
         ),
-        (('"tiny"', f"[{{a = [0x{'f' * 4000}]}}]"), "a whole number of 16000 binary digits"),
+        (('"tiny"', f"[{{a = [0x{'f' * 4000}]}}]"), r"file: title\[1\].a\[1\]: a whole number of 16000 binary digits"),
         (('"tiny"', "[" * 5000 + "]" * 5000), "is not a TOML file: maximum recursion depth"),
         (('"tiny"', r'"a\u0000b"'), r"title = 'a\\x00b': holds the character NUL; allowed: any other in a title"),
         (('"tiny"', "1979-05-27"), r"title = 1979-05-27: should be a text"),
@@ -429,3 +432,19 @@ def test_a_body_larger_than_numbers(write_case):
     bem = ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
     with pytest.raises(CaseError, match=r"mesh: .*coordinates that are not finite or beyond 1e\+60 m: 25 points, at"):
         load_case(write_case(bem, ('"120 mm"', "1e300")))
+
+
+@pytest.mark.parametrize("formulation", ["dense-bem", "hmatrix-bem"])
+def test_materials_too_near_to_incompressible_are_found_at_loading(write_case, registry, formulation):
+    """The closed form of the fundamental solution takes them, quadrature does not."""
+    chosen = f'name = "{formulation}"\nfundamental_solution = "isotropic"'
+    material = 'name = "isotropic"\nyoung_modulus = "1 GPa"\npoisson_ratio = 0.4999999'
+    change = ('name = "batio3-cofe2o4"', material), ('name = "winkler"\nstiffness = "1e14 Pa/m"', chosen)
+    with pytest.raises(CaseError, match=r"formulation: a Stroh eigenvalue .* real .* a smaller poisson_ratio"):
+        load_case(write_case(*change), registry)
+
+
+def test_materials_without_a_name_are_refused_without_one(write_case, registry):
+    change = ('name = "batio3-cofe2o4"', 'symmetry = "isotropic"\ncomponents = { c_11 = 1e9, c_12 = 2e9 }')
+    with pytest.raises(CaseError, match="material: the material is not admissible: the elastic stiffness c must be"):
+        load_case(write_case(change), registry)
