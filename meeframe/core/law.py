@@ -52,7 +52,7 @@ class ContactLaw(ABC):
     def tangential_scaling(self) -> Array:
         """Dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
 
-        It belongs to the metric of `project` (docs/theory.md, Set and metric): M^2 / max(mu)^2 if friction is orthotropic.
+        It belongs to the metric of `project` (docs/theory.md, Set and metric): M^2 / max(mu)^2 of orthotropic friction.
         Zero where the law admits no tangential traction.
         """
 

@@ -4,7 +4,7 @@ from meeframe.geometry.axes import FrictionAxes
 from meeframe.geometry.checks import check_mesh, merge_points, orient_outward
 from meeframe.geometry.generators import Grading, block_mesh, box_mesh, half_space_mesh, sphere_mesh
 from meeframe.geometry.heights import Heights, SampledHeights
-from meeframe.geometry.indenters import Cone, Cylinder, FlatPunch, RectangularPunch, Sphere
+from meeframe.geometry.indenters import Cone, Cylinder, FlatPunch, Paraboloid, RectangularPunch, Sphere
 from meeframe.geometry.measures import area, volume
 from meeframe.geometry.placement import Placement, initial_gap
 from meeframe.geometry.reader import read_mesh
@@ -20,6 +20,7 @@ __all__ = [
     "FrictionAxes",
     "Grading",
     "Heights",
+    "Paraboloid",
     "Placement",
     "RectangularPunch",
     "SampledHeights",

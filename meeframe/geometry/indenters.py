@@ -36,6 +36,25 @@ class Sphere(Indenter):
 
 @final
 @dataclass(frozen=True)
+class Paraboloid(Indenter):
+    """Paraboloid of two principal radii, x^2 / (2 radius_x) + y^2 / (2 radius_y), as in Hertz's theory.
+
+    Its placement turns it. Raises CaseError unless 0 < radius < inf for both.
+    """
+
+    radius_x: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
+    radius_y: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
+
+    def __post_init__(self) -> None:
+        check_quantities(self)
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Height above the lowest point, (n,) [m]."""
+        return x**2 / (2 * self.radius_x) + y**2 / (2 * self.radius_y)
+
+
+@final
+@dataclass(frozen=True)
 class FlatPunch(Indenter):
     """Flat circular end of a punch; no surface beyond its radius.
 

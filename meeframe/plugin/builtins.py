@@ -11,7 +11,7 @@ from meeframe.core.law import ConductivityLaw, ContactLaw
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
-from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, RectangularPunch, Sphere
+from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, Paraboloid, RectangularPunch, Sphere
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, Uzawa
@@ -100,6 +100,7 @@ def meeframe_indenters() -> Iterable[Record[Indenter]]:
     """Shapes of rigid indenters."""
     return [
         Record("sphere", Sphere, "sphere or, by default, its paraboloid", f"{_JOHNSON}, section 3.4"),
+        Record("paraboloid", Paraboloid, "paraboloid of two radii", f"{_JOHNSON}, section 4.2"),
         Record("flat-punch", FlatPunch, "circular flat end", f"{_JOHNSON}, section 3.8"),
         Record("rectangular-punch", RectangularPunch, "rectangular flat end", f"{_JOHNSON}, section 3.8"),
         Record("cone", Cone, "cone", "Sneddon, Int. J. Eng. Sci. 3 (1965) 47-57"),

@@ -11,6 +11,7 @@ from meeframe.geometry import (
     Cone,
     Cylinder,
     Grading,
+    Paraboloid,
     Placement,
     Sphere,
     area,
@@ -126,6 +127,7 @@ def test_frames_are_right_handed_and_orthonormal(normal) -> None:  # type: ignor
 shapes = st.one_of(
     st.floats(0.05, 1).map(Sphere),
     st.floats(0.05, 1).map(lambda radius: Sphere(radius, "exact")),
+    st.tuples(st.floats(0.05, 1), st.floats(0.05, 1)).map(lambda v: Paraboloid(*v)),
     st.floats(0.01, 0.5).map(Cone),
     st.tuples(st.floats(0.05, 1), st.floats(-3, 3)).map(lambda v: Cylinder(*v)),
 )

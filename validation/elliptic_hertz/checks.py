@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from meeframe.core.fields import Array
+from meeframe.geometry import Paraboloid
 from meeframe.study.validate import Check, Curve, Item, Map, Plot
 
 TITLE = "Elliptic Hertz contact, up to cylinder-like"
@@ -59,7 +60,7 @@ def contact(ratio: float) -> Ellipse:
 def pressed(ratio: float, cells: float) -> Pressed:
     """So many cells along both axes of the ellipse."""
     exact = contact(ratio)
-    height = lambda x, y: (x**2 / ratio + y**2) / (2.0 * RADIUS)  # noqa: E731
+    height = Paraboloid(ratio * RADIUS, RADIUS).height
     return press(STIFFNESS, height, APPROACH, (2.0 * exact.a, 2.0 * exact.b), cells)
 
 

@@ -4,10 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import elliprd, elliprf
 
 from meeframe.core.errors import CaseError
-from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, RectangularPunch, SampledHeights, Sphere
+from meeframe.geometry import (
+    Cone,
+    Cylinder,
+    FlatPunch,
+    Heights,
+    Paraboloid,
+    RectangularPunch,
+    SampledHeights,
+    Sphere,
+)
 from meeframe.plugin.validation import build
+from meeframe.solvers import SemismoothNewton, solve
+from meeframe.testing.half_space import half_space_system, indentation_problem
 
 RNG = np.random.default_rng(5)
 X, Y = RNG.uniform(-2e-3, 2e-3, (2, 400))
@@ -35,6 +47,32 @@ def test_exact_profiles_reach_their_equator() -> None:
     edge = np.array([2e-3 * (1 + 1e-12)])
     assert Sphere(2e-3, "exact").height(edge, 0 * edge) == pytest.approx(2e-3)
     assert Cylinder(2e-3, np.pi / 2, "exact").height(edge, edge) == pytest.approx(2e-3)
+
+
+def test_paraboloid() -> None:
+    shape = Paraboloid(0.1, 0.02)
+    line = np.linspace(-2e-3, 2e-3, 11)
+    np.testing.assert_allclose(shape.height(line, 0 * line), Cylinder(0.1, np.pi / 2).height(line, line), rtol=1e-14)
+    np.testing.assert_allclose(shape.height(0 * line, line), Cylinder(0.02).height(line, line), rtol=1e-14)
+    np.testing.assert_allclose(Paraboloid(0.1, 0.1).height(X, Y), Sphere(0.1).height(X, Y), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0e-3, 0.5e-3), (0.35e-3, 1.0e-3)])
+def test_paraboloids_press_ellipses_into_a_half_space(a: float, b: float) -> None:
+    """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) lifts the surface by p_0 a b/(2 E*) times the integral from w = 0 to infinity of
+    (1 - x^2/(a^2 + w) - y^2/(b^2 + w))/sqrt(w (a^2 + w)(b^2 + w)): Johnson, Contact Mechanics (1985), section 3.5."""
+    modulus, peak = 1e11, 2e9
+    across_x, across_y = elliprd(0, b**2, a**2), elliprd(0, a**2, b**2)
+    shape = Paraboloid(*(3 * modulus / (2 * peak * a * b) / np.array([across_x, across_y])))
+    approach = peak * a * b / modulus * elliprf(0, a**2, b**2)
+    system = half_space_system(np.diag([1 / (np.pi * modulus), -1e9, -1e4]), 2.2e-3, 32)
+    x, y = system.points[:, :2].T
+    solution = solve(indentation_problem(system, shape.height(x, y), approach), SemismoothNewton())
+    forces = -system.weights * solution.state.load[:, 2]
+    assert solution.status == "converged"
+    assert forces.sum() == pytest.approx(2 / 3 * np.pi * a * b * peak, rel=5e-3)
+    assert np.sqrt(5 * forces @ x**2 / forces.sum()) == pytest.approx(a, rel=5e-3)
+    assert np.sqrt(5 * forces @ y**2 / forces.sum()) == pytest.approx(b, rel=5e-3)
 
 
 def test_cone() -> None:
@@ -72,6 +110,7 @@ def test_cylinder(direction: float) -> None:
         (lambda: Sphere(float("inf")), "Sphere: radius = inf: must be .*finite"),
         (lambda: Sphere("3 V"), "Sphere: radius = '3 V': has the wrong unit"),
         (lambda: Sphere(0.1, "conic"), "Sphere: profile = 'conic': allowed: parabolic, exact"),
+        (lambda: Paraboloid(0.1, 0.0), r"Paraboloid: radius_y = 0\.0: must be > 0"),
         (lambda: FlatPunch(0.0), r"FlatPunch: radius = 0\.0"),
         (lambda: RectangularPunch(1.0, -1.0), r"half_width_y = -1\.0"),
         (lambda: Cone(1.6), r"Cone: angle = 1\.6: must be > 0 and < 1\.57"),
@@ -100,6 +139,7 @@ def test_tables_of_case_files_make_them() -> None:
     assert build(Cylinder, {"radius": "5 mm", "direction": "90 deg"}) == Cylinder(0.005, np.pi / 2)
     assert build(Heights, {"file": "a.csv", "unit": "1 um"}) == Heights(Path("a.csv"), unit=1e-6)
     assert build(FlatPunch, {"radius": 0.001}) == FlatPunch(1e-3)
+    assert build(Paraboloid, {"radius_x": "2 cm", "radius_y": "5 mm"}) == Paraboloid(0.02, 0.005)
 
 
 def grid(f: object, nx: int = 9, ny: int = 7) -> np.ndarray:

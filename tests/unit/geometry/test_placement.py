@@ -12,6 +12,7 @@ from meeframe.geometry import (
     ContactZone,
     Cylinder,
     FlatPunch,
+    Paraboloid,
     Placement,
     RectangularPunch,
     SampledHeights,
@@ -29,6 +30,7 @@ SHAPES = [
     Sphere(0.02, "exact"),
     Cone(0.2),
     Cylinder(0.05, 0.4),
+    Paraboloid(0.1, 0.02),
     FlatPunch(2e-3),
     RectangularPunch(2e-3, 1e-3),
 ]
@@ -80,6 +82,9 @@ def test_rotation_in_its_plane() -> None:
     np.testing.assert_allclose(turned, Cylinder(0.05, 0.4).height(*FLAT.points[:, :2].T), atol=1e-18)
     quarter = initial_gap(RectangularPunch(2e-3, 1e-3), FLAT, Placement(rotation=np.pi / 2))
     np.testing.assert_array_equal(quarter, RectangularPunch(1e-3, 2e-3).height(*FLAT.points[:, :2].T))
+    askew = initial_gap(Paraboloid(0.1, 0.02), FLAT, Placement(rotation=0.4))
+    cylinders = [Cylinder(0.1, 0.4 + np.pi / 2), Cylinder(0.02, 0.4)]
+    np.testing.assert_allclose(askew, sum(c.height(*FLAT.points[:, :2].T) for c in cylinders), atol=1e-18)
 
 
 @EVERY_SHAPE
