@@ -210,8 +210,10 @@ def traction_tangents(
     step = r[0] * np.eye(3)
     step[:2, :2] = r[1] * law.tangential_scaling()
     by_gap = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)  # entry by entry: products of small matrices are slow
-    for row, k, column in np.ndindex(3, 3, 3):
-        if step[k, column]:
+    for row, column in np.ndindex(3, 3):
+        first, *others = np.flatnonzero(step[:, column]) if step[:, column].any() else (column,)
+        np.multiply(by_trial[:, row, first], step[first, column], out=by_gap[:, row, column])
+        for k in others:
             by_gap[:, row, column] += by_trial[:, row, k] * step[k, column]
     if alone.any():
         by_gap += alone

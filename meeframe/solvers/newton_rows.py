@@ -1,6 +1,5 @@
 """The linearised equations of Newton's method where they say more than what one unknown of their own node is."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -12,7 +11,7 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.node_blocks import NodeBlocks
-from meeframe.solvers.nonsmooth import CLOSED, OF_DISPLACEMENT, OF_UNKNOWNS, Blocks, Equation
+from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
 TANGENTIAL: Final = (0, 1)
 """Components of the load."""
@@ -43,10 +42,10 @@ class Rows:
         nodes = np.flatnonzero(coupled.any(axis=1))
         components = np.flatnonzero(coupled.any(axis=0)).tolist()
         where = coupled.T.take(nodes, axis=1)[components]
-        asking = {field for row, field in OF_DISPLACEMENT if blocks.b[:, row, field].any()}
+        asking = {field for _, field in blocks.b.entries}
         asked = sorted(asking | {component for component in components if component < CLOSED})
-        a = _entries(blocks.a, OF_UNKNOWNS, components, components, nodes, where)
-        b = _entries(blocks.b, OF_DISPLACEMENT, components, asked, nodes, where)
+        a = _entries(blocks.a, components, components, nodes, where)
+        b = _entries(blocks.b, components, asked, nodes, where)
         units = np.append(equation.scales.load, 1.0)[components].tolist()
         for (_, column), entry in a.items():
             entry *= units[column]
@@ -102,8 +101,11 @@ class Rows:
         image = self.of_displacement.times(moved.T.take(self.nodes, axis=1))
         some = np.flatnonzero(step.T.take(self.nodes, axis=1).any(axis=0))
         there = self.nodes[some]
-        own = np.einsum("cij,cj->ic", blocks.a[there][:, self.components], step[there])
-        image[:, some] += np.where(self.coupled[:, some], own, 0.0)
+        for (row, column), entry in blocks.a.entries.items():
+            if row in self.components:
+                place = self.components.index(row)
+                own = entry.take(there) * step[there, column]
+                image[place, some] += np.where(self.coupled[place, some], own, 0.0)
         return image.ravel()
 
     def multiplication(self) -> Linear:
@@ -154,20 +156,12 @@ class Rows:
 
 
 def _entries(
-    blocks: Array,
-    filled: Sequence[tuple[int, int]],
-    rows: list[int],
-    columns: list[int],
-    nodes: Indices,
-    coupled: Mask,
+    blocks: NodeBlocks, rows: list[int], columns: list[int], nodes: Indices, coupled: Mask
 ) -> dict[tuple[int, int], Array]:
-    """Rows and columns of the blocks (n, i, j) at c nodes, zero where they are not coupled (r, c).
-
-    filled: the entries of the blocks that are not zero everywhere.
-    """
+    """Rows and columns of the blocks of all nodes at c of them, zero where they are not coupled (r, c)."""
     entries = dict[tuple[int, int], Array]()
-    for row, column in filled:
+    for (row, column), entry in blocks.entries.items():
         if row in rows and column in columns:
             place = rows.index(row), columns.index(column)
-            entries[place] = np.where(coupled[place[0]], blocks[:, row, column].take(nodes), 0.0)
+            entries[place] = np.where(coupled[place[0]], entry.take(nodes), 0.0)
     return entries

@@ -10,7 +10,7 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.newton_krylov import UNRESISTED, Inverse, krylov_step
-from meeframe.solvers.nonsmooth import CLOSED, OF_DISPLACEMENT, OF_UNKNOWNS, Blocks, Equation
+from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
 ACCURATE: Final = 1e-10
 """Fraction of the residual that iterations leave unless they are told otherwise."""
@@ -39,7 +39,7 @@ def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE,
     it is. Where there is no matrix, tolerance: fraction of the residual that may be left; before: of the last step.
     """
     coupled = _coupled(blocks)
-    given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
+    given = _stated(blocks, coupled)
     matrix, inverse = equation.problem.system.dense(), None
     if matrix is None:
         try:
@@ -59,7 +59,7 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
     rows say; matrix: (5n, 5n) compliance.
     """
     right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
-    rights = np.concatenate([right[:, :, None], blocks.b @ equation.modes], axis=2)[coupled]
+    rights = np.concatenate([right[:, :, None], blocks.b.dense(N_FIELDS) @ equation.modes], axis=2)[coupled]
     responses = np.zeros((*coupled.shape, rights.shape[1]))
     responses[:, :, 0] = given
     if rights.size:
@@ -71,7 +71,9 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
 def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
     """(A + B C) step, (n, 6)."""
     moved = equation.problem.system.apply(step[:, :N_FIELDS])
-    return np.asarray((blocks.a @ step[:, :, None] + blocks.b @ moved[:, :, None])[:, :, 0])
+    product = blocks.a.times(step.T)
+    blocks.b.add(moved.T, product)
+    return product.T
 
 
 def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
@@ -88,12 +90,21 @@ def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
 def _coupled(blocks: Blocks) -> Mask:
     """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
     fraction's: one goes with the other."""
-    coupled = np.zeros((CLOSED + 1, len(blocks.a)), bool)
-    beside = [(row, blocks.a[:, row, column]) for row, column in OF_UNKNOWNS if row != column]
-    for row, entry in [*beside, *((row, blocks.b[:, row, column]) for row, column in OF_DISPLACEMENT)]:
+    coupled = np.zeros(blocks.a.shape, bool)
+    beside = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
+    for row, entry in [*beside, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
         coupled[row] |= entry != 0.0
     coupled[2] |= coupled[CLOSED]
     return coupled.T
+
+
+def _stated(blocks: Blocks, coupled: Mask) -> Array:
+    """Step (n, 6) that the other rows say, zero on those that are coupled (n, 6)."""
+    step = np.zeros(coupled.shape[::-1]).T
+    for row in range(CLOSED + 1):
+        own = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
+        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / own)
+    return step
 
 
 def _unit(equation: Equation, unknown: Indices) -> Array:
@@ -111,14 +122,15 @@ def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, ma
     number[node, row] = np.arange(len(node))
     columns = np.flatnonzero(coupled[:, :N_FIELDS])
     jacobian = np.zeros((len(node), len(node)))
+    by_unknown, by_displacement = blocks.a.dense(CLOSED + 1), blocks.b.dense(N_FIELDS)
     for field in range(N_FIELDS):
-        factor = blocks.b[node, row, field]
+        factor = by_displacement[node, row, field]
         rows = np.flatnonzero(factor)
         response = matrix.take(node[rows] * N_FIELDS + field, axis=0).take(columns, axis=1)
         jacobian[rows, : len(columns)] += factor[rows, None] * response
     for unknown in range(CLOSED + 1):
         rows = np.flatnonzero(coupled[node, unknown])
-        jacobian[rows, number[node[rows], unknown]] += blocks.a[node[rows], row[rows], unknown]
+        jacobian[rows, number[node[rows], unknown]] += by_unknown[node[rows], row[rows], unknown]
     unit = _unit(equation, row)
     solved = np.empty_like(rights)
     try:

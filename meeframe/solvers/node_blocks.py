@@ -38,6 +38,13 @@ class NodeBlocks:
         found = self.entries.get((row, column))
         return np.zeros(self.shape[1]) if found is None else found
 
+    def dense(self, columns: int) -> Array:
+        """Matrices (c, rows, columns)."""
+        matrices = np.zeros((*self.shape[::-1], columns))
+        for (row, column), entry in self.entries.items():
+            matrices[:, row, column] = entry
+        return matrices
+
     def astype(self, precision: np.dtype[Any]) -> "NodeBlocks":
         """Rounded to a precision."""
         return NodeBlocks({place: entry.astype(precision) for place, entry in self.entries.items()}, self.shape)

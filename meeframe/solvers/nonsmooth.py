@@ -28,6 +28,7 @@ from meeframe.core.contact import ContactProblem, indenter_position, unbalance
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import (
     attraction_slope,
+    attracts,
     augmented_traction,
     conducts,
     contact_traction,
@@ -36,6 +37,7 @@ from meeframe.core.law import (
 )
 from meeframe.solvers.conduction import Mask, follows_gap, resistances, unloaded
 from meeframe.solvers.floating import POTENTIALS
+from meeframe.solvers.node_blocks import NodeBlocks
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
 
 CLOSED: Final = 5
@@ -48,10 +50,6 @@ NEAREST: Final = 1e-4
 """Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
-FRICTION: Final = tuple((row, column) for row in range(3) for column in range(3))
-OF_UNKNOWNS: Final = (*FRICTION, (3, 3), (3, 2), (3, CLOSED), (4, 4), (4, 2), (4, CLOSED), (CLOSED, CLOSED))
-OF_DISPLACEMENT: Final = (*FRICTION, (3, 3), (3, 2), (4, 4), (4, 2), (CLOSED, 2))
-"""Rows and columns of the entries of the blocks that are not zero everywhere."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
 
@@ -162,12 +160,10 @@ class Equation:
     def transmissivity_across(self, pressing: Array, ahead: Array, closed: Array) -> tuple[Array, Array]:
         """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by central differences.
 
-        Zero unless a conductivity follows the gap or the drop. Widths are fractions of the gap and the drop themselves:
-        a breakdown happens within a small fraction of a drop that may be far below the others.
+        For conductivities that follow the gap or the drop. Widths are fractions of the gap and the drop themselves: a
+        breakdown happens within a small fraction of a drop that may be far below the others.
         """
         by_gap, by_drop = np.zeros((2, *self.own.shape))
-        if not follows_gap(self.problem):
-            return by_gap, by_drop
 
         def mixed(moved: Array) -> Array:
             shut, apart = (self.transmissivity(pressing, moved, fraction) for fraction in (1.0, 0.0))
@@ -187,12 +183,12 @@ class Equation:
 class Blocks:
     """The linearisation (A + B C) step - B modes motion = -residual, measures : step = -balance.
 
-    a: (n, 6, 6) and b: (n, 6, 5), zero but for OF_UNKNOWNS and OF_DISPLACEMENT, residual: (n, 6), balance: (m,); modes
+    a: of n nodes by unknowns (6,) and b: by displacements (5,), six rows each, residual: (n, 6), balance: (m,); modes
     and measures are the equation's; farthest: how many characteristic amounts the motions may go in one step.
     """
 
-    a: Array
-    b: Array
+    a: NodeBlocks
+    b: NodeBlocks
     residual: Array
     balance: Array
     farthest: float
@@ -249,8 +245,6 @@ class Point:
         law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
         moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
-        # most entries are zero everywhere and never touched
-        a, b = (np.zeros((6, columns, len(self.load))).transpose(2, 0, 1) for columns in (6, 5))
         residual = self.residual.copy(order="K")
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
@@ -259,23 +253,33 @@ class Point:
         by_trial, by_gap = traction_tangents(
             law, self.trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between
         )
-        for i, j in FRICTION:
-            a[:, i, j] = (float(i == j) - by_trial[:, i, j]) / scales.pressure
-            b[:, i, j] = by_gap[:, i, j] / scales.pressure
-        a[:, CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
-        b[between, CLOSED, 2] = -equation.r / scales.pressure
+        a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
+        for i, j in np.ndindex(3, 3):
+            a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)
+            b[i, j] = by_gap[:, i, j] * (1.0 / scales.pressure)
+        for i in range(3):
+            a[i, i] += 1.0 / scales.pressure
+        a[CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
+        b[CLOSED, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         closed = np.clip(self.closed, 0.0, 1.0)
         alone = unloaded(self.ahead, self.load[:, POTENTIALS], equation.own)
         slope = closed[:, None] * equation.transmissivity_slope(pressing, alone)
-        across, dropping = equation.transmissivity_across(pressing, alone, closed)
-        share = self.transmissivity - self.drive * dropping
-        across -= slope * attraction_slope(law, self.ahead[:, 2])[:, None]
+        share, across = self.transmissivity, None
+        if follows_gap(equation.problem):
+            across, dropping = equation.transmissivity_across(pressing, alone, closed)
+            share = share - self.drive * dropping
+        if attracts(law):
+            pulled = slope * attraction_slope(law, self.ahead[:, 2])[:, None]
+            across = -pulled if across is None else across - pulled
         for k, field in enumerate((3, 4)):
             unit = scales.displacement[field]
-            a[:, field, field] = equation.own[:, k] * (1.0 - share[:, k]) / unit
-            a[:, field, 2] = self.drive[:, k] * slope[:, k] / unit
-            a[:, field, CLOSED] = np.where(moves, self.drive[:, k] * self.jump[:, k] / unit, 0.0)
-            b[:, field, field] = share[:, k] / unit
-            b[:, field, 2] = -self.drive[:, k] * across[:, k] / unit
+            drive = self.drive[:, k] / unit
+            a[field, field] = equation.own[:, k] / unit * (1.0 - share[:, k])
+            a[field, 2] = drive * slope[:, k]
+            a[field, CLOSED] = np.where(moves, drive * self.jump[:, k], 0.0)
+            b[field, field] = share[:, k] / unit
+            if across is not None:
+                b[field, 2] = -drive * across[:, k]
         farthest = FARTHEST * float(np.abs(self.motion / equation.units).max(initial=1.0))
-        return Blocks(a, b, residual, self.balance, farthest)
+        of_unknowns, of_displacement = (NodeBlocks.of(part, residual.T.shape) for part in (a, b))
+        return Blocks(of_unknowns, of_displacement, residual, self.balance, farthest)

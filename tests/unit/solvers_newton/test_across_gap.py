@@ -82,7 +82,7 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing)
     expected = (ahead.residual - behind.residual)[:, 3:5] / (2.0 * width)
     blocks = here.linearise()
     moved = problem.system.apply(step[:, :5])
-    got = (np.einsum("nij,nj->ni", blocks.a, step) + np.einsum("nij,nj->ni", blocks.b, moved))[:, 3:5]
+    got = (np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved))[:, 3:5]
     # at a zero gap the conductivity has a kink, and where the trial changes sign the closed fraction jumps
     smooth = (opened * ahead.ahead[:, 2] > 0.0) & (opened * behind.ahead[:, 2] > 0.0)
     smooth &= np.sign(ahead.trial[:, 2]) == np.sign(behind.trial[:, 2])

@@ -16,7 +16,7 @@ RANDOM = np.random.default_rng(3)
 
 def jacobian_times(equation, blocks, step):
     moved = equation.problem.system.apply(step[:, :5])
-    return np.einsum("nij,nj->ni", blocks.a, step) + np.einsum("nij,nj->ni", blocks.b, moved)
+    return np.einsum("nij,nj->ni", blocks.a.dense(6), step) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved)
 
 
 def test_tangent_of_slip_is_the_derivative_of_the_radial_return() -> None:

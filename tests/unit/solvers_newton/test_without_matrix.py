@@ -18,7 +18,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductiv
 from meeframe.materials import Material, library_material
 from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.solvers.newton_krylov import krylov_step
-from meeframe.solvers.newton_steps import _coupled, newton_step
+from meeframe.solvers.newton_steps import _coupled, _stated, newton_step
 from meeframe.solvers.nonsmooth import Equation
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
@@ -70,7 +70,7 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
     blocks = equation.at(near.load, near.closed, np.zeros(32**2, bool), near.motion).linearise()
     step = newton_step(equation, blocks, tolerance)
     moved = problem.system.apply(step.local[:, :5]) - equation.modes @ (step.motion / equation.units)
-    product = np.einsum("nij,nj->ni", blocks.a, step.local) + np.einsum("nij,nj->ni", blocks.b, moved)
+    product = np.einsum("nij,nj->ni", blocks.a.dense(6), step.local) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved)
     totals = np.einsum("kni,ni->k", equation.measures, step.local[:, :5])
 
     def size(rows: Array, balance: Array) -> float:
@@ -108,7 +108,7 @@ def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
     four = replace(three, modes=three.modes @ mixed, measures=measures)
     blocks = point.linearise()
     coupled = _coupled(blocks)
-    given = np.where(coupled, 0.0, -blocks.residual / np.where(coupled, 1.0, np.diagonal(blocks.a, axis1=1, axis2=2)))
+    given = _stated(blocks, coupled)
     local, amounts, _ = krylov_step(three, blocks, coupled, given, tolerance)
     same, more, _ = krylov_step(four, replace(blocks, balance=mixed.T @ blocks.balance), coupled, given, tolerance)
     assert np.abs(more).max() <= 2.0 * np.abs(amounts).max()
