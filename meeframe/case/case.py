@@ -121,8 +121,13 @@ class Case:
         Nothing that stops a run.
         """
         counter = () if self.counter is None else ((self.counter.formulation, self.counter.body),)
+        return (*warnings_of(((self.formulation, self.body), *counter)), *self.doubts)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Of the warnings, those that are none of the formulations'."""
         with faults_of_plugins():
-            return (*warnings_of(((self.formulation, self.body), *counter)), *doubts(self))
+            return tuple(doubts(self))
 
     @property
     def n_increments(self) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from meeframe.solvers.free_motion import motions
 
 if TYPE_CHECKING:
     from meeframe.case.case import Case
+
+_FLAT: Final = 1e-6
+"""Overlaps that differ by a smaller fraction are the same."""
 
 
 @final
@@ -68,19 +71,21 @@ def check_solver(case: "Case", solver: Solver) -> None:
 def doubts(case: "Case") -> Iterator[str]:
     """That the indenter touches nothing, or overlaps the whole zone, in words, if the undeformed body shows it.
 
-    Not where it moves freely until it touches, or where the case goes on from an earlier run; that it touches nothing
-    not where the surfaces need not touch for the laws.
+    Not where it moves freely until it touches, or where the case goes on from an earlier run; that it overlaps all not
+    where that is meant, as flat punches and periodic surfaces do; that it touches nothing not where the surfaces need
+    not touch for the laws.
     """
     if case.restart is not None:
         return
     held = [increment for increment in planned(case) if not motions(increment.problem).size]
     for increment in held:
         gap = increment.problem.gap
-        if gap.max() < 0.0:
+        if gap.max() < 0.0 and np.ptp(gap) > _FLAT * -gap.min() and not case.formulation.periodic:
             yield (
                 f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
                 f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "
-                "will reach the edge of the zone, which is too small, or the approach too large"
+                "will reach the edge of the zone; unless full contact is meant, that is too small or the approach too "
+                "large"
             )
             return
     across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
@@ -89,6 +94,9 @@ def doubts(case: "Case") -> Iterator[str]:
     nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
     nearest, deepest = float(nearer.problem.gap.min()), _approach(nearer)
     if nearest < 0.0:
+        return
+    if nearest == 0.0:
+        yield f"at an approach of {deepest:.3g} m the indenter just touches the undeformed body and presses nowhere"
         return
     yield (
         f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "

@@ -32,10 +32,10 @@ _OF_RIM: Final = 0.5
 circles six or more spacings across."""
 
 
-def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
+def remarks(zone: Zone, step: StepResult, law: ContactLaw, periodic: bool = False) -> Iterator[str]:
     """What a reader should know of an increment, each in words.
 
-    law: that of the increment.
+    law: that of the increment; periodic: whether the zone is a period of an endless surface, and has no edge.
 
     What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
     is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
@@ -48,7 +48,7 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw) -> Iterator[str]:
     count = int(step.touching[_border_sides(zone)].all(axis=1).sum())
     if not step.touching.any():
         yield "the indenter does not touch the body"
-    if count:
+    if count and not periodic:
         yield f"the contact reaches the edge of its zone at {count} element side{'s' * (count > 1)}"
     yield from _large(zone, step)
     if _slides(zone, step, law):

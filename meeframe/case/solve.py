@@ -9,7 +9,7 @@ from importlib import metadata
 import numba
 import numpy as np
 
-from meeframe.case.case import Case, warnings_of
+from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
@@ -118,7 +118,7 @@ def solve_steps(
     Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
     the paper's. What a step names goes linearly there from the state in which the step begins.
     boundary: recover the fields on the whole boundary too, at the end of each step, and tell in the first one's message
-    what the formulations warn of; a study of the contact zone does not need the one and tells the other itself. Raises
+    what the case warns of; a study of the contact zone does not need the one and tells the other itself. Raises
     CaseError if the case continues a run whose state does not belong to this body.
     """
     mechanism = Mechanism(case, system)
@@ -145,7 +145,7 @@ def solve_steps(
                 told = remarks_on_end(zone_of(system), result, case.contact_law, arrivals)
                 result = replace(result, message="; ".join([result.message, *told]))
             if boundary and number == 1 and increment == step.increments:
-                result = replace(result, message="; ".join([result.message, *warnings_of(bodies_of(case))]))
+                result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
@@ -237,12 +237,10 @@ def _step_result(
         message=solution.message,
         counter=counter,
     )
-    return replace(
-        result,
-        message="; ".join(
-            [solution.message, *remarks(zone_of(mechanism.system), result, increment.problem.contact_law)]
-        ),
+    told = remarks(
+        zone_of(mechanism.system), result, increment.problem.contact_law, mechanism.case.formulation.periodic
     )
+    return replace(result, message="; ".join([solution.message, *told]))
 
 
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, CounterSurface | None]:

@@ -181,6 +181,11 @@ class Formulation(ABC):
         """What may come out wrong for a body that check lets pass, and what to do, each in words."""
         return ()
 
+    @property
+    def periodic(self) -> bool:
+        """Whether the contact zone is a period of an endless surface, whose contact ends at no edge of the zone."""
+        return False
+
     @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.

@@ -41,7 +41,7 @@ def compare(
     of the case's table that fit it. A conductivity law is that of both fields, but for a table with the keys electric
     and magnetic; a formulation or fundamental solution that of both bodies, but for a formulation with the keys body
     and counter_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
-    comparison. warn: is told first what the formulations warn of, once for each body.
+    comparison. warn: is told first what formulations and cases warn of, each once.
     Raises CaseError or PluginError, before anything is computed, for options with problems, unknown names, and if no
     combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
     """
@@ -50,7 +50,8 @@ def compare(
     chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
     cases = [combination.case for combination in chosen if combination.case is not None]
-    for warning in warnings_of(distinct_bodies(cases).values()):
+    doubts = dict.fromkeys(text for case in cases for text in case.doubts)
+    for warning in (*warnings_of(distinct_bodies(cases).values()), *doubts):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), text, versions)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,6 +30,8 @@ from meeframe.study.sweep_numbers import FIELD_UNITS, NUMBERS, numbers_of
 from meeframe.study.sweep_points import Outcome, Point
 
 FIGURE_FILE: Final = "sweep.png"
+_DOUBTS: Final = 5
+"""Told of points, at most."""
 
 
 def sweep(
@@ -42,8 +45,8 @@ def sweep(
 ) -> SweepResult:
     """Solve the points of a study file that `out` does not hold yet; write sweep.h5 and sweep.png there.
 
-    pool: where they are solved, by default in this process; warn: is told first what the formulations warn of, once for
-    each body. Each point's result is kept as soon as it is there, in points/KEY as `meeframe run` has it, and reduced
+    pool: where they are solved, by default in this process; warn: is told first what formulations and points warn of,
+    each once. Each point's result is kept as soon as it is there, in points/KEY as `meeframe run` has it, and reduced
     systems in systems; so that the same call goes on where an earlier one ended, however it did. An interruption
     carries a note that says how far it came. Points that are refused or do not converge say so in the result.
     Raises CaseError, before anything is computed, for a study or a case with problems, or if no point is a case;
@@ -55,10 +58,21 @@ def sweep(
     points = _points(file, study, registry)
     bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
-        for text in warnings_of(bodies.values()):
+        for text in (*warnings_of(bodies.values()), *_doubts(points)):
             warn(text)
         drop_systems(out, set(bodies))
         return _swept(file, out, study, points, pool or InProcess(), progress)
+
+
+def _doubts(points: Sequence[Point]) -> Iterator[str]:
+    """What points warn of but for their formulations, each with the first point that does; of many the first."""
+    found: dict[str, str] = {}
+    for point in points:
+        for text in point.case.doubts if point.case is not None else ():
+            found.setdefault(text, point.label)
+    yield from (f"{label}: {text}" for text, label in islice(found.items(), _DOUBTS))
+    if len(found) > _DOUBTS:
+        yield f"and {len(found) - _DOUBTS} more warnings like these, of other points"
 
 
 def _swept(

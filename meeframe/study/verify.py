@@ -94,7 +94,7 @@ def verify(
     formulations: names or inline tables, as of `meeframe compare`; none: all that are registered, and those that refuse
     the case are told in the verification. every_step: compare at the end of every load step, not of the last alone;
     cache: folder of reduced systems that are shared with other verifications, see meeframe.case.cache.
-    warn: is told first what the formulations warn of, each on each mesh.
+    warn: is told first what the formulations warn of, each on each mesh, and what the case itself does.
     Raises CaseError or PluginError, before anything is computed, for a case with problems, a mesh that cannot be
     coarsened, a named formulation that refuses it, or if fewer than two take it; ResultError if `out` cannot be written
     or holds anything and overwrite is false. Runs that do not converge say so in the verification.
@@ -110,7 +110,7 @@ def verify(
         raise CaseError(f"{file}: a verification needs two formulations or more that take the case{told}")
     check_output(out, overwrite)
     out.mkdir(parents=True, exist_ok=True)
-    for text in warnings_of(body for run in planned for body in bodies_of(run.case)):
+    for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.doubts):
         warn(text)
     versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
     found = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))

@@ -235,3 +235,14 @@ def test_the_example_is_a_case():
     case = load_case(EXAMPLE)
     assert isinstance(case.indenter, SelfAffine)
     assert case.formulation == HalfSpace(periodic=True)
+
+
+def test_the_edge_of_a_period_is_none():
+    """Neither pressed all over, nor where the contact goes on beyond the period."""
+    case = load_case(EXAMPLE)
+    deep = replace(case, steps=(Step(approach=1e-3),))
+    assert not deep.warnings
+    assert "overlaps" in replace(deep, formulation=HalfSpace()).warnings[0]
+    (step,) = solve_case(replace(case, steps=(Step(normal_force=30.0),))).steps
+    assert step.message.startswith("residual")
+    assert "edge" not in step.message

@@ -9,6 +9,8 @@ import meeframe
 from meeframe.case.load import load_case
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
+from meeframe.core.formulation import Formulation, silent
+from meeframe.geometry import FlatPunch
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
 from meeframe.solvers import Auto, ProjectedCG
 from meeframe.solvers.frictionless import takes
@@ -114,7 +116,10 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
     ("changes", "told"),
     [
         ([], None),
-        ([('"10 um"', "0")], AWAY.format("0", "0")),  # it just touches, and presses nowhere
+        (
+            [('"10 um"', "0")],
+            "at an approach of 0 m the indenter just touches the undeformed body and presses nowhere",
+        ),
         # the sphere's axis goes through the middle of a cell: 1.25 mm of side, so that R - sqrt(R^2 - 2 (side / 2)^2)
         (
             [('"100 mm"', '"100 mm"\nx = "625 um"\ny = "625 um"'), ('"10 um"', '"1 um"')],
@@ -143,6 +148,41 @@ def test_an_indenter_that_overlaps_the_whole_zone_is_warned_of(write_case, regis
     warnings = load_case(write_case(('"10 um"', f'"{approach}"')), registry).warnings
     assert len(warnings) == told
     assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
+
+
+@dataclass(frozen=True)
+class Endless(Formulation):
+    """One whose contact zone is a period of an endless surface."""
+
+    of_period: Formulation
+    periodic: bool = True
+
+    def check(self, body):
+        self.of_period.check(body)
+
+    def reduce(self, body, progress=silent):
+        return self.of_period.reduce(body, progress)
+
+
+def test_full_contact_that_is_meant_is_not_warned_of(case):
+    """A flat punch over the whole face; a surface that has no edge, which does not keep an indenter from being away."""
+    over = replace(case, indenter=FlatPunch(radius=1.0))
+    assert not over.warnings
+    deep = replace(case, steps=(meeframe.Step(approach=1e-3),))
+    assert deep.doubts
+    assert not replace(deep, formulation=Endless(case.formulation)).doubts
+    assert replace(case, steps=(meeframe.Step(approach=-1e-3),), formulation=Endless(case.formulation)).doubts
+
+
+def test_contact_at_the_edge_of_a_period_is_none(case):
+    (step,) = meeframe.solve_case(replace(case, steps=(meeframe.Step(approach=1e-4),))).steps
+    assert "the contact reaches the edge of its zone at 16 element sides" in step.message
+    assert "overlaps the undeformed body on the whole contact zone" in step.message
+    endless = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
+    (step,) = meeframe.solve_case(endless).steps
+    assert step.touching.all()
+    assert "edge" not in step.message
+    assert "overlaps" not in step.message
 
 
 def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):

@@ -1,0 +1,51 @@
+"""What cases warn of is told when a study starts, each once."""
+
+import pytest
+
+from meeframe.study.compare import compare
+from meeframe.study.sweep import sweep
+from meeframe.study.verify import verify
+
+AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
+
+
+@pytest.mark.parametrize(("depths", "away", "rest"), [((-1, 2, -1.5), (-1, -1.5), 0), (range(-7, 1), range(-7, -2), 3)])
+def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, away, rest):
+    study = tmp_path / "study.toml"
+    values = ", ".join(f'"{depth} um"' for depth in depths)
+    axes = f'"steps[1].approach" = [{values}]\n"indenter.radius" = ["100 mm", "50 mm"]'
+    study.write_text(f'case = "{write_case().name}"\n[axes]\n{axes}\n', encoding="utf-8")
+    told = []
+    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
+    for depth, text in zip(away, told, strict=False):
+        assert text.startswith(f"steps[1].approach = {depth} um, indenter.radius = 100 mm: ")
+        assert AWAY.format(f"{depth * 1e-6:.3g}", f"{-depth * 1e-6:.3g}") in text
+    assert len(told) == len(away) + bool(rest)
+    assert not rest or told[-1] == f"and {rest} more warnings like these, of other points"
+
+
+def test_comparisons_tell_once_of_all_that_agree(write_case, registry, tmp_path):
+    """And not of a law that attracts."""
+    case = write_case(('"10 um"', '"-10 um"'))
+    told = []
+    laws = ["signorini", '{ name = "isotropic-coulomb", mu = 0.3 }']
+    dmt = '{ name = "dmt", work_of_adhesion = "0.1 J/m^2", equilibrium_distance = "1 nm" }'
+    compare(case, {"contact-law": [*laws, dmt]}, tmp_path / "out", registry=registry, warn=told.append)
+    assert len(told) == 1
+    assert told[0].startswith(AWAY.format("-1e-05", "1e-05"))
+    told.clear()
+    compare(case, {"contact-law": [dmt]}, tmp_path / "dmt", registry=registry, warn=told.append)
+    assert not told
+
+
+class Told(Exception):
+    """Stops a study before anything is computed."""
+
+
+def test_verifications_tell_of_the_case(write_case, registry, tmp_path):
+    def warn(text):
+        raise Told(text)
+
+    case = write_case(('"10 um"', '"-10 um"'))
+    with pytest.raises(Told, match=AWAY.format("-1e-05", "1e-05")):
+        verify(case, tmp_path / "out", ["winkler", "dense-bem"], registry=registry, warn=warn)
