@@ -15,6 +15,7 @@ from meeframe.core.fields import Array, FieldScaling
 
 _FIRST_POINTS, _MOST_POINTS = 32, 4096
 _CONVERGED = 1e-12  # of the coarser of two rules; the error falls geometrically, so the finer is at round-off
+_LOST = 2e-6  # round-off beyond is too much; the error is some tenth of what is allowed for it
 _AXISYMMETRIC = 1e-9  # relative, in scaled fields
 
 
@@ -22,8 +23,9 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     """Surface compliance Y(m), (n, 5, 5), Hermitian, SI units, global axes, with u^ = Y t^ / k.
 
     stiffness: C_iJKm (3, 5, 5, 3) in SI units; normal: outward normal (3,); directions: (n, 3), of which the component
-    in the surface counts. Raises MaterialError if a vector is zero or a direction is normal to the surface, or if the
-    integrals do not converge (a material on the verge of inadmissibility).
+    in the surface counts. Raises MaterialError if a vector is zero or a direction is normal to the surface, if the
+    integrals do not converge (a material on the verge of inadmissibility), or if too much is lost in round-off (one
+    that is all but incompressible).
     """
     nu, tangents = _frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
@@ -44,6 +46,8 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
         coarse = s, fine
     else:
         raise MaterialError(f"the surface compliance did not converge with {_MOST_POINTS} points: nearly inadmissible")
+    if allowed > _LOST:
+        raise MaterialError(f"the surface compliance has a round-off of {allowed:.0e}: nearly incompressible")
     compliance = inverse_l - 1j * (s @ inverse_l)
     compliance = (compliance + np.conj(np.swapaxes(compliance, -1, -2))) / 2.0
     factors = scaling.factors

@@ -73,6 +73,18 @@ def test_rubber_is_boussinesq_and_cerruti_to_its_round_off(missing: float) -> No
     np.testing.assert_allclose(y[0, :2, :2], np.diag([1 - poisson, 1.0]), atol=lost)
 
 
+@pytest.mark.parametrize("young", [1e6, 2e11])
+def test_rubber_has_six_digits_or_is_refused(young: float) -> None:
+    ways = np.random.default_rng(0).normal(size=(24, 3))
+    normal = np.array([0.6, 0.0, 0.8])
+    y = surface_compliance(Material.isotropic(young, 0.4999999999).stiffness, normal, ways)
+    along = np.einsum("i,nij,j->n", normal, y[:, :3, :3], normal)
+    np.testing.assert_allclose(along, 1.5 / young, rtol=1e-6)
+    for poisson in (0.49999999999, 0.499999999999):
+        with pytest.raises(MaterialError, match=r"the surface compliance has a round-off of 1e-0[45]: nearly incompr"):
+            surface_compliance(Material.isotropic(young, poisson).stiffness, normal, ways)
+
+
 @pytest.mark.parametrize("name", ["orthotropic-mee", "pvdf", "batio3-cofe2o4"])
 def test_tilted_materials_match_the_stroh_eigenproblem(name: str) -> None:
     tilted = library_material(name).rotated(rotation_about(np.array([1.0, 2.0, 3.0]), 0.8))
