@@ -147,7 +147,11 @@ def test_supports_by_components_of_several_groups(case):
 
 def test_no_contact_is_remarked(case):
     (step,) = meeframe.solve_case(dataclasses.replace(case, steps=(meeframe.Step(-1e-5),))).steps
-    assert step.message.endswith("; the indenter does not touch the body")
+    remark, doubt = step.message.split("; ")[1:]
+    assert remark == "the indenter does not touch the body"
+    assert doubt.startswith(
+        "the indenter does not touch the undeformed body: at an approach of -1e-05 m it stays 1e-05"
+    )
     totals = meeframe.resultants(meeframe.solve_case(case).zone, step)
     assert str(totals.max_pressure) == str(totals.contact_area) == "0.0"
     assert not totals.force.any()
