@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.case.counter import CounterBody, check_match
+from meeframe.case.frames import frames_along
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.case.outlook import check_solver, doubts
 from meeframe.case.restart import Restart, check_same_zone
@@ -99,9 +100,8 @@ class Case:
             check_first(self.steps[0])
         else:
             check_same_zone(self.restart, place, self.axes)
-        resists = resistance(
-            self.placement, self.mesh, self.zone, (self.contact_law, self.electric_law, self.magnetic_law)
-        )
+        laws = self.contact_law, self.electric_law, self.magnetic_law
+        resists = resistance(self.placement, self.mesh, self.zone, self.axes, laws)
         for number, step in enumerate(self.steps, 1):
             check_duration(step, number, self.contact_law)
             check_pull(step, self.contact_law)
@@ -158,8 +158,13 @@ def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zon
 
 
 def resistance(
-    placement: Placement, mesh: SurfaceMesh, zone: str, laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw]
+    placement: Placement,
+    mesh: SurfaceMesh,
+    zone: str,
+    axes: FrictionAxes | None,
+    laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw],
 ) -> NDArray[np.bool_]:
     """Which of the indenter's motions the laws of contact, electric and magnetic conductivity may resist, (8,)."""
     place = zone_frames(mesh, zone)
-    return resisted(motion_modes(place.points, place.frames, placement.base, placement.reference(place.points)), *laws)
+    frames, reference = frames_along(place, axes), placement.reference(place.points)
+    return resisted(motion_modes(place.points, frames, placement.base, reference), *laws)

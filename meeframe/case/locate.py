@@ -99,7 +99,8 @@ def _case_checks(
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
-    points, law = zone_frames(body.mesh, zone).points, table.contact.law
+    place, law = zone_frames(body.mesh, zone), table.contact.law
+    points = place.points
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
     for field in ("electric", "magnetic"):
@@ -110,10 +111,10 @@ def _case_checks(
     if table.restart is None or restart is None:
         yield Problem(("steps", 0), ""), partial(check_first, steps[0])
     else:
-        place = Problem(("restart", "from"), "", table.restart.folder)
-        yield place, partial(check_same_zone, restart, zone_frames(body.mesh, zone), table.contact.axes)
+        source = Problem(("restart", "from"), "", table.restart.folder)
+        yield source, partial(check_same_zone, restart, place, table.contact.axes)
     laws = law, table.conductivity.electric, table.conductivity.magnetic
-    resists = resistance(placement, body.mesh, zone, laws)
+    resists = resistance(placement, body.mesh, zone, table.contact.axes, laws)
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
+from meeframe.case.frames import frames_along
 from meeframe.case.history import ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning
 from meeframe.core.contact import Solver
@@ -13,7 +14,6 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
 from meeframe.core.indenter import COLUMNS
 from meeframe.core.law import attracts, conducts
-from meeframe.core.turned import turned_frames
 from meeframe.geometry import zone_frames
 from meeframe.solvers.free_motion import motions
 
@@ -49,8 +49,7 @@ class RigidSystem(ReducedSystem):
 def planned(case: "Case") -> Iterator[Increment]:
     """The end of each load step on the rigid body, motions that are not prescribed where they began."""
     place = zone_frames(case.mesh, case.zone)
-    frames = place.frames if case.axes is None else turned_frames(place.frames, case.axes.directions(place.points))
-    offset = np.zeros((len(place.points), N_FIELDS))
+    frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), N_FIELDS))
     mechanism = Mechanism(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
     here, controls = beginning(mechanism)
     for step in case.steps:

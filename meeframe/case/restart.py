@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from meeframe.case.frames import frames_along
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import StepResult
-from meeframe.core.turned import turned_frames
 from meeframe.geometry import ContactZone, FrictionAxes
 from meeframe.io.results import read_result
 
@@ -59,7 +59,7 @@ def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | No
             f"the contact zone of that run has points up to {distance:.3g} m away from those here; "
             "allowed: the same contact zone"
         )
-    frames = zone.frames if axes is None else turned_frames(zone.frames, axes.directions(zone.points))
+    frames = frames_along(zone, axes)
     if np.abs(restart.frames - frames).max() > _SAME_AXES:
         cosines = np.einsum("ni,ni->n", restart.frames[:, 0], frames[:, 0])
         raise CaseError(

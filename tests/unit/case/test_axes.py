@@ -94,3 +94,18 @@ def test_reduced_systems_from_the_cache_are_turned_too(case, tmp_path):
         np.testing.assert_array_equal(found.frames, expected.frames)
         np.testing.assert_array_equal(found.dense(), expected.dense())
     assert len(list(tmp_path.glob("*.h5"))) == 1
+
+
+@pytest.mark.parametrize(("axes", "held"), [(None, 1), (FrictionAxes(direction=(0.0, 1.0, 0.0)), 0)])
+def test_forces_along_the_axis_without_friction_are_refused(case, axes, held):
+    """A force along the other one is met by friction, whichever global axis that is."""
+    law, (along, across) = OrthotropicCoulomb(0.0, 0.4), np.eye(2)[[held, 1 - held]]
+    first, force = dataclasses.replace(case.steps[0], increments=4), 0.1 * np.pi * 1e14 * 0.1 * 1e-5**2
+    turned = dataclasses.replace(case, contact_law=law, axes=axes)
+    solved = dataclasses.replace(turned, steps=(first, meeframe.Step(tangential_force=tuple(force * along))))
+    result = meeframe.solve_case(solved)
+    assert result.status is RunStatus.CONVERGED
+    totals = meeframe.resultants(result.zone, result.steps[-1])
+    np.testing.assert_allclose(totals.force[:2], force * along, atol=1e-9 * force)
+    with pytest.raises(CaseError, match=r"tangential_force = .*the laws of the contact admit no traction that resists"):
+        dataclasses.replace(turned, steps=(first, meeframe.Step(tangential_force=tuple(force * across))))
