@@ -249,19 +249,6 @@ def far_points(source, own, accuracy, rules, out):
 
 
 @njit(cache=True, nogil=True)
-def tabulate_rule(table, nodes, points, weights, positions, normals, shape_weights):
-    """Map a rule, points (q, 2) and weights (q,), to elements with nodes (e, n, 3): rows e q of the RuleTable."""
-    n = len(weights)
-    measures, shapes = np.empty(n), np.empty((n, nodes.shape[1]))
-    for element in range(len(nodes)):
-        rows = slice(element * n, (element + 1) * n)
-        map_rule(table, nodes[element], points, weights, positions[rows], normals[rows], measures, shapes)
-        for point in range(n):
-            for a in range(nodes.shape[1]):
-                shape_weights[element * n + point, a] = measures[point] * shapes[point, a]
-
-
-@njit(cache=True, nogil=True)
 def adaptive_points(source, points, connectivity, element, xi, table, accuracy, gauss, out, count):
     """Append the adaptive rule of one element to the buffers after count points.
 

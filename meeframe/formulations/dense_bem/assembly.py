@@ -12,19 +12,18 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import Progress
 from meeframe.core.fundamental import Kernel
 from meeframe.core.mesh import ElementBlock, SurfaceMesh
-from meeframe.elements.quadrature import element_extents, gauss_table, shape_table
+from meeframe.elements.quadrature import gauss_table, shape_table
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import Layout
+from meeframe.formulations.dense_bem.rules import plane_normals, tabulate
 from meeframe.kernels import assembly as kernels
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, rectangular_rule, shape_degree
+from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
 
-TABULATED_ORDERS = (2, 3, 4, 5, 6, 8)
 # Quadrature points handed to the fundamental solution at a time, on curved elements: their kernels fit the second-level
 # cache. Twice as many, of which more share a cell of the table, take as long, four times as many longer.
 POINTS_PER_CALL = 1024
 PIECES_PER_CALL = 128
-PLANE = 1e-12
 SOURCES_PER_TASK = 8
 
 
@@ -79,9 +78,9 @@ def assemble(
     progress: Progress,
 ) -> System:
     """The boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
-    rules = tuple(_tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
+    rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
-    planes = tuple(_planes(rule) for rule in rules)
+    planes = tuple(plane_normals(rule) for rule in rules)
     own_shape = _own_shapes(mesh, sources)
     problem = Problem(mesh, layout, sources, own_shape, kernel, accuracy, exterior, rules, planes)
     n = layout.n_unknowns
@@ -272,28 +271,6 @@ def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position
     )
 
 
-def _tabulate(block: ElementBlock, points: Array, tolerance: float) -> kernels.RuleTable:
-    """Tensor rules of the tabulated orders on all elements of a block; triangles have the same in both directions."""
-    triangle = block.element.reference == "triangle"
-    orders = [(xi, eta) for xi in TABULATED_ORDERS for eta in TABULATED_ORDERS if xi == eta or not triangle]
-    starts = np.full((max(TABULATED_ORDERS) + 1, max(TABULATED_ORDERS) + 1), -1)
-    nodes = np.ascontiguousarray(points[block.connectivity])
-    n_elements, n_nodes = block.connectivity.shape
-    n_rows = n_elements * sum(xi * eta for xi, eta in orders)
-    parts = np.empty((n_rows, 3)), np.empty((n_rows, 3)), np.empty((n_rows, n_nodes))
-    row = 0
-    for xi, eta in orders:
-        starts[xi, eta] = row
-        rule, weights = np.empty((xi * eta, 2)), np.empty(xi * eta)
-        rectangular_rule(xi, eta, triangle, gauss_table(), rule, weights)
-        rows = slice(row, row + n_elements * xi * eta)
-        kernels.tabulate_rule(shape_table(block.element), nodes, rule, weights, *(part[rows] for part in parts))
-        row = rows.stop
-    extents = element_extents(block.element, nodes, tolerance)
-    degree = shape_degree(shape_table(block.element))
-    return kernels.RuleTable(extents.centres, extents.sizes, extents.least_orders, degree, triangle, starts, *parts)
-
-
 def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
     """Shape functions at the sources on the elements that hold them, (o, k)."""
     shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
@@ -301,12 +278,3 @@ def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
         rows = sources.own_block == number
         shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.own_xi[rows])
     return shapes
-
-
-def _planes(rules: kernels.RuleTable) -> Array | None:
-    """Normals (e, 3) of the elements of a block if they are all plane."""
-    order = max(TABULATED_ORDERS)
-    first = rules.starts[order, order]
-    normals = rules.normals[first : first + order**2 * len(rules.centres)].reshape(-1, order**2, 3)
-    plane = bool((np.abs(normals - normals[:, :1]) < PLANE).all())
-    return np.ascontiguousarray(normals[:, 0]) if plane else None
