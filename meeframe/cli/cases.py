@@ -45,13 +45,12 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
         with console.loading():
             from meeframe.case.load import load_case
             from meeframe.geometry import zone_frames
-            from meeframe.materials.checks import called
 
             checked = load_case(case, console.registry(plugin))
         steps = len(checked.steps)
         nodes = len(zone_frames(checked.mesh, checked.zone).points)
         print(
-            f"{case}: ok: {called(checked.material.name)}, {checked.mesh.n_elements} elements, "
+            f"{case}: ok: material {checked.material.name or 'without a name'}, {checked.mesh.n_elements} elements, "
             f"contact zone {checked.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"
         )
         for warning in checked.warnings:
