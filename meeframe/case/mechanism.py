@@ -34,6 +34,8 @@ _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""
 _REACH: Final = 2.0
 """Of the rim of the indenter, in the longest sides of cells."""
+_FIRM: Final = 1e6
+"""Of the tangential step of a law, times the stiffness of a node, at which it gives the traction of a given slip."""
 _STUCK: Final = 1e-6
 """Slip that would cause less than this fraction of the characteristic pressure is none ..."""
 _UNCERTAIN: Final = 10.0
@@ -180,6 +182,25 @@ class Mechanism:
         slip = slip_of(increment, state)
         way = np.where(touches, np.linalg.norm(slip, axis=1), 0.0)
         return Converged(motion, self.resultants(state), start.total_slip + slip, start.slip_path + way, state)
+
+    def dissipation(self, increment: Increment, start: Converged, state: ContactState, region: Indices) -> Array:
+        """Work of friction in an increment from a converged state, (n,) [J/m^2], where nodes (n,) of `region` slip.
+
+        While a node slips its traction is the one of the law for its slip and the pressure of the moment: the mean of
+        that at the end and of what the law has for the same slip under the pressure at the start.
+        """
+        problem, slip = increment.problem, slip_of(increment, state)
+        traction = state.load[:, :2]
+        if start.state is not None:
+            standing = np.einsum("k,kn->n", start.motion[:6], self.modes[:6, :, 2])
+            gap = np.column_stack([slip, self.touching_gap + standing - start.state.displacement[:, 2]])
+            stiffness = 1.0 / problem_scales(problem).normal_compliance
+            r = stiffness, _FIRM * stiffness
+            pressed = np.column_stack([np.zeros_like(slip), start.state.load[:, 2]])
+            law = problem.contact_law
+            with np.errstate(all="ignore"):  # the state may be of an iteration that went astray
+                traction = traction + law.resolve(augmented_traction(law, pressed, gap, r), gap, r)[:, :2]
+        return np.where(region == Region.SLIP, np.einsum("nt,nt->n", traction, slip) / 2.0, 0.0)
 
     def resultants(self, state: ContactState) -> Array:
         """Those that work on its motions in a state of the contact zone, (8,)."""

@@ -182,7 +182,7 @@ def _solve(
     solution = replace(solution, state=mechanism.settled(increment, solution.state, touches))
     region = regions(increment, solution, touches)
     reached = mechanism.reached(increment, solution.state, touches, here)
-    result = _step_result(mechanism, increment, reached, solution, region, numbers)
+    result = _step_result(mechanism, increment, here, reached, solution, region, numbers)
     return (reached if solution.status is Status.CONVERGED else here), result
 
 
@@ -202,6 +202,7 @@ def provenance(case: Case) -> Provenance:
 def _step_result(
     mechanism: Mechanism,
     increment: Increment,
+    start: Converged,
     reached: Converged,
     solution: ContactSolution,
     region: Indices,
@@ -229,6 +230,7 @@ def _step_result(
         slip=slip_of(increment, state),
         total_slip=reached.total_slip,
         slip_path=reached.slip_path,
+        dissipation=mechanism.dissipation(increment, start, state, region),
         region=region,
         status=solution.status,
         iterations=solution.iterations,
@@ -236,6 +238,7 @@ def _step_result(
         history=solution.history,
         message=solution.message,
         counter=counter,
+        covered=increment.problem.covered,
     )
     told = remarks(
         zone_of(mechanism.system), result, increment.problem.contact_law, mechanism.case.formulation.periodic

@@ -110,9 +110,11 @@ class StepResult:
     ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last converged
     increment, total_slip: (n, 2) since the beginning, both also where the contact is open [m]; slip_path: (n,) length
     of the way slipped in contact, the sum of the moduli of the slips of those increments at whose end the node touches
-    [m]; region: (n,) numbers of Region; iterations, residual, history, message as in ContactSolution; boundary: fields
-    on the whole boundary. All of them are of the body; counter: surface of the counter body, if there is one instead of
-    a rigid indenter.
+    [m]; dissipation: (n,) work of friction in this increment [J/m^2], see docs/results.md; region: (n,) numbers of
+    Region; iterations, residual, history, message as in ContactSolution; boundary: fields on the whole boundary. All of
+    them are of the body; counter: surface of the counter body, if there is one instead of a rigid indenter; covered:
+    (n,) part of each node's area that is in contact if it touches, where the edge is resolved between the nodes
+    (Edges), None where it is resolved to nodes.
     """
 
     loading: Loading
@@ -127,6 +129,7 @@ class StepResult:
     slip: Array
     total_slip: Array
     slip_path: Array
+    dissipation: Array
     region: Indices
     status: Status
     iterations: int
@@ -135,6 +138,7 @@ class StepResult:
     message: str
     boundary: NodalFields | None = None
     counter: CounterSurface | None = None
+    covered: Array | None = None
 
     def __repr__(self) -> str:
         """In words: arrays fill screens."""
@@ -193,16 +197,15 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
     through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
-    dissipated_energy: work of the tangential tractions at its end on the slip of this increment, >= 0 [J];
-    contact_area, stick_area, slip_area: sum over the elements of their area times the share of their nodes in contact,
-    and in either region [m^2] (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's
-    zero); max_pressure, max_tension: of the normal traction, >= 0, tension where surfaces attract each other, in
-    contact or across the gap [Pa]; largest absolute potentials of the body's surface in the contact zone [V], [A].
+    dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over the elements of
+    their area times the share of their nodes in contact, and in either region [m^2], of covered nodes their covered
+    part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero); max_pressure,
+    max_tension: of the normal traction, >= 0, tension where surfaces attract each other, in contact or across the gap
+    [Pa]; largest absolute potentials of the body's surface in the contact zone [V], [A].
     """
     normal = step.traction[:, 2]
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
     totals = _on_motions(zone, step)
-    friction = (step.traction[:, :2] * step.slip).sum(axis=1)
     return Resultants(
         force=zone.weights @ np.einsum("na,nai->ni", step.traction, zone.frames),
         normal_force=float(totals["normal_force"][0]),
@@ -211,10 +214,10 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
         torque=float(totals["torque"][0]),
         charge=float(totals["charge"][0]),
         magnetic_flux=float(totals["magnetic_flux"][0]),
-        dissipated_energy=float(zone.weights @ np.where(step.region == Region.SLIP, friction, 0.0)),
-        contact_area=_area(zone, step.touching),
-        stick_area=_area(zone, step.region == Region.STICK),
-        slip_area=_area(zone, step.region == Region.SLIP),
+        dissipated_energy=float(zone.weights @ step.dissipation),
+        contact_area=_area(zone, step, step.touching),
+        stick_area=_area(zone, step, step.region == Region.STICK),
+        slip_area=_area(zone, step, step.region == Region.SLIP),
         max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),  # no -0.0
         max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
         max_abs_electric_potential=float(electric.max()),
@@ -235,15 +238,16 @@ def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 
 
-def _area(zone: Zone, chosen: NDArray[np.bool_]) -> float:
+def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
+    parts = chosen.astype(float) if step.covered is None else np.where(chosen, step.covered, 0.0)
     if not zone.cells:  # of test systems and plugins: nodes alone
-        return float(zone.weights[chosen].sum())
+        return float(zone.weights @ parts)
     areas, shares = [], []
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
         points = zone.points[outline]
         centred = points - points.mean(axis=1, keepdims=True)
         areas.append(np.linalg.norm(np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1), axis=1) / 2)
-        shares.append(chosen[nodes].mean(axis=1))
+        shares.append(parts[nodes].mean(axis=1))
     area = np.concatenate(areas)
     # straight sides miss a little of curved elements: the whole zone in contact has its whole area
     return float(area @ np.concatenate(shares) * (zone.weights.sum() / area.sum()))

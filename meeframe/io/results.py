@@ -25,7 +25,7 @@ from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Re
 from meeframe.io.hdf5 import changed_file
 from meeframe.io.output import RESULT_FILE, replacing
 
-FORMAT: Final = "meeframe-result 3"
+FORMAT: Final = "meeframe-result 4"
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = {
@@ -41,6 +41,7 @@ _STEP_UNITS: Final = {
     "slip": "m",
     "total_slip": "m",
     "slip_path": "m",
+    "dissipation": "J/m^2",
     "region": "1",
     "step": "1",
     "increment": "1",
@@ -167,6 +168,8 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     prescribed = step.loading.prescribed
     _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
     _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
+    if step.covered is not None:
+        _put_all(group, {"covered": "1"}, {"covered": step.covered})
     if step.counter is not None:
         _put_all(group.create_group("counter"), _SURFACE_UNITS, _surface_values(step.counter))
     if step.boundary is not None:
@@ -240,6 +243,7 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
         slip=_numbers(group, "slip", (n, 2)),
         total_slip=_numbers(group, "total_slip", (n, 2)),
         slip_path=_numbers(group, "slip_path", (n,)),
+        dissipation=_numbers(group, "dissipation", (n,)),
         region=_numbers(group, "region", (n,), "iu"),
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
@@ -248,6 +252,7 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
         message=_text(group, "message"),
         boundary=boundary,
         counter=counter,
+        covered=_numbers(group, "covered", (n,)) if "covered" in group else None,
     )
 
 

@@ -294,6 +294,21 @@ def test_an_end_that_the_contact_does_not_reach(beyond):
     assert same is problem
 
 
+@pytest.mark.parametrize("divisions", [31, 47])
+def test_resolved_area_is_the_punch(divisions):
+    """pi R^2: nodes outside its rim, which bear pressure for it, do not count, as those inside do in part."""
+    mesh = half_space_mesh(1.6e-2, 4e-3, divisions, 1, Quad4())
+    material = library_material("isotropic", young_modulus=210e9, poisson_ratio=0.3)
+    punch, step = rigid.FlatPunch(1e-3), Step(approach=1e-6)
+    areas = [
+        resultants(result.zone, result.steps[-1])
+        for edges in ("resolved", "nodes")
+        for result in [solve_case(Case(material, mesh, (), punch, (step,), formulation=HalfSpace(edges=edges)))]
+    ]
+    assert areas[0].contact_area == areas[0].slip_area == pytest.approx(np.pi * 1e-6, rel=2e-3)
+    assert areas[1].contact_area != pytest.approx(np.pi * 1e-6, rel=2e-3), "whole cells"
+
+
 def test_weak_conduction_counts_the_area():
     """Q = kappa phi_o area, as the potential hardly changes: edges along nodes miss by several cells."""
     exact = indent(XI, Sphere(0.1), APPROACH)

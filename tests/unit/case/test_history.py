@@ -152,6 +152,33 @@ def test_area_of_a_closed_loop_is_the_dissipated_energy(bed, rubbing):
     assert dissipated == pytest.approx(exact, rel=0.05)
 
 
+def test_work_around_a_loop_is_stored_or_dissipated_to_second_order(bed, rubbing, system):
+    """In each of its strokes, while the pressure goes up and down, too."""
+    corners, off = [(3e-5, 4e-6), (1.5e-5, 2e-6), (1.5e-5, -4e-6), (3e-5, 0.0)], []
+    for parts in (6, 12, 24):
+        around = [Step(approach=a, translation=(x, 0.0), increments=parts) for a, x in corners]
+        path = bed.follow(rubbing, system, Step(approach=3e-5, increments=parts), *around)
+        stored = [path.zone.weights @ (step.traction * step.displacement).sum(axis=1) / 2 for step in path.steps]
+        works = (path.resultants[1:] + path.resultants[:-1]) / 2 * np.diff(path.motion, axis=0)
+        lost = (works.sum(axis=1) - np.diff(stored))[-4 * parts :].reshape(4, parts).sum(axis=1)
+        energies = np.array([total.dissipated_energy for total in path.totals[-4 * parts :]])
+        off.append(np.abs(energies.reshape(4, parts).sum(axis=1) - lost).max() / lost.sum())
+    assert off[2] < 4e-3
+    assert np.log2(off[0] / off[2]) / 2 > 1.6
+
+
+def test_a_stroke_dissipates_alike_in_one_increment_and_in_many(bed, rubbing):
+    """Under constant pressure, full slip one way, then the other way: friction times way, less what bends."""
+    system = bed.half_space(8, 0.5)
+    found = []
+    for parts in (1, 16):
+        strokes = [Step(translation=(x, 0.0), increments=parts) for x in (2e-5, -2e-5)]
+        path = bed.follow(rubbing, system, Step(normal_force=1.5e3), *strokes)
+        found.append(sum(total.dissipated_energy for total in path.totals[-parts:]))
+    elastic = 2.0 * path.zone.weights @ (path.steps[-1].traction * path.steps[-1].displacement)[:, 0]
+    assert found == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_friction_never_gives_energy(bed, rubbing, system, seed):
     """Random ways of an indenter that is always pressed on somewhere, by motions and by forces."""

@@ -36,7 +36,7 @@ def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path
     assert str(rest.status) == str(whole.status) == "converged"
     assert [(step.step, step.increment) for step in rest.steps] == [(1, 1), (1, 2)]
     for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
-        for name in ("traction", "displacement", "potentials", "fluxes", "slip", "total_slip", "closed"):
+        for name in ("traction", "displacement", "potentials", "fluxes", "slip", "total_slip", "dissipation", "closed"):
             expected = getattr(theirs, name)
             np.testing.assert_allclose(getattr(ours, name), expected, atol=1e-12 * np.abs(expected).max(), rtol=0)
         np.testing.assert_allclose(ours.loading.motion, theirs.loading.motion, rtol=1e-12, atol=1e-18)

@@ -46,6 +46,12 @@ def test_round_trip(tmp_path, synthetic):
     assert_equal(files.read_result(tmp_path), result)
 
 
+def test_covered_parts_come_back(tmp_path, synthetic):
+    covered = np.linspace(0.0, 1.0, 25)
+    write(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), covered=covered)))
+    np.testing.assert_array_equal(files.read_result(tmp_path).steps[0].covered, covered)
+
+
 def test_without_boundary_fields(tmp_path, synthetic):
     result = synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None))
     write(tmp_path, result)
@@ -98,9 +104,9 @@ def test_nothing_to_read(tmp_path):
     with pytest.raises(ResultError, match="'something else' is unknown"):
         files.read_result(tmp_path)
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
-        file.attrs.update({"format": "meeframe-result 2", "case": ""})  # without slip paths
+        file.attrs.update({"format": "meeframe-result 3", "case": ""})  # without dissipation
     with pytest.raises(
-        ResultError, match="'meeframe-result 2' is unknown; this version reads 'meeframe-result 3': run"
+        ResultError, match="'meeframe-result 3' is unknown; this version reads 'meeframe-result 4': run"
     ):
         files.read_result(tmp_path)
 

@@ -230,6 +230,7 @@ def elastic(step):
         potentials=nothing,
         fluxes=nothing,
         slip=nothing,
+        dissipation=nothing[:, 0],
         region=np.where(step.touching, Region.SLIP, Region.OPEN),
     )
 

@@ -37,6 +37,14 @@ def test_area_of_a_circle(name, synthetic):
     assert found == pytest.approx(np.pi * radius**2, abs=0.5 * size * 2 * np.pi * radius)
 
 
+def test_covered_parts_of_nodes(synthetic):
+    """Those in contact count by their part, those that are not do not count."""
+    zone, whole = synthetic.zone(), synthetic.step(1e-6)
+    assert resultants(zone, dataclasses.replace(whole, covered=np.ones(25))) == pytest.approx(resultants(zone, whole))
+    half = resultants(zone, dataclasses.replace(whole, covered=np.full(25, 0.5)))
+    assert (half.stick_area, half.slip_area, half.contact_area) == pytest.approx((0.5e-6, 4e-6, 4.5e-6))
+
+
 @EVERY
 def test_everything_something_nothing(name, synthetic):
     zone, step = flat_zone(name), synthetic.step(1e-6)
