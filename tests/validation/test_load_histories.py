@@ -33,7 +33,7 @@ def test_area_of_the_loop_is_the_dissipated_energy(loop):
     """From the turn on, forth and back: work of the indenter, less what is stored, is what friction took.
 
     The mean of the tractions at both ends of an increment makes the balance exact but for the compliance, which
-    collocation leaves slightly unsymmetric; those at the end alone dissipate more, by terms of second order.
+    collocation leaves slightly unsymmetric; the dissipated energy differs by terms of second order.
     """
     turn = [(step.step, step.increment) for step in loop.steps].index((2, 6))
     steps = [step for step in loop.steps[turn:] if step.step < 5]
