@@ -122,11 +122,16 @@ def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
 def solve_local(
     local: LocalProblem, solver: Solver, limits: Limits | None = None
 ) -> tuple[LocalSolution, ContactSolution]:
-    """Solve a problem of FCLIB with a solver of ours; the second result has the status and the residual."""
+    """Solve a problem of FCLIB with a solver of ours; the second result has the status and the residual.
+
+    Raises CaseError if the solver does not take the problem.
+    """
+    problem = contact_problem(local)
+    solver.check(problem)
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual tells whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
-        found = solve(contact_problem(local), solver, limits)
+        found = solve(problem, solver, limits)
     return reactions(local, found.state), found
 
 

@@ -48,9 +48,9 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 
 
 def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
-    """Frozen; pure; converges on insulated, conducting and frictional indentation, across a gap that conducts, between
-    surfaces that are soft, attract each other and wear smooth by slip, under given motions and under prescribed
-    resultants, and to the right answer.
+    """Frozen; pure; takes, by its own check, and converges on insulated, conducting and frictional indentation, across
+    a gap that conducts, between surfaces that are soft, attract each other and wear smooth by slip, under given motions
+    and under prescribed resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
@@ -61,6 +61,7 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
     limits = limits or Limits()
     for name, problem in _problems(friction).items():
         with _unchanged(problem, name):
+            _check_taken(solver, problem, name)
             _check_pure(solver, problem, name)
             solution = _solved(problem, solver, limits, name)
             _check_start(solver, problem, limits, solution, name)
@@ -222,6 +223,17 @@ def _arrays(problem: ContactProblem) -> dict[str, Array]:
         "weights": system.weights,
         "matrix": np.zeros(0) if matrix is None else matrix,
     }
+
+
+def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
+    """Its own check lets the problem pass, and the one on a rigid body as which it is asked about a case file."""
+    assert isinstance(problem.system, DenseSystem)
+    rigid = replace(problem, system=replace(problem.system, matrix=np.zeros_like(problem.system.matrix)))
+    for asked, body in ((problem, ""), (rigid, " on a rigid body")):
+        try:
+            solver.check(asked)
+        except Exception as error:
+            require(False, f"{name}{body}: check refuses it", f"{type(error).__name__}: {error}")
 
 
 def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:

@@ -64,6 +64,7 @@ REASONS: Final = {
     "slip does not dissipate the most": "the associated rule (eq. 12) is that of maximum dissipation.",
     "not homogeneous": "without a stress of its own a law cannot know how large a pressure is.",
     "changes the problem": "later load steps solve on the same arrays.",
+    "check refuses it": "a case file with the solver is refused before anything is computed; the body is rigid then.",
     "leaves its own solution": "load steps start from the state before.",
     "units": "answers and work must not depend on metres or millimetres; look for absolute numbers.",
     "converged, but": "a wrong answer must never be called converged.",

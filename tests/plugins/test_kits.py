@@ -12,9 +12,10 @@ import meeframe.testing as kits
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.dense_system import DenseSystem
+from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation, ReducedSystem, silent
 from meeframe.core.indenter import Indenter
-from meeframe.core.law import ContactLaw
+from meeframe.core.law import ContactLaw, conducts
 from meeframe.elements import Quad4
 from meeframe.geometry import block_mesh
 from meeframe.laws import IsotropicCoulomb, Signorini
@@ -332,6 +333,38 @@ def test_hypothesis_finds_the_contact_that_a_solver_fails_on():
         AssertionError, match=r"(?s)indentation .*'approach': (-1e-05|0\.0|1e-06).*the worst condition is"
     ):
         kits.check_solver(AfraidOfTheVoid())
+
+
+@dataclass(frozen=True)
+class Picky(Solver):
+    """Solves everything, but its check refuses conduction, or takes no rigid body."""
+
+    refuses: str
+    inner: Solver = field(default_factory=SemismoothNewton)
+
+    def check(self, problem):
+        if self.refuses == "conduction" and conducts(problem.electric_law):
+            raise CaseError("solver 'picky' is for insulated contact")
+        if self.refuses == "rigid bodies" and not problem.system.diagonal_blocks().any():
+            raise ZeroDivisionError("no compliance")
+
+    def init(self, problem, start):
+        return self.inner.init(problem, start)
+
+    def step(self, problem, iterate):
+        return self.inner.step(problem, iterate)
+
+
+@pytest.mark.parametrize(
+    ("refuses", "told"),
+    [
+        ("conduction", "conducting: check refuses it: CaseError: solver 'picky' is for insulated contact"),
+        ("rigid bodies", "insulated on a rigid body: check refuses it: ZeroDivisionError: no compliance"),
+    ],
+)
+def test_checks_that_refuse_ordinary_problems_are_found(refuses, told):
+    with pytest.raises(AssertionError, match=f"{told}\nwhy it matters: a case file with the solver is refused"):
+        kits.check_solver(Picky(refuses))
 
 
 def gaining(system, _body):

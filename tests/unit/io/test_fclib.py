@@ -21,7 +21,7 @@ from meeframe.io.fclib import (
 )
 from meeframe.io.fclib_contact import contact_problem, contacts, local_problem, local_solution, reactions, solve_local
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import Auto, BarzilaiBorwein, SemismoothNewton, Uzawa, residual, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
@@ -112,6 +112,14 @@ def test_one_contact_by_hand(name, solver):
     assert natural_residual(local, np.array(r)) < 1e-14
     assert natural_residual(local, np.array(r) + np.array([0.01, 0.0, 0.0])) > 1e-3
     np.testing.assert_allclose(by_gauss_seidel(local), r, atol=1e-12)
+
+
+def test_a_solver_that_does_not_take_friction_is_told():
+    q, mu, _, _ = BY_HAND["slip"]
+    with pytest.raises(CaseError, match=r"solver 'projected-cg' takes frictionless contact only, .* not IsotropicCoul"):
+        solve_local(LocalProblem(ONE, np.array(q), np.array([mu])), ProjectedCG())
+    solution, _ = solve_local(LocalProblem(ONE, np.array(q), np.zeros(1)), ProjectedCG())
+    np.testing.assert_allclose(solution.r, BY_HAND["without friction"][2], atol=1e-9)
 
 
 def test_contacts_with_coefficients_of_their_own():
