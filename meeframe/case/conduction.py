@@ -1,6 +1,7 @@
 """Whether the conductivity laws of a case are conductivities where the case comes to."""
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Final, final
 
@@ -29,8 +30,8 @@ class Answer:
 
 @final
 @dataclass(frozen=True, eq=False)
-class WatchedConductivity(ConductivityLaw):
-    """A conductivity law, and what it said that is no conductivity under finite tractions, gaps and drops.
+class _Watch:
+    """The conductivity of a law, and what that was where it is none under finite tractions, gaps and drops.
 
     Of several answers that under the least traction is kept. What is asked to see whether a law conducts at all
     (meeframe.core.law.conducts) does not count.
@@ -39,12 +40,7 @@ class WatchedConductivity(ConductivityLaw):
     law: ConductivityLaw
     answers: list[Answer] = field(default_factory=list)
 
-    @property
-    def across_gap(self) -> bool:  # type: ignore[override]
-        """As of the law."""
-        return self.law.across_gap
-
-    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+    def __call__(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """As of the law."""
         kappa = self.law.conductivity(normal_traction, gap, drop)
         wrong = ~(kappa >= 0.0)
@@ -53,6 +49,13 @@ class WatchedConductivity(ConductivityLaw):
             found = _answers(kappa, normal_traction, gap, drop, wrong & finite)
             self.answers[:] = sorted([*self.answers, *found], key=lambda answer: -answer.traction)[:1]
         return kappa
+
+
+def watched(law: ConductivityLaw) -> ConductivityLaw:
+    """The law, of its class and with its fields, by which solvers may tell it, but watched in what it says."""
+    copied = copy(law)
+    object.__setattr__(copied, "conductivity", _Watch(law))  # in place of the method, of this one alone
+    return copied
 
 
 def _tried(traction: Array, gap: Array) -> bool:
@@ -83,12 +86,12 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
         if finite:
             found = list(_wrong_in_state(problem, solution, law, column))
         else:
-            found = law.answers if isinstance(law, WatchedConductivity) else []
+            watch = vars(law).get("conductivity")
+            found = watch.answers if isinstance(watch, _Watch) else []
         for answer in found:
-            named = law.law if isinstance(law, WatchedConductivity) else law
             across = f", a gap of {answer.gap:g} m and a drop of {answer.drop:g} {unit}" if law.across_gap else ""
             told = (
-                f"conductivity.{key}: conductivity of the conductivity law {type(named).__name__} is {answer.kappa:g} "
+                f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {answer.kappa:g} "
                 f"under a normal traction of {answer.traction:g} Pa{across}; allowed: numbers >= 0 and inf"
             )
             if solution.status is Status.CONVERGED or (not finite and -answer.traction <= most):

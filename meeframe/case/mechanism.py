@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.case.conduction import WatchedConductivity
+from meeframe.case.conduction import watched
 from meeframe.case.history import Controls, Converged, at_rest, held
 from meeframe.case.laws import gap_of_law, law_of_increment
 from meeframe.case.step import resisted
@@ -143,7 +143,7 @@ class Mechanism:
         tangential = np.einsum("k,knt->nt", base[:6], self.modes[:6, :, :2])
         potentials = np.tile(base[6:], (len(gap), 1))
         contact_law = law_of_increment(self.case.contact_law, start.slip_path, duration)
-        laws = contact_law, WatchedConductivity(self.case.electric_law), WatchedConductivity(self.case.magnetic_law)
+        laws = contact_law, watched(self.case.electric_law), watched(self.case.magnetic_law)
         translation = tangential - start.total_slip
         problem = ContactProblem(self.system, *laws, gap, translation, potentials, tuple(freedoms.values()))
         return Increment(problem, base, np.array(list(freedoms), int), prescribed, duration)

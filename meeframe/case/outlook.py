@@ -1,7 +1,7 @@
 """What a case leads to, as far as it shows before a body is reduced."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
@@ -62,9 +62,7 @@ def check_solver(case: "Case", solver: Solver) -> None:
     if type(solver).check is Solver.check:
         return
     for increment in planned(case):
-        # the laws themselves, by whose classes a solver may tell them, not what watches them while it solves
-        problem = replace(increment.problem, electric_law=case.electric_law, magnetic_law=case.magnetic_law)
-        solver.check(problem)
+        solver.check(increment.problem)
 
 
 def doubts(case: "Case") -> Iterator[str]:

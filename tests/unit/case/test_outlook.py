@@ -12,7 +12,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation, silent
 from meeframe.geometry import FlatPunch
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
-from meeframe.solvers import Auto, ProjectedCG
+from meeframe.solvers import Auto, ProjectedCG, Uzawa
 from meeframe.solvers.frictionless import takes
 
 PCG = '\n[solver]\nname = "projected-cg"\n'
@@ -86,9 +86,23 @@ class Selective(Shallow):
         if not isinstance(problem.electric_law, StepConductivity):
             raise CaseError(f"solver 'selective' does not take {type(problem.electric_law).__name__}")
 
+    def init(self, problem, start):
+        self.check(problem)
+        assert problem.electric_law == StepConductivity(1.0)
+        return Uzawa().init(problem, start)
 
-def test_solvers_are_asked_about_the_laws_themselves(case):
-    assert replace(case, electric_law=StepConductivity(1.0), solver=Selective()).solver == Selective()
+    def step(self, problem, iterate):
+        self.check(problem)
+        return Uzawa().step(problem, iterate)
+
+
+def test_solvers_are_asked_about_the_laws_that_they_are_given(case):
+    law = StepConductivity(1.0)
+    selective = replace(case, electric_law=law, solver=Selective(), potentials=(100.0, 0.0))
+    (step,) = meeframe.solve_case(selective).steps
+    (expected,) = meeframe.solve_case(replace(selective, solver=Uzawa())).steps
+    np.testing.assert_array_equal(step.fluxes, expected.fluxes)
+    assert vars(law) == {"kappa": 1.0}
     with pytest.raises(CaseError, match="solver 'selective' does not take Insulating"):
         replace(case, electric_law=Insulating(), solver=Selective())
 
