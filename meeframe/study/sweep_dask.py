@@ -1,11 +1,9 @@
 """Points solved by other processes: local ones, or workers of a Dask cluster. Imported only where they are wanted."""
 
 import logging
-import os
-import signal
 import socket
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
@@ -26,6 +24,7 @@ from meeframe.core.formulation import NodalFields, Progress, ReducedSystem
 from meeframe.plugin.sources import load_source, source_name
 from meeframe.study.sweep_engine import Keyed, Pool, grouped
 from meeframe.study.sweep_points import Outcome, Point, PointStatus, solved
+from meeframe.study.sweep_processes import environment, undisturbed
 
 try:
     dask, distributed = import_module("dask"), import_module("distributed")
@@ -227,18 +226,16 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
     Raises CaseError if the scheduler does not answer.
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
-    environment = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(threads)}
-    environment["PYTHONWARNINGS"] = "ignore"  # of plugins and libraries: where cases are read they are told once
+    variables = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(threads)}
+    variables["PYTHONWARNINGS"] = "ignore"  # of plugins and libraries: where cases are read they are told once
     settings = {
-        "distributed.nanny.pre-spawn-environ": environment,
-        "distributed.worker.preload": [__name__],
         "distributed.comm.timeouts.connect": _WAIT,
         "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes
         "distributed.scheduler.worker-ttl": None,  # nor is one lost that does not answer for a long computation
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
-        stack.enter_context(_environment_kept(environment))
+        stack.enter_context(environment(variables))
         scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
         stack.enter_context(dask.config.set({**settings, "temporary-directory": scratch}))
         # what users can mend is said by errors
@@ -254,24 +251,13 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
         yield Cluster(connect, address, sources, processes, threads)
 
 
-@contextmanager
-def _environment_kept(names: Iterable[str]) -> Iterator[None]:
-    """These variables of this process, which Dask sets for those that it starts, are in the end what they were."""
-    before = {name: os.environ[name] for name in names if name in os.environ}
-    try:
-        yield
-    finally:
-        for name in names:
-            os.environ.pop(name, None)
-        os.environ.update(before)
-
-
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
     """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
     if scheduler is None:
         options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
-        place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
-        stack.callback(_close, place)
+        with undisturbed():
+            place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
+            stack.callback(_close, place)
         return distributed.Client(place)
     try:
         return distributed.Client(scheduler, timeout=_WAIT)
@@ -286,8 +272,3 @@ def _close(place: Any) -> None:
     """End local processes; those that do not listen end with this one."""
     with suppress(TimeoutError, OSError):
         place.close(timeout=_WAIT)
-
-
-def dask_setup(_worker: Any) -> None:
-    """Called by Dask in each local worker: Ctrl-C on the terminal is for the process that waits for them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -293,6 +293,31 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death, 
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
+    out, file, told = tmp_path / "out", study(LINE), tmp_path / "told"
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
+        wait_for(lambda: any("multiprocessing.spawn" in " ".join(c.cmdline()) for c in process.children()), process)
+        children = process.children(recursive=True)
+        if end is signal.SIGINT:
+            os.killpg(process.pid, end)
+        else:
+            process.send_signal(end)
+        status = process.wait(timeout=60)
+    psutil.wait_procs(children, timeout=60)
+    assert not any(child.is_running() for child in children)
+    assert status == 130, told.read_text()
+    assert told.read_text().splitlines()[-1] == (
+        f"interrupted; 0 of 8 points are finished and in {out}; the same command goes on"
+    )
+    assert "Traceback" not in told.read_text()
+    assert not list(scratch.iterdir())
+    assert not log("solved")
+
+
 def assert_done(ended):
     status, _, complained = ended
     assert status == 0, complained
