@@ -44,7 +44,7 @@ def resistances(
     that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter over the body, as
     `unloaded` makes it, for laws that follow the gap or the drop. Nodes without an indenter above are insulated.
     """
-    ahead = np.zeros((len(own), N_FIELDS)) if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
+    ahead = np.zeros((N_FIELDS, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
     columns = [
         _resistance(law, normal_traction, closed, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
         for k, law in enumerate((problem.electric_law, problem.magnetic_law))
@@ -124,6 +124,8 @@ def _resistance(
     kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
     kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
     with np.errstate(divide="ignore", over="ignore"):
+        if shut.all() or apart.all():
+            return np.asarray(1.0 / (kappa if shut.any() else kappa_open))
         found = np.where(shut, 1.0 / kappa, 1.0 / kappa_open)
         at = np.flatnonzero(~(shut | apart))
         conducting, insulating = (_transmissivity(part[at], own[at]) for part in (kappa, kappa_open))
