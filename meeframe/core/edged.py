@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, Part, ReducedSystem, inverse_of_softer
+from meeframe.core.formulation import Extension, NodalFields, Part, ReducedSystem, inverse_of_softer
 from meeframe.core.mesh import Indices
 
 
@@ -62,6 +62,10 @@ class EdgedSystem(ReducedSystem):
             return None
         before, after = (system.diagonal_blocks()[:, fields, fields] for system in (self.original, self))
         return inverse_of_softer(inverse, before, after)
+
+    def extension(self, nodes: Indices) -> Extension | None:
+        """That of the original."""
+        return self.original.extension(nodes)
 
     def within(self, nodes: Indices) -> Part | None:
         """That of the original, whose nodes respond more likewise."""

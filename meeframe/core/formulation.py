@@ -92,6 +92,13 @@ class ReducedSystem(ABC):
         """
         return None
 
+    def extension(self, nodes: Indices) -> "Extension | None":
+        """How displacements of nodes (f,) go on beside them under a load on those alone, roughly; None if unknown.
+
+        With it the approximate inverse is about that of the compliance restricted to those nodes. Used as that is.
+        """
+        return None
+
     def coarser(self) -> "Coarsening | None":
         """The same body on a coarser division of its zone, from which to start; None if there is none."""
         return None
@@ -148,6 +155,18 @@ class Rim:
     distance: Array
     outward: Array
     gap: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Extension:
+    """From values at some nodes to values at all of them, and back; single precision.
+
+    extended: (n,) from (f,), linear, the same at those nodes; gathered: (f,) from (n,), its adjoint in inner products
+    weighted by the areas of the nodes.
+    """
+
+    extended: Callable[[Array], Array]
+    gathered: Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)

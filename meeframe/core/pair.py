@@ -21,7 +21,7 @@ import scipy  # its parts load where they are used
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Edges, NodalFields, Part, ReducedSystem, Rim, inverse_of_softer
+from meeframe.core.formulation import Edges, Extension, NodalFields, Part, ReducedSystem, Rim, inverse_of_softer
 from meeframe.core.mesh import Indices
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -97,6 +97,10 @@ class PairSystem(ReducedSystem):
             return None
         alone, together = (system.diagonal_blocks()[:, fields, fields] for system in (self.first, self))
         return inverse_of_softer(inverse, alone, together)
+
+    def extension(self, nodes: Indices) -> Extension | None:
+        """That of the first body."""
+        return self.first.extension(nodes)
 
     def within(self, nodes: Indices) -> Part | None:
         """If both bodies have a part there and on the same nodes, as they have on grids that are divided alike."""

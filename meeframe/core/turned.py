@@ -10,7 +10,7 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
 from meeframe.core.mesh import Indices
 
 TANGENTIAL: Final = frozenset((0, 1))
@@ -99,6 +99,10 @@ class TurnedSystem(ReducedSystem):
             return inverse
         back, forth = _inverse(self.cosine_sine), self.cosine_sine
         return lambda displacement: _rotated(inverse(_rotated(displacement, back)), forth)
+
+    def extension(self, nodes: Indices) -> Extension | None:
+        """That of the original."""
+        return self.original.extension(nodes)
 
     def coarser(self) -> Coarsening | None:
         """That of the original, turned likewise."""

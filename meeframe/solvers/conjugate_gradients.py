@@ -1,6 +1,5 @@
 """Projected conjugate gradients for frictionless contact, the potentials eliminated at contact size."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, final
 
@@ -16,50 +15,34 @@ from meeframe.solvers.frictionless import check_taken
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.normal_modes import NormalModes
+from meeframe.solvers.normal_preconditioner import Preconditioner
 from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, Insulated, NormalResponse, load_of
 from meeframe.solvers.scales import Scales, problem_scales
 
 RENEWAL: Final = 50
 """Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
-COARSE, MOST_COARSE = 1e-2, 100
-"""Residual, and steps at most, of the coarser problem from which to start: the two problems differ by more."""
+COARSE, MOST_COARSE = 1e-3, 100
+"""Residual, and steps at most, of the coarser problem from which to start: the two problems differ by as much."""
 SETTLED: Final = 0.3
 """Of the gaps that closed fractions are to close: those that pressures are to close need be no smaller before."""
 LOOKS: Final = 3
 """At the conduction, one after another: what it opened may touch again, gaps of nodes that graze be the largest."""
-OUTDATED: Final = 0.1
-"""The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
-
-Inverse = Callable[[Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class _Guides:
-    """Directions (k, n) along which the resultants are taken out: preconditioned modes; made: (n,) of these nodes."""
-
-    along: Array
-    made: Array
-
-    def fit(self, free: Indices) -> bool:
-        """Whether they were made for nodes that are nearly these, (f,)."""
-        common = int(self.made[free].sum())
-        return max(len(free), int(self.made.sum())) - common <= OUTDATED * len(free)
 
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
     """What the iteration remembers.
 
-    response, modes: see there; inverse: of the normal compliance, roughly, (n,) from (n,), if there is one; weight:
-    (n,) of the inner product; pressure: (n,); effect: at the iterate, the indenter at rest; here: modes on the nodes
-    with pressure or overlap, which move next; free: (f,) nodes that the last step moved; direction, residual: (f,) of
-    that step, product: of its preconditioned residual with the residual; guides: see there; start: violation when gap
-    and conduction were last found anew; age: steps since.
+    response, modes, preconditioner: see there, the latter if there is one; weight: (n,) of the inner product; pressure:
+    (n,); effect: at the iterate, the indenter at rest; here: modes on the nodes with pressure or overlap, which move
+    next; free: (f,) nodes that the last step moved; direction, residual: (f,) of that step, product: of its
+    preconditioned residual with the residual; start: violation when gap and conduction were last found anew; age: steps
+    since.
     """
 
     response: NormalResponse
     modes: NormalModes
-    inverse: Inverse | None
+    preconditioner: Preconditioner | None
     weight: Array
     pressure: Array
     effect: Effect
@@ -68,7 +51,6 @@ class _Memory:
     direction: Array
     residual: Array
     product: float
-    guides: _Guides | None
     start: float
     age: int = 0
 
@@ -86,7 +68,8 @@ class ProjectedCG(Solver):
     fallen to a ten-thousandth.
 
     If the reduced system knows an approximate inverse, that, restricted to those nodes, preconditions: steps then
-    hardly depend on the number of nodes. If it knows a coarser division, the solution there is the start.
+    hardly depend on the number of nodes; the fewer if it knows how displacements go on beside the nodes. If it knows a
+    coarser division, the solution there is the start.
 
     Where resultants of the pressure are prescribed, directions have none, the motions of the indenter take the mean out
     of the gaps, and where pressure was lost the nearest balanced one is found.
@@ -178,18 +161,12 @@ def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:
         pressure = _spread(modes.on(free).balanced(trial[free]), free, n)
     weight = problem.system.weights
     weight = weight / weight.max() if (weight > 0.0).all() else np.ones(n)
-    mechanics = (response, modes, _normal_inverse(problem), weight)
+    mechanics = (response, modes, Preconditioner.of(problem), weight)
     effect = response.at(pressure, near)
     still, nodes = np.zeros(0), np.zeros(0, np.int64)
-    memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, None, np.inf)
+    memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, np.inf)
     memory = _placed(memory, pressure, effect)
     return replace(memory, start=_violation(memory))
-
-
-def _normal_inverse(problem: ContactProblem) -> Inverse | None:
-    """Pressures (n,) that roughly cause openings (n,) of the gap."""
-    inverse = problem.system.approximate_inverse((NORMAL,))
-    return None if inverse is None else lambda opening: inverse(opening[:, None])[:, 0]
 
 
 def _conjugate(memory: _Memory) -> _Memory:
@@ -202,31 +179,21 @@ def _conjugate(memory: _Memory) -> _Memory:
     before, direction = memory.residual, memory.direction
     if free is not memory.free:
         before, direction = (_spread(values, memory.free, n)[free] for values in (before, direction))
-    guides = memory.guides
-    if memory.inverse is None:
+    preconditioner, fresh = memory.preconditioner, False
+    if preconditioner is None:
         steepest = modes.without(residual)
         fresh = np.setdiff1d(free, memory.free, assume_unique=True).size > 0
     else:
-        fresh = False
-        if modes.numbers.size and (guides is None or not guides.fit(free)):
-            guides = _guides(memory, memory.inverse, free)
-        preconditioned = memory.inverse(_spread(residual.astype(np.float32), free, n))[free].astype(float)
-        steepest = modes.without(preconditioned, None if guides is None else guides.along[:, free])
+        preconditioner = preconditioner.on(modes)
+        steepest = preconditioner.balanced(residual, modes)
     change = residual - before
     share = 0.0 if fresh or memory.product <= 0.0 else max(float((weight * steepest) @ change) / memory.product, 0.0)
     direction = modes.without(steepest + share * direction)
     if float((weight * direction) @ residual) <= 0.0:
         direction = modes.without(residual)
     product = float((weight * steepest) @ residual)
-    return replace(memory, free=free, direction=direction, residual=residual, product=product, guides=guides)
-
-
-def _guides(memory: _Memory, inverse: Inverse, free: Indices) -> _Guides:
-    """Preconditioned modes on the free nodes (f,)."""
-    n = len(memory.pressure)
-    made = np.zeros(n, bool)
-    made[free] = True
-    return _Guides(np.stack([inverse(np.where(made, mode, 0.0)) for mode in memory.modes.mode]), made)
+    memory = replace(memory, preconditioner=preconditioner, free=free)
+    return replace(memory, direction=direction, residual=residual, product=product)
 
 
 def _refreshed(memory: _Memory) -> _Memory:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
 from meeframe.core.mesh import Indices
 
 
@@ -57,6 +57,10 @@ class Counted(ReducedSystem):
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """See ReducedSystem."""
         return self.inner.approximate_inverse(fields) if self.helped else None
+
+    def extension(self, nodes: Indices) -> Extension | None:
+        """See ReducedSystem."""
+        return self.inner.extension(nodes) if self.helped else None
 
     def coarser(self) -> Coarsening | None:
         """See ReducedSystem."""

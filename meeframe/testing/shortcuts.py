@@ -30,13 +30,14 @@ COARSELY: Final = 0.2
 
 
 def check_shortcuts(system: ReducedSystem) -> None:
-    """`response`, `block_response`, `approximate_inverse`, `coarser` and `within` belong to `apply`.
+    """`response`, `block_response`, `approximate_inverse`, `extension`, `coarser` and `within` belong to `apply`.
 
     Raises AssertionError.
     """
     check_response(system)
     check_block_response(system)
     check_inverse(system)
+    check_extension(system)
     coarse = system.coarser()
     if coarse is not None:
         check_coarser(system, coarse)
@@ -92,6 +93,25 @@ def check_inverse(system: ReducedSystem) -> None:
         pairs = zip(found[:, inside] / unit, alone[:, inside][:, :, chosen] / unit, strict=True)
         cosine = min(float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum())) for one, other in pairs)
         require(cosine > ROUGHLY, f"{what} gives other loads than those that caused it", cosine)
+
+
+def check_extension(system: ReducedSystem) -> None:
+    """`extension` keeps the values that it is given, and goes back by the adjoint map."""
+    rng, count = np.random.default_rng(6), len(system.points)
+    weights = system.weights / system.weights.max()
+    for nodes in (np.arange(0, count, 3), np.arange(count), np.array([count // 2])):
+        extension = system.extension(nodes)
+        if extension is None:
+            continue
+        values: Array = rng.normal(size=len(nodes)).astype(np.float32)
+        whole: Array = rng.normal(size=count).astype(np.float32)
+        extended, gathered = extension.extended(values), extension.gathered(whole)
+        fits = extended.shape == (count,) and gathered.shape == (len(nodes),)
+        require(fits, "extension gives other numbers of values than there are nodes", extended.shape)
+        require(worst(extended[nodes], values) < SINGLE, "extension changes the values of its nodes", len(nodes))
+        work = float((weights * extended) @ whole), float((weights[nodes] * values) @ gathered)
+        error = abs(work[0] - work[1]) / float((weights * np.abs(extended)) @ np.abs(whole))
+        require(error < SINGLE, "what extension gathers is not the adjoint of what it extends", error)
 
 
 def check_coarser(system: ReducedSystem, coarse: Coarsening) -> None:

@@ -60,6 +60,16 @@ class Grid:
                 part.reshape(self.size, order=self._order)[...] = value
         return nodal.T
 
+    @cached_property
+    def flat(self) -> tuple[tuple[int, int], Indices | None]:
+        """Size of the grid as nodal values are stored, and the place (n,) of each node in it, None if it is its number.
+
+        The first axis is e2 if nodes are numbered along e1 first.
+        """
+        if self._order is None:
+            return self.size, np.argsort(self.nodes, axis=None)
+        return self.size if self._order == "C" else self.size[::-1], None
+
     def weights(self, periodic: bool) -> Array:
         """Area that belongs to each node [m^2]: a cell, of which a free grid has half or a quarter on its border."""
         shares = [np.ones(n) for n in self.size]

@@ -8,11 +8,12 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Coarsening, Edges, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
 from meeframe.core.mesh import Indices
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
+from meeframe_halfspace.extension import Pyramid
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
@@ -101,6 +102,23 @@ class HalfSpaceSystem(ReducedSystem):
             return load
 
         return inverse
+
+    def extension(self, nodes: Indices) -> Extension:
+        """See meeframe_halfspace.extension."""
+        size, places = self.grid.flat
+        pyramid = Pyramid.of(size, nodes if places is None else places[nodes])
+        shares = None if self.convolution.periodic else self.shares.astype(np.float32)
+
+        def extended(values: Array) -> Array:
+            whole = pyramid.extended(values).ravel()
+            return whole if places is None else whole[places]
+
+        def gathered(whole: Array) -> Array:
+            whole = whole if shares is None else whole * shares
+            values = pyramid.gathered(whole.reshape(size) if places is None else whole[self.grid.nodes])
+            return values if shares is None else values / shares[nodes]
+
+        return Extension(extended, gathered)
 
     def coarser(self) -> Coarsening | None:
         """Every second node along both axes; None if the grid is too small for that."""

@@ -29,7 +29,8 @@ def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions()
     problem = sphere(48, np.inf)
     solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
-    assert len(problem.system.products) <= 4 * solution.iterations
+    assert solution.iterations <= 9
+    assert len(problem.system.products) <= 4 * 9
 
 
 @pytest.mark.parametrize("kappa", [0.0, np.inf])

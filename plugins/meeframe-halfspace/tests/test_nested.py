@@ -14,7 +14,7 @@ from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
 from meeframe.core.edged import edged
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, NodalFields, Part, ReducedSystem
+from meeframe.core.formulation import Coarsening, Extension, NodalFields, Part, ReducedSystem
 from meeframe.core.law import ContactLaw
 from meeframe.core.mesh import Indices
 from meeframe.core.pair import pair
@@ -305,6 +305,13 @@ class Wrong(ReducedSystem):
         assert inverse is not None
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
+    def extension(self, nodes: Indices) -> Extension | None:
+        extension = self.inner.extension(nodes)
+        assert extension is not None
+        if self.wrong == "values":
+            return replace(extension, extended=lambda values: 0.5 * extension.extended(values))
+        return replace(extension, gathered=lambda whole: whole[nodes]) if self.wrong == "adjoint" else extension
+
     def coarser(self) -> Coarsening | None:
         coarse = self.inner.coarser()
         assert coarse is not None
@@ -325,6 +332,7 @@ class Wrong(ReducedSystem):
     ("wrong", "said"),
     [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
     + [("single precision", "block_response to loads float32")]
+    + [("values", "extension changes the values"), ("adjoint", "extension gathers is not the adjoint")]
     + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")]
     + [("response of a part", "block_response")],
 )
