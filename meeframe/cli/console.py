@@ -39,6 +39,18 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     except MeeframeError as error:
         print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
+    except PermissionError as error:
+        print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except RuntimeError as error:
+        if "no locator available" not in str(error):  # numba's, of its cache
+            raise
+        print(
+            "error: compiled kernels can be kept neither beside the sources nor in the user's cache folder: set "
+            "NUMBA_CACHE_DIR to a folder that can be written",
+            file=sys.stderr,
+        )
+        raise typer.Exit(BAD_INPUT) from None
     except MemoryError as error:
         print(f"error: {_with_notes('not enough memory', error, untouched)}", file=sys.stderr)
         raise typer.Exit(no_memory) from None

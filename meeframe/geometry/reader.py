@@ -59,8 +59,11 @@ def read_any(file: Path) -> Any:
     """meshio's mesh of a file; its printing and its exits become errors. Raises MeshError."""
     import meshio  # a quarter of a second to start: only for those who read files
 
-    if not file.is_file():
-        raise MeshError("no such file")
+    try:
+        if not file.is_file():
+            raise MeshError("no such file")
+    except PermissionError as error:
+        raise MeshError(f"cannot be read: {error.strerror}") from None
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), _ends(meshio):

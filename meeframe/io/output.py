@@ -30,9 +30,9 @@ def check_output(folder: Path, overwrite: bool) -> None:
     Raises ResultError if it cannot be written, or if it holds anything and overwrite is false.
     """
     absent: list[Path] = []
-    if folder.is_file():
-        raise _unwritable(folder, NotADirectoryError("it is a file"))
     try:
+        if folder.is_file():
+            raise NotADirectoryError("it is a file")
         absent = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         occupied = sorted(entry.name for entry in folder.iterdir())

@@ -109,15 +109,17 @@ def finish_result(folder: Path, result: Result) -> None:
 def read_result(folder: Path) -> Result:
     """The result in an output folder; raises ResultError if there is none or it cannot be read."""
     path = folder / RESULT_FILE
-    if folder.is_file():
-        raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
     try:
+        if folder.is_file():
+            raise ResultError(f"no result in {folder}: it is a file; name the folder of a run")
         with h5py.File(path, "r") as file:
             found = file.attrs.get("format")
             if found != FORMAT:
                 again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
                 raise ResultError(f"{path}: format {found!r} is unknown; this version reads {FORMAT!r}{again}")
             return _read(file)
+    except PermissionError:
+        raise ResultError(f"no result in {folder}: {path} cannot be read: Permission denied") from None
     except OSError:
         state = "cannot be read as HDF5" if path.exists() else "does not exist"
         raise ResultError(f"no result in {folder}: {path} {state}") from None

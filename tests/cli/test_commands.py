@@ -217,7 +217,17 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
 @pytest.mark.parametrize("command", ["check", "show"])
 @pytest.mark.parametrize(
     ("error", "status", "expected"),
-    [(KeyboardInterrupt(), 130, "interrupted\n"), (MemoryError(), 2, "error: not enough memory\n")],
+    [
+        (KeyboardInterrupt(), 130, "interrupted\n"),
+        (MemoryError(), 2, "error: not enough memory\n"),
+        (PermissionError(13, "Permission denied", "folder/file"), 2, "error: folder/file: Permission denied\n"),
+        (
+            RuntimeError("cannot cache function 'f': no locator available for file 'f.py'"),
+            2,
+            "error: compiled kernels can be kept neither beside the sources nor in the user's cache folder: set "
+            "NUMBA_CACHE_DIR to a folder that can be written\n",
+        ),
+    ],
 )
 def test_stopped_while_reading(case_file, monkeypatch, command, error, status, expected):
     def stop(*_):

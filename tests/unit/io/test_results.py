@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from meeframe.core.contact import Status
-from meeframe.core.errors import ResultError
+from meeframe.core.errors import MeshError, ResultError
 from meeframe.core.result import RunStatus
+from meeframe.geometry import read_mesh
 from meeframe.io import results as files
 from meeframe.io.output import OUTPUT_FILES, RESULT_FILE, check_output, clear_output, replacing
 
@@ -205,3 +206,20 @@ def test_replacing_keeps_the_old_content_when_writing_fails(tmp_path):
         write_half()
     assert target.read_text() == "old"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("touch", "error", "text"),
+    [
+        (lambda path: check_output(path, False), ResultError, "output folder .* cannot be written: Permission denied"),
+        (files.read_result, ResultError, r"no result in .*result\.h5 cannot be read: Permission denied"),
+        (lambda path: read_mesh(path, []), MeshError, "locked: cannot be read: Permission denied"),
+    ],
+)
+def test_in_folders_that_may_not_be_entered(tmp_path, monkeypatch, touch, error, text):
+    def refused(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("pathlib.Path.is_file", refused)
+    with pytest.raises(error, match=text):
+        touch(tmp_path / "locked")
