@@ -3,6 +3,7 @@
 import logging
 import socket
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -38,6 +39,8 @@ AHEAD: Final = 2
 """Points handed out for each thread of the cluster."""
 _WAIT: Final = "10s"
 """For a scheduler to answer."""
+_WARNINGS: Final = "meeframe-warnings"
+"""Topic of events by which workers pass on what code there warns of."""
 _BLAS_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -87,11 +90,37 @@ class Carried:
     instead: Outcome | None = field(default=None, compare=False)
 
 
+@contextmanager
+def _passed_on() -> Iterator[None]:
+    """What plugins and libraries warn of goes to where the command runs, but for what Python leaves out by itself."""
+    send = distributed.get_worker().log_event  # beside other threads it may outlive the task
+
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
+        send(_WARNINGS, [str(message), category.__name__, filename, lineno])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        for category in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+            warnings.simplefilter("ignore", category)
+        warnings.showwarning = show  # type: ignore[assignment]  # called by position
+        yield
+
+
+def _teller() -> Callable[[Any], None]:
+    """Tells of an event that _passed_on sent, each once, as if it had been here."""
+
+    @cache
+    def tell(message: str, category: str, filename: str, lineno: int) -> None:
+        warnings.showwarning(message, type(category, (Warning,), {}), filename, lineno)
+
+    return lambda event: tell(*event[1])
+
+
 def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:
     """The reduced system of a sealed formulation and body; from files in `folder` where that can be seen from here."""
     formulation, body = bodies.open()
     try:
-        with limited(threads):
+        with limited(threads), _passed_on():
             if Path(folder).is_dir():
                 system = cached_body(formulation, body, Path(folder), key=key)
             else:
@@ -129,7 +158,7 @@ def _opened(carried: Carried) -> ReducedSystem:
 def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:
     """The outcome of a sealed case on the systems of its bodies."""
     instead = next((carried.instead for carried in systems if carried.instead is not None), None)
-    with limited(threads):
+    with limited(threads), _passed_on():
         return instead or solved(case.open(), map(_opened, systems))
 
 
@@ -227,7 +256,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
     variables = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(threads)}
-    variables["PYTHONWARNINGS"] = "ignore"  # of plugins and libraries: where cases are read they are told once
+    variables["PYTHONWARNINGS"] = "ignore"  # but where reductions and points pass them on
     settings = {
         "distributed.comm.timeouts.connect": _WAIT,
         "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes
@@ -243,7 +272,9 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
 
         @cache
         def connect() -> Any:
-            return stack.enter_context(_client(stack, workers, scheduler))
+            client = stack.enter_context(_client(stack, workers, scheduler))
+            client.subscribe_topic(_WARNINGS, _teller())
+            return client
 
         if scheduler is not None:
             connect()

@@ -391,6 +391,42 @@ def test_threads_of_other_studies(study, tmp_path, log, command):
     assert set(log("threads")) == {f"threads of a {what}: 1, of libraries: 1" for what in ("reduction", "point")}
 
 
+NOISY = """
+import warnings
+from dataclasses import dataclass, field
+from meeframe.plugin import Record, Solver, hookimpl
+from meeframe.solvers import Uzawa
+
+
+@dataclass(frozen=True)
+class Noisy(Solver):
+    def init(self, problem, start):
+        return Uzawa().init(problem, start)
+
+    def step(self, problem, iterate):
+        warnings.warn("of a\\nstep")
+        warnings.warn("left out", DeprecationWarning)
+        return Uzawa().step(problem, iterate)
+
+
+@hookimpl
+def meeframe_solvers():
+    return [Record("noisy", Noisy, "warns", "nobody")]
+"""
+
+
+@pytest.mark.filterwarnings("always:of a", "ignore:left out")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
+    plugin = tmp_path / "noisy.py"
+    plugin.write_text(NOISY, encoding="utf-8")
+    path = study(f'set = {{ "solver" = "noisy" }}\n{LINE}')
+    status, _, errors = sweep(path, tmp_path / "out", "--workers", workers, "--plugin", plugin)
+    assert status == 0
+    told = [line for line in errors.splitlines() if "Warning" in line or "step" in line]
+    assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
+
+
 def test_one_at_a_time_writes_a_folder(study, tmp_path):
     out, file = tmp_path / "out", study(LINE, pause=0.3)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
