@@ -18,7 +18,7 @@ from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.mesh import SurfaceMesh
-from meeframe.core.toml import read_toml
+from meeframe.core.toml import check_whole_numbers, read_toml
 from meeframe.geometry import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.materials import Material, material_from_table
 from meeframe.plugin import registry as plugins
@@ -54,6 +54,10 @@ def case_from_tables(
 
     Raises TableError (a CaseError) with all problems found.
     """
+    try:
+        check_whole_numbers(tables)
+    except ValueError as error:
+        raise TableError(Problem((), str(error))) from None
     registry = replace(registry or plugins.load(), folder=folder)
     problems: list[Problem] = []
     checked = _attempt(problems, lambda: _validate(tables, registry))

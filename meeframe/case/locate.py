@@ -18,7 +18,7 @@ from meeframe.case.step import check_duration, check_first, check_pull, check_re
 from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.contact import Solver
 from meeframe.core.errors import MeeframeError, MeshError
-from meeframe.geometry import check_contact_zone, check_supports, zone_frames
+from meeframe.geometry import check_contact_zone, check_mesh, check_supports, zone_frames
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
 from meeframe.solvers import Auto
@@ -77,6 +77,7 @@ def _place(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body
 def _body_checks(
     table: CaseTable | CounterBodyTable, body: Body, zone_key: tuple[str, ...], zone: str
 ) -> Iterator[Check]:
+    yield Problem(("mesh",), ""), partial(check_mesh, body.mesh)
     yield Problem(zone_key, "", zone), partial(check_contact_zone, body.mesh, zone)
     for number, boundary in enumerate(table.boundary):
         for group in boundary.group:

@@ -42,16 +42,21 @@ def toml_tables(text: str) -> dict[str, Any]:
             f"a whole number of {len(longest[0])} digits (at line {text.count(chr(10), 0, longest.start()) + 1}); "
             f"allowed: {_MOST_BITS} binary digits at most"
         ) from None
+    check_whole_numbers(tables)  # of hexadecimal digits Python reads as many as one likes
+    return tables
+
+
+def check_whole_numbers(tables: Mapping[str, Any]) -> None:
+    """Raises ValueError, which names the key, for a whole number of more digits than Python writes."""
     values: list[tuple[str, Any]] = [("", tables)]
     for key, value in values:
-        if isinstance(value, int) and value.bit_length() > _MOST_BITS:  # as many hexadecimal digits as one likes
+        if isinstance(value, int) and value.bit_length() > _MOST_BITS:
             digits = f"{value.bit_length()} binary digits"
             raise ValueError(f"{key[1:]}: a whole number of {digits}; allowed: {_MOST_BITS} at most")
-        if isinstance(value, dict):
+        if isinstance(value, Mapping):
             values += ((f"{key}.{name}", entry) for name, entry in value.items())
-        if isinstance(value, list):
+        if isinstance(value, list | tuple):
             values += ((f"{key}[{number}]", entry) for number, entry in enumerate(value, 1))
-    return tables
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:

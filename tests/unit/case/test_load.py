@@ -448,3 +448,23 @@ def test_materials_without_a_name_are_refused_without_one(write_case, registry):
     change = ('name = "batio3-cofe2o4"', 'symmetry = "isotropic"\ncomponents = { c_11 = 1e9, c_12 = 2e9 }')
     with pytest.raises(CaseError, match="material: the material is not admissible: the elastic stiffness c must be"):
         load_case(write_case(change), registry)
+
+
+@pytest.mark.parametrize(
+    ("tables", "text"),
+    [
+        ({"title": 10**5000}, "title: a whole number of 16610 binary digits; allowed: 10000 at most"),
+        ({"material": {"name": [1, 10**5000]}}, r"material.name\[2\]: a whole number of 16610 binary digits"),
+        ({"mesh": ({}, {"divisions": -(10**5000)})}, r"mesh\[2\].divisions: a whole number of 16610 binary digits"),
+        ({10**5000: 1}, "4300 digits"),
+    ],
+)
+def test_whole_numbers_from_python_that_it_does_not_write(registry, tables, text):
+    with pytest.raises(CaseError, match=text):
+        case_from_tables(tables, registry)
+
+
+def test_meshes_beyond_all_bounds(write_case, registry):
+    change = ('"50 mm"', "1e308"), ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
+    with np.errstate(all="ignore"), pytest.raises(CaseError, match=r"case.toml: mesh: .*beyond 1e\+60 m"):
+        load_case(write_case(*change), registry)
