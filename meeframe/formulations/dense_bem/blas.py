@@ -18,9 +18,12 @@ Swaps = NDArray[np.int32]
 
 
 def factorise(matrix: Array, swaps: Swaps) -> None:
-    """LU factors of matrix (m, n), m >= n, in its place, by partial pivoting; swaps (n,) is filled."""
+    """LU factors of matrix (m, n), m >= n, in its place, by partial pivoting; swaps (n,) is filled.
+
+    For a few columns: by one thread, column by column.
+    """
     rows, columns = matrix.shape
-    _dgetrf(*_numbers(rows, columns), *_part(matrix), swaps.ctypes.data, *_numbers(0))
+    _dgetf2(*_numbers(rows, columns), *_part(matrix), swaps.ctypes.data, *_numbers(0))
 
 
 def swap_rows(target: Array, swaps: Swaps) -> None:
@@ -70,7 +73,7 @@ def _routine(library: str, name: str, n_arguments: int) -> Any:
     return CFUNCTYPE(None, *[c_void_p] * n_arguments)(get_cython_function_address(f"scipy.linalg.{library}", name))
 
 
-_dgetrf = _routine("cython_lapack", "dgetrf", 6)
+_dgetf2 = _routine("cython_lapack", "dgetf2", 6)
 _dlaswp = _routine("cython_lapack", "dlaswp", 7)
 _dgemm = _routine("cython_blas", "dgemm", 13)
 _dtrsm = _routine("cython_blas", "dtrsm", 11)

@@ -24,8 +24,9 @@ from meeframe.formulations.dense_bem.blas import (
     swap_rows,
 )
 
-PANEL: Final = 64
-"""Columns that are factorised at once."""
+PANEL: Final = 32
+"""Columns that are factorised at once, by one thread: several would wait for each other at every few columns, on a
+machine with other work for a third of the whole time."""
 SAMPLES: Final = 8
 """Random right-hand sides for the condition; that all are a tenth as large as expected has a probability of 1e-7."""
 
