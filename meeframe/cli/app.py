@@ -19,7 +19,7 @@ PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")
 ]
 Threads = Annotated[
-    int | None, typer.Option(metavar="N", min=1, help="Of this command; by default those of all processors.")
+    int | None, typer.Option(metavar="N", min=1, max=1024, help="Of this command; by default those of all processors.")
 ]
 
 

@@ -1,5 +1,6 @@
 """What all commands share: exit status, messages, progress, the registry."""
 
+import errno
 import gc
 import signal
 import sys
@@ -25,6 +26,9 @@ NOT_CONVERGED: Final = 1
 BAD_INPUT: Final = 2
 INTERRUPTED: Final = 130
 
+_OF_PATHS: Final = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP)
+"""Errors of paths, which users give."""
+
 
 @contextmanager
 def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[None]:
@@ -39,7 +43,9 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
     except MeeframeError as error:
         print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
-    except PermissionError as error:
+    except OSError as error:
+        if error.errno not in _OF_PATHS:
+            raise
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except RuntimeError as error:

@@ -35,6 +35,8 @@ from meeframe.study.refinement import coarser, element_size
 NUMBERS_FILE: Final = "verify.json"
 FIGURE_FILE: Final = "convergence.png"
 
+_MOST_MESHES: Final = 20
+
 _TOTALS_OF: Final = {
     "normal_force": ("force",),
     "tangential_force": ("force_x", "force_y"),
@@ -56,8 +58,9 @@ class Meshes:
     order: float = SECOND
 
     def __post_init__(self) -> None:
-        if self.levels < MESHES:
-            raise CaseError(f"levels = {self.levels}: allowed: {MESHES} or more, which an observed order needs")
+        if not MESHES <= self.levels <= _MOST_MESHES:
+            needed = f"{MESHES} to {_MOST_MESHES}; an observed order needs {MESHES}"
+            raise CaseError(f"levels = {self.levels}: allowed: {needed}")
         if not 1.0 < self.factor <= 4.0:
             raise CaseError(f"factor = {self.factor:g}: allowed: above 1, at most 4")
         if not 0.5 <= self.order <= 4.0:

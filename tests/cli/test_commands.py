@@ -221,6 +221,7 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
         (KeyboardInterrupt(), 130, "interrupted\n"),
         (MemoryError(), 2, "error: not enough memory\n"),
         (PermissionError(13, "Permission denied", "folder/file"), 2, "error: folder/file: Permission denied\n"),
+        (OSError(36, "File name too long", "xxx"), 2, "error: xxx: File name too long\n"),
         (
             RuntimeError("cannot cache function 'f': no locator available for file 'f.py'"),
             2,
@@ -309,6 +310,7 @@ def test_threads_of_a_run(case_file, tmp_path):
     assert "1 threads" in out
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["threads"] == 1
     assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", 0)[0] == 2
+    assert meeframe_command("run", case_file, "--out", tmp_path / "out", "--threads", "9" * 30)[0] == 2
 
 
 def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch):

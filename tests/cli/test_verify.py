@@ -257,7 +257,9 @@ def test_bad_input_is_told_before_anything_is_computed(write_case, registry, tmp
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--levels", "2"], "levels = 2: allowed: 3 or more"),
+        (["--levels", "2"], "levels = 2: allowed: 3 to 20"),
+        (["--levels", "9" * 30], f"levels = {'9' * 30}: allowed: 3 to 20"),
+        (["--formulation", "{name = 5}"], "unknown formulation 5; allowed: dense-bem"),
         (["--factor", "1"], "factor = 1: allowed: above 1"),
         (["--order", "9"], "order = 9: allowed: 0.5 to 4"),
     ],
