@@ -34,11 +34,11 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
             f"the solver found {np.size(iterate.motion)} of the {len(problem.freedoms)} motions and potentials of the "
             "indenter that are free; allowed with prescribed resultants: a solver that finds them, such as 'auto'"
         )
-    chosen = list(fields)
     displacement = np.zeros((N_FIELDS, len(iterate.load))).T
     system = problem.system
     caused = system.apply(iterate.load) if fields == ALL_FIELDS else system.response(iterate.load, fields)
-    displacement[:, chosen] = system.offset[:, chosen] + caused
+    for field, part in zip(fields, caused.T, strict=True):  # stored one after another
+        np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.closed, iterate.motion)
 
 
