@@ -55,11 +55,16 @@ def compare(
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), text, versions)
-    for runs in _solved(chosen, cases[0], progress):
-        comparison = replace(comparison, runs=runs)
-        out.mkdir(parents=True, exist_ok=True)
-        with replacing(out / NUMBERS_FILE) as path:
-            path.write_text(comparison_json(comparison), encoding="utf-8")
+    try:
+        for runs in _solved(chosen, cases[0], progress):
+            comparison = replace(comparison, runs=runs)
+            out.mkdir(parents=True, exist_ok=True)
+            with replacing(out / NUMBERS_FILE) as path:
+                path.write_text(comparison_json(comparison), encoding="utf-8")
+    except KeyboardInterrupt as error:
+        if comparison.runs:
+            error.add_note(f"what was found so far is in {out / NUMBERS_FILE}")
+        raise
     figure = comparison_figure(comparison)
     if figure is not None:
         with replacing(out / FIGURE_FILE) as path:

@@ -404,3 +404,16 @@ def test_what_a_formulation_refuses_is_told_and_the_others_go_on(write_case, law
     made = compare(write_case(), {"formulation": ["dense-bem", "winkler"]}, tmp_path / "o", registry=laws)
     assert [(run.status, run.refusal) for run in made.runs] == [("refused", "not this material"), ("converged", "")]
     assert [run["status"] for run in numbers(tmp_path / "o")] == ["refused", "converged"]
+
+
+def test_an_interruption_says_where_the_finished_increments_are(case_file, tmp_path, monkeypatch):
+    def stopped(*arguments, **options):
+        yield next(meeframe.case.solve.solve_steps(*arguments, **options))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meeframe.study.compare.solve_steps", stopped)
+    status, _, err = invoke("compare", case_file, "--solver", "newton", "--out", tmp_path / "o")
+    assert status == 130
+    assert err.splitlines()[-1] == f"interrupted; what was found so far is in {tmp_path / 'o' / 'compare.json'}"
+    (run,) = json.loads((tmp_path / "o" / "compare.json").read_text())["runs"]
+    assert run["status"] == "unfinished"
