@@ -26,11 +26,6 @@ def factorise(matrix: Array, swaps: Swaps) -> None:
     _dgetf2(*_numbers(rows, columns), *_part(matrix), swaps.ctypes.data, *_numbers(0))
 
 
-def swap_rows(target: Array, swaps: Swaps) -> None:
-    """Exchange rows of target (m, n) as a factorisation did."""
-    _dlaswp(*_numbers(target.shape[1]), *_part(target), *_numbers(1, len(swaps)), swaps.ctypes.data, *_numbers(1))
-
-
 def subtract_product(target: Array, left: Array, right: Array) -> None:
     """target (m, n) -= left (m, k) @ right (k, n)."""
     sizes = _numbers(*target.shape, len(right))
@@ -74,6 +69,5 @@ def _routine(library: str, name: str, n_arguments: int) -> Any:
 
 
 _dgetf2 = _routine("cython_lapack", "dgetf2", 6)
-_dlaswp = _routine("cython_lapack", "dlaswp", 7)
 _dgemm = _routine("cython_blas", "dgemm", 13)
 _dtrsm = _routine("cython_blas", "dtrsm", 11)

@@ -21,8 +21,8 @@ from meeframe.formulations.dense_bem.blas import (
     divide_by_upper,
     factorise,
     subtract_product,
-    swap_rows,
 )
+from meeframe.kernels.row_swaps import swap_rows
 
 PANEL: Final = 32
 """Columns that are factorised at once, by one thread: several would wait for each other at every few columns, on a
