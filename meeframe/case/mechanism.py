@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.case.border import open_sides
 from meeframe.case.conduction import watched
 from meeframe.case.history import Controls, Converged, at_rest, held
 from meeframe.case.laws import gap_of_law, law_of_increment
@@ -23,7 +24,7 @@ from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
 from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Region
+from meeframe.core.result import Region, Zone
 from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
 from meeframe.solvers.scales import problem_scales
 
@@ -112,6 +113,14 @@ class Mechanism:
         """Where the indenter ends, as the increment has it."""
         rim = self._touching_rim
         return rim and replace(rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:6], self.modes[:6, :, 2]))
+
+    @cached_property
+    def open_sides(self) -> Indices:
+        """Corners (m, 2) of the sides at the border of the zone beyond which contact would go on."""
+        if self.case.formulation.periodic:
+            return np.zeros((0, 2), np.int64)
+        zone = Zone(self.system.points, self.system.frames, self.system.weights, self.system.cells)
+        return open_sides(zone, None if self.case.indenter.pointwise else self._gaps)
 
     @cached_property
     def modes(self) -> Array:

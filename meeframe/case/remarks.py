@@ -12,7 +12,7 @@ from meeframe.core.fields import Array
 from meeframe.core.indenter import COLUMNS, MOTIONS, RESULTANTS, UNITS, motion_modes
 from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Region, StepResult, Zone, corners
+from meeframe.core.result import Region, StepResult, Zone
 
 _LARGEST_ANGLE: Final = 0.1
 """Rotations [rad] beyond are not small: their cosine differs from one by half a per cent."""
@@ -32,10 +32,10 @@ _OF_RIM: Final = 0.5
 circles six or more spacings across."""
 
 
-def remarks(zone: Zone, step: StepResult, law: ContactLaw, periodic: bool = False) -> Iterator[str]:
+def remarks(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0) -> Iterator[str]:
     """What a reader should know of an increment, each in words.
 
-    law: that of the increment; periodic: whether the zone is a period of an endless surface, and has no edge.
+    law: that of the increment; sides: how many at the edge of the zone the contact has reached.
 
     What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
     is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
@@ -45,11 +45,10 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw, periodic: bool = Fals
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
         return
-    count = int(step.touching[_border_sides(zone)].all(axis=1).sum())
     if not step.touching.any():
         yield "the indenter does not touch the body"
-    if count and not periodic:
-        yield f"the contact reaches the edge of its zone at {count} element side{'s' * (count > 1)}"
+    if sides:
+        yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)
     if _slides(zone, step, law):
         yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
@@ -149,12 +148,3 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     further = lawful_traction(law, augmented_traction(law, step.traction, gap, r), gap, r)
     change = np.linalg.norm((further - step.traction)[step.touching])
     return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[step.touching, :2]))
-
-
-def _border_sides(zone: Zone) -> Indices:
-    """Corners (m, 2) of the sides that belong to one cell only."""
-    sides = (np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2) for c in corners(zone.cells))
-    joined = np.concatenate([np.zeros((0, 2), np.int64), *sides])
-    unique, counts = np.unique(np.sort(joined, axis=1), axis=0, return_counts=True)
-    border: Indices = unique[counts == 1]
-    return border

@@ -9,6 +9,7 @@ from importlib import metadata
 import numba
 import numpy as np
 
+from meeframe.case.border import sides_reached
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.conduction import check_conduction
@@ -240,10 +241,9 @@ def _step_result(
         counter=counter,
         covered=increment.problem.covered,
     )
-    told = remarks(
-        zone_of(mechanism.system), result, increment.problem.contact_law, mechanism.case.formulation.periodic
-    )
-    return replace(result, message="; ".join([solution.message, *told]))
+    sides = sides_reached(result, mechanism.open_sides)
+    told = remarks(zone_of(mechanism.system), result, increment.problem.contact_law, sides)
+    return replace(result, message="; ".join([solution.message, *told]), reaches_edge=sides > 0)
 
 
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, CounterSurface | None]:

@@ -29,12 +29,14 @@ def run(
             from meeframe.case.run import run as run_case
             from meeframe.case.threads import limited
             from meeframe.core.result import RunStatus
-            from meeframe.report.summary import summary_table
+            from meeframe.report.summary import AT_EDGE, summary_table
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
             result = run_case(load_case(case, registry) if plugin else case, out, overwrite, progress)
         console.stdout().print(summary_table(result))
+        if any(step.reaches_edge for step in result.steps):
+            console.warn(AT_EDGE)
         raise typer.Exit(console.CONVERGED if result.status is RunStatus.CONVERGED else console.NOT_CONVERGED)
 
 

@@ -114,7 +114,7 @@ class StepResult:
     Region; iterations, residual, history, message as in ContactSolution; boundary: fields on the whole boundary. All of
     them are of the body; counter: surface of the counter body, if there is one instead of a rigid indenter; covered:
     (n,) part of each node's area that is in contact if it touches, where the edge is resolved between the nodes
-    (Edges), None where it is resolved to nodes.
+    (Edges), None where it is resolved to nodes; reaches_edge: whether the zone cuts it off.
     """
 
     loading: Loading
@@ -139,6 +139,7 @@ class StepResult:
     boundary: NodalFields | None = None
     counter: CounterSurface | None = None
     covered: Array | None = None
+    reaches_edge: bool = False
 
     def __repr__(self) -> str:
         """In words: arrays fill screens."""

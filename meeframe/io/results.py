@@ -106,8 +106,9 @@ def finish_result(folder: Path, result: Result) -> None:
         file.attrs["peak_memory_mb"] = result.peak_memory_mb
 
 
-def read_result(folder: Path) -> Result:
+def read_result(folder: str | Path) -> Result:
     """The result in an output folder; raises ResultError if there is none or it cannot be read."""
+    folder = Path(folder)
     path = folder / RESULT_FILE
     try:
         if folder.is_file():
@@ -156,7 +157,7 @@ def _surface_values(surface: StepResult | CounterSurface) -> dict[str, Any]:
 def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     steps = file["steps"]
     group = steps.create_group(f"{len(steps) + 1:04d}")
-    group.attrs.update({"status": str(step.status), "message": step.message})
+    group.attrs.update({"status": str(step.status), "message": step.message, "reaches_edge": step.reaches_edge})
     group.attrs["note"] = (
         "traction, displacement, slip: along e1, e2, nu of the zone's frames; fluxes: outward; "
         + "region: "
@@ -255,6 +256,7 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
         boundary=boundary,
         counter=counter,
         covered=_numbers(group, "covered", (n,)) if "covered" in group else None,
+        reaches_edge=bool(group.attrs["reaches_edge"]),
     )
 
 

@@ -15,6 +15,7 @@ from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
 from meeframe.core.result import Result, Resultants, RunStatus, StepResult, Zone, resultants
 from meeframe.report.history import name_of
 
+AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
 _Row = tuple[str, str, list[Any]]
 
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
@@ -31,6 +32,7 @@ def summary(result: Result) -> dict[str, Any]:
         "peak_memory_mb": result.peak_memory_mb,
         "versions": dict(made.versions),
         "threads": made.threads,
+        "reaches_edge": any(step.reaches_edge for step in result.steps),
         "planned_increments": result.planned_steps,
         "load_steps": _load_steps(result),
         "steps": [_step(result.zone, step) for step in result.steps],
@@ -54,6 +56,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
         **vars(totals),
+        "reaches_edge": step.reaches_edge,
         "iterations": step.iterations,
         "residual": step.residual,
         "status": str(step.status),

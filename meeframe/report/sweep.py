@@ -22,6 +22,7 @@ _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_electric_potential")
 """What is shown if the study does not say."""
 _MARKERS: Final = "osD^vPX*"
+_EDGE: Final = "reaches_edge"
 _LISTED: Final = 40
 """Rows of the table on the terminal, at most."""
 
@@ -193,11 +194,17 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
     for place in list(np.ndindex(sweep.shape))[:_LISTED]:
         numbers = (f"{shown[name][place]:.6g}" for name in names)
         table.add_row(
-            *map(Text, _labels(sweep, place)), str(sweep.status[place]), *(n if n != "nan" else "-" for n in numbers)
+            *map(Text, _labels(sweep, place)), _standing(sweep, place), *(n if n != "nan" else "-" for n in numbers)
         )
     rest = math.prod(sweep.shape) - _LISTED
     more = [Text(f"and {rest} more")] if rest > 0 else []
     return Group(table, *more, *(Text(line) for line in failures(sweep)))
+
+
+def _standing(sweep: SweepResult, place: tuple[int, ...]) -> str:
+    """Its status, and whether the contact reached the edge of its zone in any increment."""
+    at_edge = np.any(sweep.quantities[_EDGE][place] > 0.0) if _EDGE in sweep.quantities else False
+    return f"{sweep.status[place]}{', at the edge' * bool(at_edge)}"
 
 
 def failures(sweep: SweepResult) -> Iterator[str]:

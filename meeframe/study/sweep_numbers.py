@@ -16,7 +16,7 @@ _PARTS: Final = {
 }
 """Names of the components of those that have some: along global axes, or along e1 and e2 of the indenter's place."""
 
-_OTHERS: Final = {"max_slip": "m", "max_slip_path": "m", "iterations": "1", "residual": "1"}
+_OTHERS: Final = {"max_slip": "m", "max_slip_path": "m", "reaches_edge": "1", "iterations": "1", "residual": "1"}
 
 
 def _names(units: Mapping[str, str]) -> dict[str, str]:
@@ -27,7 +27,8 @@ NUMBERS: Final[Mapping[str, str]] = (
     _names(RESULTANT_UNITS) | _names({key: UNITS[key] for key in MOTIONS}) | _OTHERS | {"seconds": "s"}
 )
 """Units of all that is gathered: resultants and maxima (meeframe.core.result.resultants), the largest slip since the
-beginning and the longest way slipped, the motion of the indenter; iterations and residual; seconds of the point."""
+beginning and the longest way slipped, the motion of the indenter; 1 if the contact reaches the edge of its zone, else
+0; iterations and residual; seconds of the point."""
 
 FIELD_UNITS: Final[Mapping[str, str]] = {
     "pressure": "Pa",
@@ -50,6 +51,7 @@ def numbers_of(zone: Zone, step: StepResult) -> dict[str, float]:
     return found | {
         "max_slip": _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
         "max_slip_path": _largest(step.slip_path),
+        "reaches_edge": float(step.reaches_edge),
         "iterations": float(step.iterations),
         "residual": step.residual,
     }

@@ -125,6 +125,14 @@ def test_run_show_and_refusal_to_overwrite(case_file, tmp_path):
     assert "is not empty" in err
 
 
+def test_contact_that_its_zone_cuts_off_is_warned_of(case_file, tmp_path):
+    assert "edge of its zone" not in meeframe_command("run", case_file, "--out", tmp_path / "within")[2]
+    case_file.write_text(case_file.read_text().replace('"40 um"', '"1 mm"'))
+    status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "beyond")
+    assert status == 0
+    assert "warning: the contact reaches the edge of its zone, where it is cut off" in err
+
+
 def test_status_1_if_a_step_does_not_converge(case_file, tmp_path):
     case_file.write_text(case_file.read_text().replace("tolerance = 1e-6", "tolerance = 1e-6\nmax_iterations = 1"))
     status, out, _ = meeframe_command("run", case_file, "--out", tmp_path / "out")

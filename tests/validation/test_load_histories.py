@@ -32,8 +32,7 @@ def test_every_increment_converges_and_friction_takes_energy(loop):
 def test_area_of_the_loop_is_the_dissipated_energy(loop):
     """From the turn on, forth and back: work of the indenter, less what is stored, is what friction took.
 
-    The mean of the tractions at both ends of an increment makes the balance exact but for the compliance, which
-    collocation leaves slightly unsymmetric; the dissipated energy differs by terms of second order.
+    Up to terms of second order in the increments, and the compliance that collocation leaves slightly unsymmetric.
     """
     turn = [(step.step, step.increment) for step in loop.steps].index((2, 6))
     steps = [step for step in loop.steps[turn:] if step.step < 5]

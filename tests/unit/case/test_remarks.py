@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import meeframe
+from meeframe.case.border import open_sides, sides_reached
 from meeframe.case.load import load_case
 from meeframe.case.remarks import remarks
 from meeframe.core.contact import Status
@@ -119,7 +120,8 @@ def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
     zone, step = synthetic.zone(), synthetic.step(1e-6)
     region = np.zeros(25, int)
     region[[0, 1]] = Region.STICK
-    (told,) = remarks(zone, replace(step, region=region), LAWS[0])
+    step = replace(step, region=region)
+    (told,) = remarks(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
     assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
 
 

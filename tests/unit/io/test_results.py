@@ -47,10 +47,12 @@ def test_round_trip(tmp_path, synthetic):
     assert_equal(files.read_result(tmp_path), result)
 
 
-def test_covered_parts_come_back(tmp_path, synthetic):
+def test_what_few_results_have_comes_back(tmp_path, synthetic):
     covered = np.linspace(0.0, 1.0, 25)
-    write(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), covered=covered)))
-    np.testing.assert_array_equal(files.read_result(tmp_path).steps[0].covered, covered)
+    write(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), covered=covered, reaches_edge=True)))
+    (step,) = files.read_result(str(tmp_path)).steps
+    np.testing.assert_array_equal(step.covered, covered)
+    assert step.reaches_edge
 
 
 def test_without_boundary_fields(tmp_path, synthetic):

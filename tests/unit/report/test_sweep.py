@@ -61,10 +61,23 @@ def test_lines_differ_in_their_markers_and_the_axis_below_has_a_prefix(sweep):
     assert len({line.get_marker() for line in axes.lines}) == 3
 
 
-def test_the_table_has_what_is_plotted(sweep):
+def table(sweep):
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(sweep_table(dataclasses.replace(sweep, plotted=("contact_area",))))
-    text = console.export_text()
+    return console.export_text()
+
+
+def test_contact_that_its_zone_cuts_off_is_marked(sweep):
+    edge = np.zeros((3, 2, 4))
+    edge[2, 1, 3] = 1.0
+    found = table(dataclasses.replace(sweep, quantities=sweep.quantities | {"reaches_edge": edge}))
+    (marked,) = (line for line in found.splitlines() if "converged, at the edge" in line)
+    assert "6e-06" in marked
+    assert "edge" not in table(sweep)
+
+
+def test_the_table_has_what_is_plotted(sweep):
+    text = table(sweep)
     assert "contact area [m^2]" in text
     assert "6e-06" in text
     assert "pressure" not in text
