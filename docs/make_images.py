@@ -17,8 +17,9 @@ from meeframe.case.solve import solve_steps, zone_of
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.result import StepResult
-from meeframe.geometry import Cone, Cylinder, Placement, RectangularPunch
+from meeframe.geometry import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
 from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.report.canvas import MAP_COLOURS
 from meeframe.report.picture import Picture
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
@@ -49,21 +50,17 @@ def closed_form(case: meeframe.Case, condition: str) -> Indentation:
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What is drawn: label with unit, colour map, nodal values in that unit, closed form in SI, and its unit."""
+    """What is drawn: label with unit, nodal values in that unit, closed form in SI, and its unit."""
 
     label: str
-    colours: str
     values: Any
     exact: Any
     unit: float
 
 
-PRESSURE = Quantity(
-    "contact pressure [GPa]", "cividis", lambda step: -step.traction[:, 2] / GPA, lambda form: form.pressure, GPA
-)
+PRESSURE = Quantity("contact pressure [GPa]", lambda step: -step.traction[:, 2] / GPA, lambda form: form.pressure, GPA)
 POTENTIAL = Quantity(
     "electric potential [kV]",
-    "viridis_r",
     lambda step: step.potentials[:, 0] / KV,
     lambda form: form.electric_potential,
     KV,
@@ -93,13 +90,16 @@ def overview(system: ReducedSystem) -> Figure:
 
 
 def indenters(system: ReducedSystem) -> Figure:
-    """Pressure under four insulated indenters on the same block."""
+    """Pressure under five insulated indenters on the same block."""
     sphere = read_case("EMII")
     step = sphere.steps[-1]
     half = 1.6 * MM  # just outside a row of nodes
     approach = (replace(step, approach=4e-5),)
     cases = {
         "sphere": sphere,
+        "paraboloid, turned": replace(
+            sphere, indenter=Paraboloid(90 * MM, 30 * MM), steps=approach, placement=Placement(rotation=np.pi / 6)
+        ),
         "cone": replace(sphere, indenter=Cone(0.02), steps=approach),
         "cylinder of finite length": replace(
             sphere, indenter=Cylinder(80 * MM, direction=0.0, half_length=half), steps=approach
@@ -108,8 +108,8 @@ def indenters(system: ReducedSystem) -> Figure:
             sphere, indenter=RectangularPunch(half, half), placement=Placement(tilt_1=0.004), steps=approach
         ),
     }
-    figure = new_figure(11.4, 3.2)
-    axes = figure.subplots(1, 4, sharey=True)
+    figure = new_figure(13.4, 3.2)
+    axes = figure.subplots(1, len(cases), sharey=True)
     for place, (name, case) in zip(axes, cases.items(), strict=True):
         draw_map(figure, place, system, solve(case, system), PRESSURE)
         place.set_title(name, fontsize=10)
@@ -128,7 +128,7 @@ def draw_map(figure: Figure, axes: Any, system: ReducedSystem, step: StepResult,
     """Filled contours over the contact zone."""
     picture = Picture.of(zone_of(system))
     values = picture.values(quantity.values(step))
-    drawn = axes.tricontourf(picture.triangulation, values, levels=24, cmap=quantity.colours)
+    drawn = axes.tricontourf(picture.triangulation, values, levels=24, cmap=MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=quantity.label, location="top", shrink=0.9, aspect=30, ticks=MaxNLocator(5))
     axes.set(aspect="equal", xlabel="x [mm]")
 

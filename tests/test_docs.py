@@ -215,6 +215,9 @@ def test_getting_started(workplace):
             exec(content, {})
     results = {path.name: meeframe.read_result(path) for path in (workplace / "out").iterdir()}
     assert set(results) == {"first", "conducting", "friction", "tabulated", "residue"}
+    told = re.findall(r"known\s+to\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
+    assert len(told) == 2
+    assert told[0] == told[1]
     totals = {name: meeframe.resultants(result.zone, result.steps[-1]) for name, result in results.items()}
     assert 0 < totals["friction"].force[0] <= -0.1 * totals["friction"].force[2]
     assert -totals["conducting"].force[2] < -totals["first"].force[2]

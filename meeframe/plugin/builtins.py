@@ -86,7 +86,7 @@ def meeframe_solvers() -> Iterable[Record[Solver]]:
             "newton, then uzawa-nesterov, uzawa-bb and uzawa where that makes no progress",
             "docs/solvers-newton.md",
         ),
-        Record("newton", SemismoothNewton, "semismooth Newton", "Christensen et al., IJSS 35 (1998) 3907-3926"),
+        Record("newton", SemismoothNewton, "semismooth Newton", "Christensen et al., IJNME 42 (1998) 145-173"),
         Record("uzawa-bb", BarzilaiBorwein, "uzawa, Barzilai-Borwein steps", "IMA J. Numer. Anal. 8 (1988) 141-148"),
         Record(
             "uzawa-nesterov", Nesterov, "uzawa, extrapolated and restarted", "Found. Comput. Math. 15 (2015) 715-732"

@@ -128,7 +128,12 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
     drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=MAP_COLOURS)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
     if touching.any() and not touching.all():
-        axes.tricontour(picture.triangulation, picture.values(_edge(zone, step)), [0.0], colors="white")
+        edge = picture.values(_edge(zone, step))
+        if of_contact and not (felt & ~touching).any():
+            # between nodes the shading goes on beyond the edge, where there is no pressure
+            nothing = drawn.to_rgba(np.zeros(1))[0]
+            axes.tricontourf(picture.triangulation, edge, [-2 * _BETWEEN[1], 0], colors=[nothing])
+        axes.tricontour(picture.triangulation, edge, [0.0], colors="white")
     if of_contact:
         _zoom(axes, picture, felt)
     return figure

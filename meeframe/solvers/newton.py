@@ -79,8 +79,8 @@ class SemismoothNewton(Solver):
     residual, balance included) below that of the last two states is halved, up to three times. If that does not help,
     a burst of projected Barzilai-Borwein steps takes its place, from where Newton's method starts again.
 
-    Source: Christensen et al., Int. J. Solids Struct. 35 (1998) 3907 for frictional contact; Qi and Sun, Math. Program.
-    58 (1993) 353 for the convergence.
+    Source: Christensen et al., Int. J. Numer. Methods Eng. 42 (1998) 145 for frictional contact; Qi and Sun, Math.
+    Program. 58 (1993) 353 for the convergence.
     """
 
     patience: ClassVar[int] = 40

@@ -120,3 +120,19 @@ def test_folders_that_hold_files_are_refused(tmp_path):
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path / "notes.txt")
     assert status == 2
     assert "cannot be written" in err
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
+    """Of meeframe's modules, as docs/plugins.md says."""
+    text = (packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py").read_text(encoding="utf-8")
+    assert set(re.findall(r"^(?:from|import) (meeframe[\w.]*)", text, re.MULTILINE)) == {"meeframe.plugin"}
+
+
+def test_the_example_of_a_formulation_has_one_thickness(packages, tmp_path):
+    module, example = (packages / "formulation" / name for name in ("meeframe_new_formulation.py", "example.toml"))
+    text = example.read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace('thickness = "0.5 mm"', 'thickness = "1 mm"'), encoding="utf-8")
+    status, _, err = invoke("check", tmp_path / "case.toml", "--plugin", module)
+    assert status == 2
+    assert "thickness = 0.001 m of the layer, but the mesh is 0.0005 to 0.0005 m thick" in err
