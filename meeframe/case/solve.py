@@ -38,6 +38,7 @@ from meeframe.core.result import (
 from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
+from meeframe.report.balance import remark_on_balance
 from meeframe.solvers import solve_to_edges
 
 
@@ -152,7 +153,9 @@ def solve_steps(
                 clock("boundary fields", 0.0)
                 try:
                     with faults_of_plugins():
-                        result = replace(result, boundary=system.recover(result.state.load))
+                        recovered = system.recover(result.state.load)
+                    message = "; ".join([result.message, *remark_on_balance(recovered)])
+                    result = replace(result, boundary=recovered, message=message)
                 except Exception:
                     yield result  # it is solved all the same
                     raise

@@ -13,6 +13,7 @@ from rich.text import Text
 from meeframe.core.contact import Status
 from meeframe.core.indenter import COLUMNS, MOTIONS, UNITS
 from meeframe.core.result import Result, Resultants, RunStatus, StepResult, Zone, resultants
+from meeframe.report.balance import unbalance
 from meeframe.report.history import name_of
 
 AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
@@ -47,7 +48,7 @@ def summary_json(result: Result) -> str:
 
 
 def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
-    totals = resultants(zone, step)
+    totals, balance = resultants(zone, step), unbalance(step.boundary)
     loading = step.loading
     return {
         "step": step.step,
@@ -57,6 +58,7 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
         "duration": loading.duration,
         **vars(totals),
         "reaches_edge": step.reaches_edge,
+        "unbalance": None if balance is None else vars(balance),
         "iterations": step.iterations,
         "residual": step.residual,
         "status": str(step.status),
@@ -106,6 +108,7 @@ def summary_table(result: Result) -> RenderableType:
             ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
             ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
         ),
+        *_unbalances(shown),
         ("contact area", "m^2", [total.contact_area for total in totals]),
         *_where_any(
             ("sticking area", "m^2", [total.stick_area for total in totals]),
@@ -123,6 +126,15 @@ def summary_table(result: Result) -> RenderableType:
     told = [step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)]
     messages = [Text(f"{name_of(result, step)}: {step.message}") for step in told]
     return Group(table, *messages, _headline(result))
+
+
+def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
+    """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
+    found = [unbalance(step.boundary) for step in shown]
+    for number, name in enumerate(("force", "charge", "magnetic flux")):
+        relative = [math.nan if one is None else float(one.relative[number]) for one in found]
+        if any(value > 0.0 for value in relative):
+            yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
 
 
 def _where_any(*rows: _Row) -> tuple[_Row, ...]:

@@ -1,0 +1,78 @@
+"""Whether the boundary of a body is in equilibrium: stresses known in closed form, on every element."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from meeframe.core.formulation import NodalFields
+from meeframe.elements import ELEMENTS
+from meeframe.geometry import block_mesh, half_space_mesh
+from meeframe.report.balance import remark_on_balance, unbalance
+from meeframe.report.summary import summary
+
+EXTENT = np.array([2.0, 2.0, 1.5])
+"""Of the block along the axes [m]."""
+
+
+def faces(name, flux):
+    """Fields on a block, each face with nodes of its own; flux: (n, 5) of points (n, 3) and the normal (3,)."""
+    mesh = block_mesh(1.0, EXTENT[2], 0.5, 4, 2, 2, ELEMENTS[name])
+    (block,) = mesh.blocks
+    points, normals, cells = [], [], []
+    for own in block.connectivity:
+        corner = mesh.points[own]
+        normal = np.cross(corner[1] - corner[0], corner[2] - corner[1])
+        cells.append(np.arange(len(own)) + sum(map(len, points)))
+        points.append(corner)
+        normals.append(np.tile(normal / np.linalg.norm(normal), (len(own), 1)))
+    points, normals = np.concatenate(points), np.concatenate(normals)
+    return NodalFields(
+        points, ((block.element.meshio_type, np.array(cells)),), np.ones((len(points), 5)), flux(points, normals)
+    )
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+def test_a_stress_without_divergence_is_balanced(name):
+    """Constant, and linear as of bending; fluxes likewise."""
+    stress = np.random.default_rng(1).normal(size=(5, 3))
+
+    def flux(points, normals):
+        bending = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+        # entry i, j grows along axis j + 1: no divergence
+        return normals @ stress.T + (normals * np.roll(points, -1, axis=1)) @ bending.T
+
+    found = unbalance(faces(name, flux))
+    assert found.relative == pytest.approx(0.0, abs=1e-12)
+    assert not list(remark_on_balance(faces(name, flux)))
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+def test_a_weight_is_what_is_missing(name):
+    """A bar under tension that grows along x by its weight: t = g x n_x, in sum g times the volume."""
+    weights = np.array([3.0, 0.0, 0.0, -2.0, 0.0])
+    fields = faces(name, lambda points, normals: (points[:, 0] * normals[:, 0])[:, None] * weights)
+    found, volume = unbalance(fields), EXTENT.prod()
+    assert found.force == pytest.approx([3.0 * volume, 0.0, 0.0], abs=1e-12)
+    assert (found.charge, found.magnetic_flux) == (pytest.approx(-2.0 * volume), 0.0)
+    # pulled at both ends, the half of which is half of the whole
+    assert found.relative == pytest.approx([2.0, 2.0, 0.0])
+    (told,) = remark_on_balance(fields)
+    assert "200% of the force, 200% of the charge:" in told
+
+
+def test_fields_that_are_rounding_are_none():
+    fields = faces("quad4", lambda points, normals: normals[:, [0, 1, 2, 0, 0]] * [1.0, 1.0, 1.0, 0.0, 0.0])
+    noise = np.zeros(fields.values.shape)
+    noise[:, 4] = 1e-20
+    noisy = dataclasses.replace(fields, fluxes=fields.fluxes + noise, values=fields.values * [1, 1, 1, 1, 1e-20])
+    assert unbalance(noisy).relative[2] == 0.0
+
+
+def test_open_boundaries_have_no_balance(synthetic):
+    (block,) = half_space_mesh(1.0, 0.5, 4, 2, ELEMENTS["quad4"]).blocks
+    points = half_space_mesh(1.0, 0.5, 4, 2, ELEMENTS["quad4"]).points
+    nothing = np.zeros((len(points), 5))
+    assert unbalance(NodalFields(points, (("quad", block.connectivity),), nothing, nothing)) is None
+    assert unbalance(None) is None
+    assert summary(synthetic.result(synthetic.step(1e-6)))["steps"][0]["unbalance"] is None
