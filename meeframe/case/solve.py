@@ -12,6 +12,7 @@ import numpy as np
 from meeframe.case.border import sides_reached
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
+from meeframe.case.cohesion import remark_on_snapping
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
@@ -145,7 +146,9 @@ def solve_steps(
             arrivals = arrivals.after(result)
             if increment == step.increments:
                 told = remarks_on_end(zone_of(system), result, case.contact_law, arrivals)
-                result = replace(result, message="; ".join([result.message, *told]))
+                with faults_of_plugins():
+                    snapping = remark_on_snapping(system, case.contact_law, result)
+                result = replace(result, message="; ".join([result.message, *told, *snapping]))
             if boundary and number == 1 and increment == step.increments:
                 result = replace(result, message="; ".join([result.message, *case.warnings]))
             count += 1
