@@ -1,4 +1,5 @@
-"""Prints the table of docs/laws-interface.md: errors of forces with `dugdale` against the theory of Maugis.
+"""Prints the tables of docs/laws-interface.md: errors of forces with `dugdale` against the theory of Maugis, and cells
+that soft bodies need.
 
 Usage: uv run python plugins/meeframe-laws/pictures/maugis.py
 """
@@ -10,6 +11,7 @@ import numpy as np
 from interface import paraboloid
 from meeframe_laws.interface import Dugdale
 
+from meeframe.case.cohesion import steepest_fall
 from meeframe.core.contact import Status
 from meeframe.solvers import Auto, solve
 from meeframe.testing.closed_forms_adhesion import Maugis, quarter_half_space
@@ -20,6 +22,7 @@ CELLS = (16, 32, 48, 64)
 """Over the width of a square that is 1.2 times as wide as the largest outer radius of attraction asks."""
 CONTACTS = (1.2, 1.4, 1.6, 1.8)
 """Contact radii in units of (pi w R^2 / K)^(1/3)."""
+SOFT = (1.0, 3.0, 5.0)
 PARAMETERS, TRANSITIONS = (0.1, 0.3, 0.5, 1.0), (0.4, 0.2, 1.0)
 
 
@@ -42,6 +45,15 @@ def error(parameter: float, transition: float, cells: int) -> float:
     return float(np.sqrt(np.mean(np.square(off)))) / theory.force_unit
 
 
+def least_cells(parameter: float, transition: float) -> int:
+    """Cells from which on none snaps into contact on its own, over the width that `error` takes."""
+    unit = Maugis(RADIUS, MODULUS, WORK, 1.0)
+    theory = replace(unit, stress=parameter / unit.transition)
+    width = 2.4 * theory.at(CONTACTS[-1] * theory.contact_unit)[0]
+    own = 4.0 * np.log(1.0 + np.sqrt(2.0)) / np.pi * width / MODULUS  # of one square cell as wide as all of them
+    return int(np.ceil(own * steepest_fall(Dugdale(WORK, theory.stress, transition))))
+
+
 def table() -> Iterator[str]:
     """Rows as they are found."""
     yield f"| `transition` | lambda | {' | '.join(f'n = {cells}' for cells in CELLS)} |\n{'| --- ' * (2 + len(CELLS))}|"
@@ -49,6 +61,9 @@ def table() -> Iterator[str]:
         for parameter in PARAMETERS:
             found = (f"{error(parameter, transition, cells):.2g}" for cells in CELLS)
             yield f"| {transition:g} | {parameter:g} | {' | '.join(found)} |"
+    yield f"\n| `transition` | {' | '.join(f'lambda = {value:g}' for value in SOFT)} |\n{'| --- ' * (1 + len(SOFT))}|"
+    for transition in TRANSITIONS:
+        yield f"| {transition:g} | {' | '.join(f'n = {least_cells(value, transition)}' for value in SOFT)} |"
 
 
 if __name__ == "__main__":
