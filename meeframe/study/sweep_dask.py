@@ -93,7 +93,11 @@ class Carried:
 @contextmanager
 def _passed_on() -> Iterator[None]:
     """What plugins and libraries warn of goes to where the command runs, but for what Python leaves out by itself."""
-    send = distributed.get_worker().log_event  # beside other threads it may outlive the task
+    try:
+        send = distributed.get_worker().log_event  # beside other threads it may outlive the task
+    except ValueError:  # no worker's task: it is shown here
+        yield
+        return
 
     def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
         send(_WARNINGS, [str(message), category.__name__, filename, lineno])
