@@ -194,10 +194,20 @@ def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array
     Its difference to the body's displacement is the contact gap and the drop of the potentials.
     """
     position = np.empty((N_FIELDS, len(problem.gap))).T  # one field after another
-    position[:, :2], position[:, 2], position[:, 3:] = problem.translation, problem.gap, -problem.potentials
+    for k in range(N_FIELDS):
+        position[:, k] = indenter_field(problem, k, motion)
+    return position
+
+
+def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST) -> Array:
+    """One field (n,) of the indenter's position (n, 5), with the motion (m,) of the freedoms."""
+    if field >= ELECTRIC:
+        position = -problem.potentials[:, field - ELECTRIC]
+    else:
+        position = (*problem.translation.T, problem.gap)[field].copy()
     for freedom, amount in zip(problem.freedoms, motion, strict=True):
-        for k in freedom.moved:
-            position[:, k] += amount * freedom.mode[:, k]
+        if field in freedom.moved:
+            position += amount * freedom.mode[:, field]
     return position
 
 

@@ -170,20 +170,20 @@ def conducts(law: ConductivityLaw) -> bool:
 
 def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLengths) -> Array:
     """traction + r * (tangential_scaling . gap_tau, gap_nu) less the attraction, (n, 3) [Pa]."""
-    trial = np.empty_like(traction)
-    trial[:, :2] = traction[:, :2] + r[1] * (gap[:, :2] @ law.tangential_scaling())
+    trial, scaling = np.empty_like(traction), law.tangential_scaling()
+    trial[:, :2] = traction[:, :2] + r[1] * (gap[:, :2] @ scaling) if scaling.any() else traction[:, :2]
     trial[:, 2] = contact_traction(law, traction[:, 2], gap[:, 2]) + r[0] * gap[:, 2]
     return trial
 
 
 def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Array:
     """Normal traction (n,) [Pa] of the contact alone: t.nu (n,) less the attraction at normal gaps (n,) [m]."""
-    return normal_traction - attraction(law, gap)
+    return normal_traction - attraction(law, gap) if attracts(law) else normal_traction
 
 
 def attraction(law: ContactLaw, gap: Array) -> Array:
     """That of the law, (n,) [Pa], at normal gaps (n,) [m], also where surfaces overlap."""
-    return law.adhesion(np.maximum(gap, 0.0))
+    return law.adhesion(np.maximum(gap, 0.0)) if attracts(law) else np.zeros_like(gap)
 
 
 def attracts(law: ContactLaw) -> bool:
@@ -229,6 +229,8 @@ def traction_tangents(
 
 def lawful_traction(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> Array:
     """Traction (n, 3) [Pa] of the law for an augmented one (n, 3): the map whose fixed points are the solutions."""
-    traction = law.resolve(trial, gap, r).copy()
-    traction[:, 2] += attraction(law, gap[:, 2])
+    traction = law.resolve(trial, gap, r)
+    if attracts(law):
+        traction = traction.copy()
+        traction[:, 2] += attraction(law, gap[:, 2])
     return traction

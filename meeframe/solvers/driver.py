@@ -91,12 +91,12 @@ class _Trend:
 class _Orbit:
     """Whether loads come back (Brent's cycle detection): each load is compared with one kept from a power of two.
 
-    kept: (6 n + m,) scaled load, closed fraction and motion; until: iteration at which another is kept; farthest:
-    largest distance from it since; returns: how often loads have come back to it.
+    kept: (6 n + m,) scaled load, closed fraction and motion, None before the first one; until: iteration at which
+    another is kept; farthest: largest distance from it since; returns: how often loads have come back to it.
     """
 
-    kept: Array
-    until: int
+    kept: Array | None = None
+    until: int = 0
     farthest: float = 0.0
     returns: int = 0
 
@@ -107,6 +107,8 @@ class _Orbit:
 
     def next(self, iteration: int, point: Array, tolerance: float) -> "_Orbit":
         """After one more iteration; excursions below the tolerance do not count."""
+        if self.kept is None:
+            return _Orbit(point, 2 * iteration)
         distance = float(np.abs(point - self.kept).max(initial=0.0))
         if self.farthest > tolerance and distance <= REPEAT * self.farthest:
             return replace(self, returns=self.returns + 1)
@@ -140,7 +142,7 @@ def solve(
         looks = [(0, value)] if by_residual else []
         trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
         units = motion_scales(problem, scales)
-        orbit = _Orbit(_point(iterate, scales, units), 1)
+        orbit = _Orbit()
         iteration = 0
         window = limits.stall_window or solver.patience
         while (verdict := _verdict(trend, limits, window, orbit.repeated)) is None:
@@ -184,10 +186,14 @@ def _judged(
     fields: tuple[int, ...] = ALL_FIELDS,
     tolerance: float = 0.0,
 ) -> tuple[ContactState, float]:
-    """State of an iterate and its residual, by the given fields alone while that is above the tolerance."""
-    if fields != ALL_FIELDS:
+    """State of an iterate and its residual, by the given fields alone while that is above the tolerance.
+
+    By all of them at once if the solver itself thinks that it is not.
+    """
+    near = iterate.estimate is not None and iterate.estimate <= tolerance
+    if fields != ALL_FIELDS and not near:
         state = evaluate(problem, iterate, fields)
-        value = law_residual(problem, state, scales)
+        value = law_residual(problem, state, scales, fields)
         if not value <= tolerance:
             return state, value
     state = evaluate(problem, iterate)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
-from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.formulation import Coarsening, ReducedSystem
 from meeframe.core.law import ContactLaw, attracts
 from meeframe.core.once import once_for_each
@@ -45,7 +45,10 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     kept, system = coarsening.kept, coarsening.system
     weights = problem.system.weights[kept]
     share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)[:, None]
-    freedoms = tuple(Freedom(f.mode[kept], f.measure[kept] * share, f.total) for f in problem.freedoms)
+    freedoms = tuple(
+        Freedom(np.take(f.mode, kept, axis=0), np.take(f.measure, kept, axis=0) * share, f.total)
+        for f in problem.freedoms
+    )
     arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
     return Coarse(replace(problem, system=system, freedoms=freedoms, **arrays), coarsening)
 
@@ -73,14 +76,14 @@ def nested_start(
     found = None if coarse is None else solution(coarse.problem)
     if coarse is None or found is None:
         return None
-    load = np.zeros_like(problem.system.offset)
+    load = np.zeros((N_FIELDS, len(problem.gap))).T  # one field after another
     loaded = np.flatnonzero(found.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(found.load[:, loaded])
-    apart = load[:, 2] >= 0.0
-    load[apart, MECHANICAL] = 0.0
-    if not follows_gap(problem):
-        load[apart] = 0.0
-    load[~np.isfinite(problem.gap)] = 0.0
+    above = np.isfinite(problem.gap)
+    pressed = above & (load[:, 2] < 0.0)
+    for field in loaded:
+        across = field >= ELECTRIC and follows_gap(problem)
+        load[:, field] = np.where(above if across else pressed, load[:, field], 0.0)
     return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), found.motion)
 
 

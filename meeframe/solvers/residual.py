@@ -4,9 +4,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, contact_gap, indenter_position, unbalance
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
 from meeframe.solvers.scales import Scales, problem_scales
@@ -59,27 +59,41 @@ def residual(problem: ContactProblem, state: ContactState, scales: Scales | None
     return worst if np.isfinite(worst) else np.inf
 
 
-def law_residual(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
-    """The residual without the consistency of load and displacement."""
-    if not all(np.isfinite(part).all() for part in (state.load, state.displacement, state.closed, state.motion)):
+def law_residual(
+    problem: ContactProblem, state: ContactState, scales: Scales, fields: tuple[int, ...] = ALL_FIELDS
+) -> float:
+    """The residual without the consistency of load and displacement.
+
+    fields: of the displacement that are known, at least those that the laws ask for.
+    """
+    known = [state.displacement] if fields == ALL_FIELDS else [state.displacement[:, field] for field in fields]
+    if not all(np.isfinite(part).all() for part in (state.load, *known, state.closed, state.motion)):
         return np.inf
-    traction = state.load[:, MECHANICAL]
-    r = 1.0 / scales.normal_compliance
-    gap = contact_gap(problem, state.displacement, state.motion)
-    trial = augmented_traction(problem.contact_law, traction, gap, (r, r))
-    contact = np.abs(traction - lawful_traction(problem.contact_law, trial, gap, (r, r))) / scales.pressure
-    graph = np.abs(state.closed - switch(state.closed, trial[:, 2], scales.pressure))
-    balance = np.abs(unbalance(problem, state.load)) / scales.totals
-    parts = (contact, graph, _flux_violation(problem, state, scales), balance)
-    worst = max(float(part.max(initial=0.0)) for part in parts)
+    law, r = problem.contact_law, 1.0 / scales.normal_compliance
+    traction, gap = state.load[:, MECHANICAL], np.zeros((3, len(state.load))).T
+    for axis in judged_fields(problem):
+        if axis < ELECTRIC:
+            np.subtract(indenter_field(problem, axis, state.motion), state.displacement[:, axis], out=gap[:, axis])
+    trial = augmented_traction(law, traction, gap, (r, r))
+    lawful = lawful_traction(law, trial, gap, (r, r))
+    # axis by axis: less memory, and what is used again stays near the processor
+    contact = [_largest(traction[:, axis] - lawful[:, axis]) / scales.pressure for axis in range(3)]
+    graph = _largest(state.closed - switch(state.closed, trial[:, 2], scales.pressure))
+    balance = _largest(unbalance(problem, state.load) / scales.totals)
+    worst = float(np.max([*contact, graph, *_flux_violation(problem, state, scales), balance]))
     return worst if np.isfinite(worst) else np.inf
 
 
-def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> Array:
-    """R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated, (n, 2)."""
-    compliance = np.diag(scales.compliance)[3:]
+def _largest(values: Array) -> float:
+    """The largest magnitude, nan if there is one among the values; 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
+    """The largest R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated."""
+    compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
     if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
-        return np.abs(state.load[:, 3:]) * (compliance / scales.displacement[3:])
+        return [_largest(flux) * unit for flux, unit in zip(state.load.T[3:], compliance / potential, strict=True)]
     ahead = indenter_position(problem, state.motion) - state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
@@ -88,4 +102,4 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     difference = -ahead[:, 3:]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
-    return np.abs(drop) / scales.displacement[3:]
+    return [_largest(part) / scale for part, scale in zip(drop.T, potential, strict=True)]

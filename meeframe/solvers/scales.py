@@ -6,13 +6,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.contact import ContactProblem, indenter_position
+from meeframe.core.contact import ContactProblem, Freedom, indenter_field, indenter_position
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import attraction, conducts
 from meeframe.core.once import once_for_each
 from meeframe.solvers.free_motion import balanced_projection, motions
-from meeframe.solvers.nested import Coarse, alike, coarse_problem, same_area
+from meeframe.solvers.nested import Coarse, alike, coarse_problem, holds_nodes, same_area
 
 Mask = NDArray[np.bool_]
 
@@ -59,36 +59,35 @@ def problem_scales(problem: ContactProblem) -> Scales:
     An interface that yields by itself is in series with the body. The compliance of large bodies is measured on a
     coarser division, where that has the overlap; the overlap itself is that of all nodes.
     """
-    motion = _foundation_motion(problem)
-    position = indenter_position(problem, motion)
-    overlap = problem.system.offset[:, 2] - position[:, 2]
+    motion, offset = _foundation_motion(problem), problem.system.offset
+    above = indenter_field(problem, 2, motion)
+    overlap = offset[:, 2] - above
     loaded = _loaded(overlap)
     below = loaded & np.isfinite(problem.gap)
-    moved = np.abs(position[below, 2] - problem.gap[below])
-    depth = max(_depth(overlap), RESOLVED * float(moved.max(initial=0.0)))
+    depth = max(_depth(overlap), RESOLVED * _largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
     charged = _prescribed_flux(problem, loaded)
-    potential = np.abs((problem.system.offset - position)[:, 3:]).max(axis=0, initial=0.0)
-    potential = np.maximum(potential, charged * compliance[POTENTIALS, POTENTIALS])
+    drop = [_largest(offset[:, field] - indenter_field(problem, field, motion)) for field in POTENTIALS]
+    potential = np.maximum(drop, charged * compliance[POTENTIALS, POTENTIALS])
     laws = (problem.electric_law, problem.magnetic_law)
     flux = np.where([conducts(law) for law in laws], potential / compliance[POTENTIALS, POTENTIALS], 0.0)
     pressure = max(pressure, *(compliance[2, 3:] * flux / compliance[2, 2]))
     load = np.array([pressure, pressure, pressure, 0.0, 0.0])
     induced = compliance[3:, 2] * pressure
     load[3:] = np.maximum(flux, induced / compliance[POTENTIALS, POTENTIALS])
-    displacement = np.abs(problem.system.offset).max(axis=0, initial=0.0)
-    displacement = np.maximum(displacement, compliance @ load)
-    displacement[:2] = np.maximum(displacement[:2], np.abs(position[:, :2]).max(axis=0, initial=0.0))
+    displacement = np.maximum([_largest(column) for column in offset.T], compliance @ load)
+    moved = [_largest(indenter_field(problem, axis, motion)) for axis in range(2)]
+    displacement[:2] = np.maximum(displacement[:2], moved)
     displacement[3:] = np.maximum(displacement[3:], potential)
     load = _positive(load)
-    totals = [max(abs(f.total), float((np.abs(f.measure[loaded]) @ load).sum())) for f in problem.freedoms]
+    totals = [max(abs(f.total), _borne(f, loaded, load)) for f in problem.freedoms]
     return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
 
 
 def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
     """Characteristic amounts (m,) of the freedoms: their modes then reach the characteristic displacements."""
-    largest = [(np.abs(freedom.mode) / scales.displacement).max() for freedom in problem.freedoms]
+    largest = [max(_largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.freedoms]
     return 1.0 / np.array(largest)
 
 
@@ -104,13 +103,13 @@ def _foundation_motion(problem: ContactProblem) -> Array:
         found = _foundation_motion(coarse.problem)
         if _same_overlap(problem, coarse, found):
             return found
-    gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
     loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
     for _ in range(FOUNDATION_STEPS):
         system, nodes = _telling(problem.system, loaded)
         press = np.where(nodes[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
         r = 1.0 / float(np.abs(system.response(press, (2,))).max())
-        motion[moving] = balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
+        gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
+        motion[moving] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
         loaded = _loaded(_overlap(problem, motion))
     return motion
 
@@ -126,7 +125,7 @@ def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> boo
 
 def _overlap(problem: ContactProblem, motion: Array) -> Array:
     """Overlap (n,) [m] of the unloaded body and the indenter, moved (m,); -inf where there is no indenter above."""
-    overlap: Array = problem.system.offset[:, 2] - indenter_position(problem, motion)[:, 2]
+    overlap: Array = problem.system.offset[:, 2] - indenter_field(problem, 2, motion)
     return overlap
 
 
@@ -155,7 +154,8 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
     pull = float(attraction(law, -overlap).max(initial=0.0))
     if pull > 0.0 and not (overlap > 0.0).any():
         return pull
-    gap = np.tile([0.0, 0.0, -depth], (len(overlap), 1))
+    # one node stands for all if the law is the same at all of them
+    gap = np.tile([0.0, 0.0, -depth], (len(overlap) if holds_nodes(law, len(overlap)) else 1, 1))
     borne = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
     return max(float(-borne[:, 2].min(initial=0.0)), pull) or depth / compliance
 
@@ -184,6 +184,16 @@ def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
         load[loaded, field] = 1.0
         compliance[:, field] = np.abs(system.apply(load)).max(axis=0, initial=0.0)
     return compliance
+
+
+def _borne(freedom: Freedom, loaded: Mask, load: Array) -> float:
+    """What a load (5,) on the loaded nodes (n,) adds up to in a resultant, without regard to sign."""
+    return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
+
+
+def _largest(values: Array) -> float:
+    """The largest magnitude; 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
 
 
 def _positive(magnitudes: Array) -> Array:

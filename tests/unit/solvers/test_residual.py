@@ -1,0 +1,137 @@
+"""The judge sees every node and every field, and so does the driver, whatever a solver says of its own iterates."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.core.fields import Array
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
+from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.solvers.scales import problem_scales
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+TOLERANCE = 1e-10
+WRONG = 1e-6
+"""Of a characteristic magnitude."""
+
+
+def problem(**options: object) -> ContactProblem:
+    xi = np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3])
+    xi[2, 3] = xi[3, 2] = 2e-3
+    system = half_space_system(xi, 5e-3, 8)
+    height = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2
+    return indentation_problem(system, height, 5e-5, **options)  # type: ignore[arg-type]
+
+
+FRICTIONLESS = replace(
+    problem(),
+    contact_law=Signorini(),
+    electric_law=Insulating(),
+    magnetic_law=Insulating(),
+    potentials=np.zeros((64, 2)),
+)
+FRICTIONAL = problem(contact_law=IsotropicCoulomb(0.3))
+SOLVED = {
+    "frictionless": (FRICTIONLESS, solve(FRICTIONLESS, ProjectedCG()).state),
+    "frictional": (FRICTIONAL, solve(FRICTIONAL, SemismoothNewton()).state),
+}
+
+
+@dataclass(frozen=True)
+class Sure(Solver):
+    """Hands over one state and says that it is right."""
+
+    state: ContactState
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        return Iterate(self.state.load, self.state.closed, motion=self.state.motion, estimate=0.0)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        return iterate
+
+
+def by_hand(problem: ContactProblem, state: ContactState) -> float:
+    """Frictionless and insulated: p = max(0, p - gap / C) is min(p, gap / C) = 0, all other loads vanish; node by node,
+    of a state whose displacement is that of its load."""
+    scales = problem_scales(problem)
+    worst = 0.0
+    for load, displacement, gap, closed in zip(state.load, state.displacement, problem.gap, state.closed, strict=True):
+        pressure, distance = -load[2], (gap - displacement[2]) / scales.normal_compliance
+        parts = [load[0], load[1], min(pressure, distance)]
+        worst = max(worst, *(abs(part) / scales.pressure for part in parts))
+        worst = max(worst, *(abs(load[k]) * scales.compliance[k, k] / scales.displacement[k] for k in (3, 4)))
+        fraction = min(max(closed + (pressure - distance) / scales.pressure, 0.0), 1.0)
+        worst = max(worst, abs(closed - fraction))
+    return worst
+
+
+def spoilt(problem: ContactProblem, state: ContactState, node: int, field: int, by: float) -> ContactState:
+    """A state whose load in one field of one node is wrong by that part of a characteristic one, and what it causes."""
+    scales = problem_scales(problem)
+    load = state.load.copy()
+    load[node, field] += by * (
+        scales.load[field] if field < 3 else scales.displacement[field] / scales.compliance[field, field]
+    )
+    return replace(state, load=load, displacement=problem.system.offset + problem.system.apply(load))
+
+
+def node_of(state: ContactState, place: str) -> int:
+    """The last node that is closed, or open."""
+    return int(np.flatnonzero((state.load[:, 2] < 0.0) == (place == "closed"))[-1])
+
+
+@pytest.mark.parametrize("field", range(5))
+@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("law", SOLVED)
+def test_one_wrong_load_is_found(law: str, place: str, field: int) -> None:
+    case, state = SOLVED[law]
+    assert residual(case, state) <= TOLERANCE
+    wrong = spoilt(case, state, node_of(state, place), field, -WRONG)
+    assert residual(case, wrong) > 100.0 * TOLERANCE
+    if law == "frictionless":
+        assert residual(case, wrong) == pytest.approx(by_hand(case, wrong), rel=1e-8)
+    solution = solve(case, Sure(wrong), Limits(max_iterations=1, tolerance=TOLERANCE))
+    assert solution.status is not Status.CONVERGED
+    assert solution.residual == pytest.approx(residual(case, wrong), rel=1e-8)
+
+
+@pytest.mark.parametrize("part", ["load", "displacement", "closed"])
+@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("law", SOLVED)
+def test_one_number_that_is_none_is_found(law: str, place: str, part: str) -> None:
+    case, state = SOLVED[law]
+    node = node_of(state, place)
+    for field in range(1 if part == "closed" else 5):
+        for value in (np.nan, np.inf):
+            values: Array = getattr(state, part).copy()
+            values.reshape(len(values), -1)[node, field] = value
+            with np.errstate(invalid="ignore"):
+                assert residual(case, replace(state, **{part: values})) == np.inf
+            if part != "displacement":
+                solution = solve(case, Sure(replace(state, **{part: values})), Limits(max_iterations=1))
+                assert solution.status is Status.DIVERGED
+
+
+@pytest.mark.parametrize("field", range(5))
+@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("law", SOLVED)
+def test_one_displacement_that_the_load_does_not_cause_is_found(law: str, place: str, field: int) -> None:
+    case, state = SOLVED[law]
+    displacement = state.displacement.copy()
+    displacement[node_of(state, place), field] += WRONG * problem_scales(case).displacement[field]
+    assert residual(case, replace(state, displacement=displacement)) >= 0.99 * WRONG
+
+
+@pytest.mark.parametrize("place", ["closed", "open"])
+@pytest.mark.parametrize("law", SOLVED)
+def test_one_wrong_closed_fraction_is_found(law: str, place: str) -> None:
+    """Where there is pressure, or the gap is open, by more than the fraction is off."""
+    case, state = SOLVED[law]
+    trial = -state.load[:, 2] if place == "closed" else case.gap - state.displacement[:, 2]
+    closed = state.closed.copy()
+    closed[np.argmax(trial)] += -WRONG if place == "closed" else WRONG
+    solution = solve(case, Sure(replace(state, closed=closed)), Limits(max_iterations=1))
+    assert solution.status is not Status.CONVERGED
+    assert solution.residual >= 0.99 * WRONG
