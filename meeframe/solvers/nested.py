@@ -1,7 +1,7 @@
 """Nested grids: the same contact problem on a coarser division of the zone, and a start from its solution."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -112,4 +112,9 @@ def holds_nodes(part: object, n: int) -> bool:
         return n in part.shape
     if isinstance(part, tuple | list):
         return any(holds_nodes(item, n) for item in part)
-    return is_dataclass(part) and any(holds_nodes(item, n) for item in vars(part).values())
+    if isinstance(part, Mapping):
+        return any(holds_nodes(item, n) for item in part.values())
+    if not is_dataclass(part):
+        return False
+    named = [getattr(part, field.name, None) for field in fields(part)]  # those in slots, too
+    return any(holds_nodes(item, n) for item in (*named, *getattr(part, "__dict__", {}).values()))

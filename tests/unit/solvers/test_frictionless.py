@@ -1,5 +1,6 @@
 """Which contact laws projected conjugate gradients take."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers.frictionless import takes
+from meeframe.solvers.nested import holds_nodes
 
 
 @dataclass(frozen=True)
@@ -66,3 +68,70 @@ def test_laws_that_hold_something_of_each_node_are_tried_at_all_of_many() -> Non
     assert not takes(problem(CappedByNode((most,)), len(most)))
     assert takes(problem(Signorini(), len(most)))
     assert not takes(problem(Capped(1e7), len(most)))
+
+
+@dataclass(frozen=True)
+class CappedByName(Signorini):
+    """Bears no more than pressures (n,) [Pa] in a table."""
+
+    most: dict[str, Array]
+
+    def project(self, trial: Array) -> Array:
+        traction = super().project(trial)
+        traction[:, 2] = np.maximum(traction[:, 2], -self.most["pressure"])
+        return traction
+
+
+@dataclass(frozen=True, slots=True)
+class CappedInSlots(Signorini):
+    """Bears no more than pressures (n,) [Pa], in a slot."""
+
+    most: Array
+
+    def project(self, trial: Array) -> Array:
+        traction = Signorini.project(self, trial)
+        traction[:, 2] = np.maximum(traction[:, 2], -self.most)
+        return traction
+
+
+class Hidden:
+    """Holds pressures (n,) [Pa] in nothing that is looked into."""
+
+    __slots__ = ("pressure",)
+
+    def __init__(self, pressure: Array) -> None:
+        self.pressure = pressure
+
+
+@dataclass(frozen=True)
+class CappedOutOfSight(Signorini):
+    """Bears no more than pressures (n,) [Pa] of which only trials tell."""
+
+    most: Hidden
+
+    def project(self, trial: Array) -> Array:
+        traction = super().project(trial)
+        traction[:, 2] = np.maximum(traction[:, 2], -self.most.pressure)
+        return traction
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        lambda most: CappedByName({"pressure": most}),
+        CappedInSlots,
+        lambda most: CappedOutOfSight(Hidden(most)),
+    ],
+)
+@pytest.mark.parametrize("n", [50, 3000])
+def test_laws_are_tried_at_their_own_nodes_wherever_they_hold_them(law: Callable[[Array], Signorini], n: int) -> None:
+    most = np.full(n, np.inf)
+    assert takes(problem(law(most), n))
+    most[n // 2] = 1e7
+    assert not takes(problem(law(most), n))
+
+
+@pytest.mark.parametrize("law", [lambda most: CappedByName({"pressure": most}), CappedInSlots])
+def test_laws_of_their_own_nodes_are_known_as_such(law: Callable[[Array], Signorini]) -> None:
+    assert holds_nodes(law(np.full(30, np.inf)), 30)
+    assert not holds_nodes(law(np.full(30, np.inf)), 31)
