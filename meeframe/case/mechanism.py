@@ -117,7 +117,7 @@ class Mechanism:
     @cached_property
     def open_sides(self) -> Indices:
         """Corners (m, 2) of the sides at the border of the zone beyond which contact would go on."""
-        if self.case.formulation.periodic:
+        if self.case.formulation.endless():
             return np.zeros((0, 2), np.int64)
         zone = Zone(self.system.points, self.system.frames, self.system.weights, self.system.cells)
         return open_sides(zone, None if self.case.indenter.pointwise else self._gaps)

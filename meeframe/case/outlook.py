@@ -77,7 +77,7 @@ def doubts(case: "Case") -> Iterator[str]:
     held = [increment for increment in planned(case) if not motions(increment.problem).size]
     for increment in held:
         gap = increment.problem.gap
-        if gap.max() < 0.0 and np.ptp(gap) > _FLAT * -gap.min() and not case.formulation.periodic:
+        if gap.max() < 0.0 and np.ptp(gap) > _FLAT * -gap.min() and not case.formulation.endless():
             yield (
                 f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
                 f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "

@@ -200,8 +200,7 @@ class Formulation(ABC):
         """What may come out wrong for a body that check lets pass, and what to do, each in words."""
         return ()
 
-    @property
-    def periodic(self) -> bool:
+    def endless(self) -> bool:
         """Whether the contact zone is a period of an endless surface, whose contact ends at no edge of the zone."""
         return False
 

@@ -56,6 +56,10 @@ class HalfSpace(Formulation):
         """
         self._grid(body)
 
+    def endless(self) -> bool:
+        """Whether it is periodic."""
+        return self.periodic
+
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Surface compliance, response of the grid to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)

@@ -169,7 +169,10 @@ class Endless(Formulation):
     """One whose contact zone is a period of an endless surface."""
 
     of_period: Formulation
-    periodic: bool = True
+    periodic: str = "along e1"  # a key of its own, of whatever name
+
+    def endless(self):
+        return True
 
     def check(self, body):
         self.of_period.check(body)
