@@ -14,9 +14,9 @@ from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.frictionless import check_taken
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
-from meeframe.solvers.normal_modes import NormalModes
+from meeframe.solvers.normal_modes import NORMAL, NormalModes
 from meeframe.solvers.normal_preconditioner import Preconditioner
-from meeframe.solvers.normal_response import NORMAL, Conducting, Effect, Insulated, NormalResponse, load_of
+from meeframe.solvers.normal_response import Conducting, Effect, Insulated, NormalResponse, load_of
 from meeframe.solvers.scales import Scales, problem_scales
 
 RENEWAL: Final = 50

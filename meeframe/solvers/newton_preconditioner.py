@@ -20,8 +20,8 @@ from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton_rows import Rows
 from meeframe.solvers.node_blocks import NodeBlocks, turned
 from meeframe.solvers.nonsmooth import CLOSED
+from meeframe.solvers.normal_modes import NORMAL
 
-NORMAL: Final = 2
 NEARBY: Final = 1.5
 """Spacings of nodes: farther away what a single node causes, which falls with the third power, is left out."""
 

@@ -11,9 +11,8 @@ from meeframe.core.fields import Array
 from meeframe.core.formulation import Extension
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
-from meeframe.solvers.normal_modes import NormalModes
+from meeframe.solvers.normal_modes import NORMAL, NormalModes
 
-NORMAL: Final = 2
 OUTDATED: Final = 0.1
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
 NO_NODES: Final = np.zeros(0, np.int64)

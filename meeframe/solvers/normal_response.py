@@ -15,9 +15,9 @@ from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.gradient import Conduction, Ground, start_load
 from meeframe.solvers.grazing import Grazing
+from meeframe.solvers.normal_modes import NORMAL
 from meeframe.solvers.scales import Scales
 
-NORMAL: Final = 2
 NO_FLUX: Final = np.zeros((0, 2))
 CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
