@@ -89,7 +89,7 @@ class BoundarySystem:
         solution, unjudged = gcrotmk(
             matrix, rhs, rtol=RESIDUAL, maxiter=MOST_CYCLES, M=preconditioner, m=CYCLE, k=1
         )  # SciPy judges where a cycle begins
-        if unjudged and np.linalg.norm(rhs - matrix @ solution) > RESIDUAL * np.linalg.norm(rhs):
+        if unjudged and not np.linalg.norm(rhs - matrix @ solution) <= RESIDUAL * np.linalg.norm(rhs):  # NaN, too
             raise CaseError(
                 f"the boundary element system is not solved after {iterations} iterations: it is nearly singular, or "
                 "the tolerance of the formulation is too large; try a smaller tolerance"

@@ -268,6 +268,13 @@ def test_a_solution_of_the_last_cycle_counts(systems, monkeypatch):
             system.boundary.unknowns(loads)
 
 
+def test_a_solution_that_is_no_number_does_not_count(systems, monkeypatch):
+    system = systems[1e-3]
+    monkeypatch.setattr(hierarchical, "solved", lambda factors, x: np.full_like(x, np.nan))
+    with pytest.raises(CaseError, match="not solved after"):
+        system.boundary.unknowns(np.ones(5 * len(system.points)))
+
+
 def test_loads_that_are_no_numbers_are_refused(systems):
     with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
         systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))
