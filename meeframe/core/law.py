@@ -211,7 +211,9 @@ def traction_tangents(
     step[:2, :2] = r[1] * law.tangential_scaling()
     by_gap = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)  # entry by entry: products of small matrices are slow
     for row, column in np.ndindex(3, 3):
-        first, *others = np.flatnonzero(step[:, column]) if step[:, column].any() else (column,)
+        if not step[:, column].any():  # nothing, of slopes without end too
+            continue
+        first, *others = np.flatnonzero(step[:, column])
         np.multiply(by_trial[:, row, first], step[first, column], out=by_gap[:, row, column])
         for k in others:
             by_gap[:, row, column] += by_trial[:, row, k] * step[k, column]

@@ -86,3 +86,19 @@ def test_nodes_that_bear_nothing_whatever_the_trial_says() -> None:
         assert not other[untouched].any()
         np.testing.assert_array_equal(other[~untouched], one[~untouched])
         assert one[untouched].any(), "the law's own derivatives stay as they are"
+
+
+def test_slopes_without_end_are_nothing_in_gaps_that_do_not_count() -> None:
+    """A law without friction whose traction jumps with the tangential trial: its scaling is zero, and 0 inf is none."""
+
+    @dataclass(frozen=True)
+    class Jumping(Signorini):
+        def tangent(self, trial: Array) -> Array:
+            slopes = super().tangent(trial)
+            slopes[:, :2, :2] = np.inf
+            return slopes
+
+    trial, gap = -np.ones((4, 3)), np.zeros((4, 3))
+    _, by_gap = traction_tangents(Jumping(), trial, gap, R)
+    _, expected = traction_tangents(Signorini(), trial, gap, R)
+    np.testing.assert_array_equal(by_gap, expected)
