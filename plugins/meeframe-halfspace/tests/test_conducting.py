@@ -30,7 +30,8 @@ def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions()
     solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert solution.iterations <= 9
-    assert len(problem.system.products) <= 4 * 9
+    # four at each step, and what a solution costs however few they are: scales, the start and the last residual
+    assert len(problem.system.products) <= 4 * solution.iterations + 4
 
 
 @pytest.mark.parametrize("kappa", [0.0, np.inf])
