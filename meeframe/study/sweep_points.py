@@ -54,7 +54,10 @@ class Point:
     @classmethod
     def of(cls, label: str, tables: Mapping[str, Any], folder: Path, registry: Registry | None) -> "Point":
         """Of the tables of a case file; folder: where relative paths in them start."""
-        text = toml_text(tables)
+        try:
+            text = toml_text(tables)
+        except (TypeError, ValueError) as error:  # of tables made in Python
+            return cls(label, None, hashlib.sha256(str(error).encode()).hexdigest(), (Problem((), str(error)),))
         try:
             case = case_from_tables(tables, registry, folder, text)
         except TableError as error:

@@ -2,6 +2,7 @@
 
 import datetime
 import math
+import re
 import tomllib
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meeframe.core.toml import toml_text
+from meeframe.core.toml import toml_tables, toml_text
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]))
 VALUES = st.recursive(
@@ -31,8 +32,26 @@ def test_odd_characters_in_keys_and_texts(odd):
 
 
 def test_numbers_of_numpy_are_numbers():
-    numbers = {"float": np.float64(0.3), "whole": np.int64(3), "infinite": np.float64(-np.inf)}
-    assert tomllib.loads(toml_text(numbers)) == {"float": 0.3, "whole": 3, "infinite": -math.inf}
+    numbers = {
+        "float": np.float64(0.3),
+        "single": np.float32(0.5),
+        "whole": np.int64(3),
+        "infinite": np.float64(-np.inf),
+        "flag": np.bool_(True),
+        "array": np.array([[1.0, 2.0], [3.0, 4.0]], np.float32),
+        "none": np.zeros(0),
+        "number": np.array(7),
+    }
+    assert tomllib.loads(toml_text(numbers)) == {
+        "float": 0.3,
+        "single": 0.5,
+        "whole": 3,
+        "infinite": -math.inf,
+        "flag": True,
+        "array": [[1.0, 2.0], [3.0, 4.0]],
+        "none": [],
+        "number": 7,
+    }
     assert math.isnan(tomllib.loads(toml_text({"nan": np.float64(np.nan)}))["nan"])
 
 
@@ -42,7 +61,50 @@ def test_times_come_back():
 
 
 @pytest.mark.parametrize("value", [None, 1j, b"text", {1, 2}])
-@pytest.mark.parametrize("place", [lambda value: value, lambda value: [value], lambda value: {"inner": value}])
-def test_what_toml_has_not_is_refused(value, place):
-    with pytest.raises(TypeError, match=f"TOML has no {type(value).__name__}"):
+@pytest.mark.parametrize(
+    ("place", "where"),
+    [
+        (lambda value: value, "key"),
+        (lambda value: [1, value], "key[2]"),
+        (lambda value: {"inner": [{"most": value}]}, "key.inner[1].most"),
+        (lambda value: [{"inner": value}], "key.inner"),
+    ],
+)
+def test_what_toml_has_not_is_refused(value, place, where):
+    with pytest.raises(TypeError, match=re.escape(f"{where}: TOML has no {type(value).__name__}")):
         toml_text({"key": place(value)})
+
+
+def test_whole_numbers_too_long_to_be_written_are_refused():
+    with pytest.raises(ValueError, match=r"key.inner\[2\]: a whole number of 16610 binary digits"):
+        toml_text({"key": {"inner": [1, 10**5000]}})
+
+
+LONG = "1" * 5000
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "",
+        f'text = "{LONG * 2}"',
+        f'text = "a \\" {LONG * 2}"',
+        f"text = '{LONG * 2}'",
+        f'text = """\n"{LONG * 2}\\"\n"""',
+        f"text = '''\n'{LONG * 2}\n'''",
+        f"# {LONG * 2}",
+        f"a = 1 # \" ' {LONG * 2}",
+        "a = 1_" + "0_1" * 2000,
+    ],
+)
+def test_the_line_of_a_whole_number_without_end_is_its_own(before):
+    """Whatever stands in texts and comments."""
+    line = before.count("\n") + 2
+    with pytest.raises(ValueError, match=rf"a whole number of 5000 digits \(at line {line}\)"):
+        toml_tables(f'{before}\nwhole = {LONG}\nlater = "{LONG * 3}" # {LONG * 3}')
+
+
+def test_no_line_is_named_where_it_may_be_another():
+    """Floats have as many digits as one likes."""
+    with pytest.raises(ValueError, match="a whole number of more than 4300 digits; allowed"):
+        toml_tables(f"float = {LONG * 2}.0\nwhole = {LONG}")

@@ -91,6 +91,21 @@ def test_the_key_of_a_point_is_what_determines_its_result(point):
         assert changed_key != key, change
 
 
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (None, "indenter.radius: TOML has no NoneType: None"),
+        ([10**5000], "indenter.radius[1]: a whole number of 16610 binary digits"),
+        (np.float32(0.1), "radius"),
+        (np.array([0.1, 0.2]), "radius"),
+    ],
+)
+def test_values_that_are_no_radius_refuse_their_point(point, value, told):
+    refused = point(**{"indenter.radius": value})
+    assert refused.case is None
+    assert told in str(refused.problems[0])
+
+
 def test_points_are_grouped_by_the_bodies_that_they_share(point):
     points = [
         point(f"{stiffness} {approach}", **{"formulation.stiffness": stiffness, "steps[1].approach": approach})
