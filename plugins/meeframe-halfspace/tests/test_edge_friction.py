@@ -1,0 +1,28 @@
+"""Work of friction under an indenter whose edge lies between the nodes."""
+
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.case.case import Case
+from meeframe.case.solve import solve_case
+from meeframe.case.step import Step
+from meeframe.core.result import resultants
+from meeframe.elements import Quad4
+from meeframe.geometry import FlatPunch, half_space_mesh
+from meeframe.laws import IsotropicCoulomb
+from meeframe.materials import library_material
+
+FORCE, FRICTION, WAY = 100.0, 0.3, 1e-3
+
+
+@pytest.mark.parametrize("edges", ["resolved", "nodes"])
+def test_a_punch_that_slides_dissipates_friction_times_way(edges):
+    """Once it slides nothing bends any more; nodes outside its rim, which bear pressure for it, do their share."""
+    mesh = half_space_mesh(1.6e-2, 4e-3, 23, 1, Quad4())
+    material = library_material("isotropic", young_modulus=210e9, poisson_ratio=0.3)
+    slides = (Step(normal_force=FORCE), Step(translation=(WAY, 0.0)), Step(translation=(2.0 * WAY, 0.0)))
+    rules = {"contact_law": IsotropicCoulomb(FRICTION), "formulation": HalfSpace(edges=edges)}
+    result = solve_case(Case(material, mesh, (), FlatPunch(1e-3), slides, **rules))
+    totals = [resultants(result.zone, step) for step in result.steps]
+    assert totals[1].dissipated_energy < FRICTION * FORCE * WAY
+    assert totals[2].dissipated_energy == pytest.approx(FRICTION * FORCE * WAY, rel=1e-6)
