@@ -46,5 +46,9 @@ def sides_reached(step: StepResult, sides: Indices) -> int:
     """How many of these sides (m, 2) the contact has reached; none where full contact is meant, by the same gap
     all over the zone."""
     count = int(step.touching[sides].all(axis=1).sum())
-    meant = count and np.ptp(step.initial_gap) <= _FLAT * -step.initial_gap.min()
-    return 0 if meant else count
+    return 0 if count and overlaps_evenly(step.initial_gap) else count
+
+
+def overlaps_evenly(gap: Array) -> bool:
+    """Whether the overlap is the same at all nodes, gap (n,) [m], as where full contact is meant."""
+    return bool(np.ptp(gap) <= _FLAT * -gap.min())

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from meeframe.case.border import overlaps_evenly
 from meeframe.case.frames import frames_along
 from meeframe.case.history import ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning
@@ -19,9 +20,6 @@ from meeframe.solvers.free_motion import motions
 
 if TYPE_CHECKING:
     from meeframe.case.case import Case
-
-_FLAT: Final = 1e-6
-"""Overlaps that differ by a smaller fraction are the same."""
 
 
 @final
@@ -77,7 +75,7 @@ def doubts(case: "Case") -> Iterator[str]:
     held = [increment for increment in planned(case) if not motions(increment.problem).size]
     for increment in held:
         gap = increment.problem.gap
-        if gap.max() < 0.0 and np.ptp(gap) > _FLAT * -gap.min() and not case.formulation.endless():
+        if gap.max() < 0.0 and not overlaps_evenly(gap) and not case.formulation.endless():
             yield (
                 f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
                 f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "

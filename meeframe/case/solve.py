@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from meeframe.case.border import sides_reached
-from meeframe.case.case import Case
+from meeframe.case.case import Case, warnings_of
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.cohesion import remark_on_snapping
 from meeframe.case.conduction import check_conduction
@@ -150,7 +150,9 @@ def solve_steps(
                     snapping = remark_on_snapping(system, case.contact_law, result)
                 result = replace(result, message="; ".join([result.message, *told, *snapping]))
             if boundary and number == 1 and increment == step.increments:
-                result = replace(result, message="; ".join([result.message, *case.warnings]))
+                doubts = () if result.reaches_edge else case.doubts  # which an overlap of the whole zone is one of
+                warned = warnings_of(bodies_of(case))
+                result = replace(result, message="; ".join([result.message, *warned, *doubts]))
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
@@ -247,7 +249,7 @@ def _step_result(
         counter=counter,
         covered=increment.problem.covered,
     )
-    sides = sides_reached(result, mechanism.open_sides)
+    sides = sides_reached(result, mechanism.open_sides) if solution.status is Status.CONVERGED else 0
     told = remarks(zone_of(mechanism.system), result, increment.problem.contact_law, sides)
     return replace(result, message="; ".join([solution.message, *told]), reaches_edge=sides > 0)
 

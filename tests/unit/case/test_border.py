@@ -8,8 +8,11 @@ import pytest
 import meeframe
 from meeframe.case.border import border_sides, open_sides
 from meeframe.case.load import load_case
+from meeframe.core.contact import Status
 from meeframe.geometry import FlatPunch, RectangularPunch
+from meeframe.laws import IsotropicCoulomb
 from meeframe.report.summary import summary
+from meeframe.solvers import Limits, Uzawa
 
 
 @pytest.fixture
@@ -55,3 +58,15 @@ def test_contact_that_is_cut_off_is_flagged(case, how):
     assert [step.reaches_edge for step in result.steps] == [False, cut]
     assert ("reaches the edge" in result.steps[-1].message) == cut
     assert summary(result)["reaches_edge"] == summary(result)["steps"][1]["reaches_edge"] == cut
+
+
+def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
+    """Whatever touches there; that the case overlaps its whole zone is told, as nothing else tells it."""
+    dragged, limits = meeframe.Step(1e-3, translation=(1e-5, 0.0)), Limits(max_iterations=1)
+    deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
+    (step,) = meeframe.solve_case(deep).steps
+    assert step.status is not Status.CONVERGED
+    assert step.touching.all()
+    assert not step.reaches_edge
+    assert "reaches the edge" not in step.message
+    assert "overlaps the undeformed body on the whole contact zone" in step.message
