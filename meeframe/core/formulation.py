@@ -93,7 +93,8 @@ class ReducedSystem(ABC):
         return None
 
     def extension(self, nodes: Indices) -> "Extension | None":
-        """How displacements of nodes (f,) go on beside them under a load on those alone, roughly; None if unknown.
+        """How displacements of nodes (f,), each once, go on beside them under a load on those alone, roughly; None if
+        unknown. Of no nodes at all they go on as zeros, if not None.
 
         With it the approximate inverse is about that of the compliance restricted to those nodes. Used as that is.
         """

@@ -96,19 +96,31 @@ def check_inverse(system: ReducedSystem) -> None:
 
 
 def check_extension(system: ReducedSystem) -> None:
-    """`extension` keeps the values that it is given, and goes back by the adjoint map."""
+    """`extension` keeps the values that it is given, is linear, and goes back by the adjoint map; single precision."""
     rng, count = np.random.default_rng(6), len(system.points)
     weights = system.weights / system.weights.max()
-    for nodes in (np.arange(0, count, 3), np.arange(count), np.array([count // 2])):
+    some = rng.permutation(count)[: count // 3 + 1]
+    for nodes in (np.arange(0, count, 3), np.arange(count), some, np.array([count // 2]), np.arange(0)):
         extension = system.extension(nodes)
         if extension is None:
             continue
-        values: Array = rng.normal(size=len(nodes)).astype(np.float32)
+        values, other = rng.normal(size=(2, len(nodes))).astype(np.float32)
         whole: Array = rng.normal(size=count).astype(np.float32)
+        kept = values.copy(), whole.copy()
         extended, gathered = extension.extended(values), extension.gathered(whole)
+        require(np.array_equal(values, kept[0]), "extension changes the values that it is given", len(nodes))
+        require(np.array_equal(whole, kept[1]), "extension changes the values that it gathers", len(nodes))
         fits = extended.shape == (count,) and gathered.shape == (len(nodes),)
         require(fits, "extension gives other numbers of values than there are nodes", extended.shape)
+        single = extended.dtype == gathered.dtype == np.float32
+        require(single, "extension goes over to another precision, so that solvers slow down", extended.dtype)
+        if not len(nodes):
+            require(not extended.any(), "extension gives values that come from no node", float(np.abs(extended).max()))
+            continue
         require(worst(extended[nodes], values) < SINGLE, "extension changes the values of its nodes", len(nodes))
+        both = extension.extended(2.0 * values - 3.0 * other)
+        error = worst(both, 2.0 * extended - 3.0 * extension.extended(other))
+        require(error < SINGLE, "extension is not linear: Krylov iterations would go astray", error)
         work = float((weights * extended) @ whole), float((weights[nodes] * values) @ gathered)
         error = abs(work[0] - work[1]) / float((weights * np.abs(extended)) @ np.abs(whole))
         require(error < SINGLE, "what extension gathers is not the adjoint of what it extends", error)

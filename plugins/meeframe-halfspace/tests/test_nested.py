@@ -310,6 +310,12 @@ class Wrong(ReducedSystem):
         assert extension is not None
         if self.wrong == "values":
             return replace(extension, extended=lambda values: 0.5 * extension.extended(values))
+        if self.wrong == "kinked":
+            return replace(extension, extended=lambda values: _kinked(extension.extended(values), nodes))
+        if self.wrong == "double precision":
+            return replace(extension, extended=lambda values: extension.extended(values).astype(float))
+        if self.wrong == "no node":
+            return replace(extension, extended=lambda values: extension.extended(values) + (not len(nodes)))
         return replace(extension, gathered=lambda whole: whole[nodes]) if self.wrong == "adjoint" else extension
 
     def coarser(self) -> Coarsening | None:
@@ -328,11 +334,19 @@ class Wrong(ReducedSystem):
         return replace(part, kept=part.kept[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
 
+def _kinked(extended: Array, nodes: Indices) -> Array:
+    """The same at the nodes, not below zero at others."""
+    kinked = np.maximum(extended, np.float32(0.0))
+    kinked[nodes] = extended[nodes]
+    return kinked
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
     + [("single precision", "block_response to loads float32")]
     + [("values", "extension changes the values"), ("adjoint", "extension gathers is not the adjoint")]
+    + [("kinked", "extension is not linear"), ("double precision", "another precision"), ("no node", "from no node")]
     + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")]
     + [("response of a part", "block_response")],
 )
