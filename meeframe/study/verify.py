@@ -120,11 +120,16 @@ def verify(
     reducer = (
         partial(reduce, progress=progress) if cache is None else partial(cached_reduce, folder=cache, progress=progress)
     )
-    for number, run in enumerate(planned):
-        progress("runs", number / len(planned))
-        found = replace(found, runs=(*found.runs, _solved(run, every_step, reducer)))
-        with replacing(out / NUMBERS_FILE) as path:
-            path.write_text(verification_json(found), encoding="utf-8")
+    try:
+        for number, run in enumerate(planned):
+            progress("runs", number / len(planned))
+            found = replace(found, runs=(*found.runs, _solved(run, every_step, reducer)))
+            with replacing(out / NUMBERS_FILE) as path:
+                path.write_text(verification_json(found), encoding="utf-8")
+    except KeyboardInterrupt as error:
+        if found.runs:
+            error.add_note(f"what was found so far is in {out / NUMBERS_FILE}")
+        raise
     progress("runs", 1.0)
     figure = verification_figure(found)
     if figure is not None:
