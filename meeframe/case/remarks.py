@@ -27,6 +27,7 @@ _NOTICED: Final = 1e-3
 """Tangential over normal tractions below which there are none, and gaps over displacements."""
 _COARSE: Final = 0.1
 """Fraction of the contact area from which on a reader should know that it is uncertain."""
+APART: Final = "the indenter does not touch the body"
 _OF_RIM: Final = 0.5
 """Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
 circles six or more spacings across."""
@@ -46,7 +47,7 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0) -> It
         yield "the next increment starts from the last one that converged"
         return
     if not step.touching.any():
-        yield "the indenter does not touch the body"
+        yield APART
     if sides:
         yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)

@@ -16,7 +16,7 @@ from meeframe.case.cohesion import remark_on_snapping
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
-from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
+from meeframe.case.remarks import APART, Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
@@ -151,8 +151,10 @@ def solve_steps(
                 result = replace(result, message="; ".join([result.message, *told, *snapping]))
             if boundary and number == 1 and increment == step.increments:
                 doubts = () if result.reaches_edge else case.doubts  # which an overlap of the whole zone is one of
+                # and that the indenter stays away, and how far
+                message = result.message.replace(f"; {APART}", "") if doubts else result.message
                 warned = warnings_of(bodies_of(case))
-                result = replace(result, message="; ".join([result.message, *warned, *doubts]))
+                result = replace(result, message="; ".join([message, *warned, *doubts]))
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
