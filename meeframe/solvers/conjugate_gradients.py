@@ -89,57 +89,36 @@ class ProjectedCG(Solver):
         Raises CaseError as check_taken.
         """
         check_taken(problem)
-        return self._begun(problem, start, problem_scales(problem))
+        return _iterate(self._begun(problem, start, problem_scales(problem)))
 
-    def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> Iterate:
+    def _begun(self, problem: ContactProblem, start: ContactState | None, scales: Scales) -> _Memory:
         # what is characteristic of the problem is so on any division
         start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
         load, motion = start_load(start, len(problem.gap)), start_motion(problem, start)
         if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
-            return _iterate(_started(Insulated.of(problem, scales), load, motion))
+            return _started(Insulated.of(problem, scales), load, motion)
         # fractions of a start are those of other nodes: what touches tells more, after a step
         memory = _started(Conducting.of(problem, scales, start), load, motion)
-        return _iterate(replace(memory, start=np.inf))
+        return replace(memory, start=np.inf)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step along a conjugate direction; the conduction is brought up to date if it is time."""
-        memory = _conjugate(_memory(iterate))
-        free, modes, direction = memory.free, memory.here, memory.direction
-        effect = memory.response.change(_spread(direction.astype(np.float32), free, len(memory.pressure)))
-        # the indenter follows, so that only what it cannot follow resists
-        weighted = memory.weight[free] * direction
-        curvature = float(weighted @ modes.without(effect.gap[free].astype(float)))
-        if curvature <= 0.0:
-            return _iterate(_refreshed(memory))
-        length = float(weighted @ memory.residual) / curvature
-        moved = memory.pressure[free] - length * direction
-        memory = replace(memory, age=memory.age + 1)
-        if (moved >= 0.0).all():
-            here, parts = memory.effect, ("gap", "flux", "motion")
-            there = Effect(*(getattr(here, part) - length * getattr(effect, part) for part in parts))
-            memory = _placed(memory, _spread(moved, free, len(memory.pressure)), there)
-        else:
-            moved = modes.balanced(moved)
-            pressure = _spread(moved, free, len(memory.pressure))
-            there = memory.response.after(pressure, pressure - memory.pressure, memory.effect)
-            memory = _placed(memory, pressure, there)
-        violation = _violation(memory)
-        due = violation <= memory.response.lasting * memory.start or violation <= SETTLED * _grazing_violation(memory)
-        return _iterate(_refreshed(memory) if due or memory.age >= RENEWAL else memory)
+        return _iterate(_stepped(_memory(iterate)))
 
     def _coarse_solution(self, problem: ContactProblem, scales: Scales) -> Iterate:
         """By steps until the solver thinks that it is near enough.
 
         If nothing conducts, there is tension where the contact is open.
         """
-        iterate = self._begun(problem, None, scales)
+        memory = self._begun(problem, None, scales)
         for _ in range(MOST_COARSE):
-            if iterate.estimate is not None and iterate.estimate <= COARSE:
+            if _estimate(memory) <= COARSE:
                 break
-            iterate = self.step(problem, iterate)
-        if isinstance(_memory(iterate).response, Conducting):
+            memory = _stepped(memory)
+        iterate = _iterate(memory)
+        if isinstance(memory.response, Conducting):
             return iterate
-        gap, firm = _memory(iterate).effect.gap, int(np.argmin(iterate.load[:, NORMAL]))
+        gap, firm = memory.effect.gap, int(np.argmax(memory.pressure))
         unit = np.zeros((len(gap), 1))
         unit[firm] = 1.0
         own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
@@ -167,6 +146,33 @@ def _started(response: NormalResponse, load: Array, motion: Array) -> _Memory:
     memory = _Memory(*mechanics, pressure, effect, modes.on(nodes), nodes, still, still, 0.0, np.inf)
     memory = _placed(memory, pressure, effect)
     return replace(memory, start=_violation(memory))
+
+
+def _stepped(memory: _Memory) -> _Memory:
+    """Memory after one step along a conjugate direction."""
+    memory = _conjugate(memory)
+    free, modes, direction = memory.free, memory.here, memory.direction
+    effect = memory.response.change(_spread(direction.astype(np.float32), free, len(memory.pressure)))
+    # the indenter follows, so that only what it cannot follow resists
+    weighted = memory.weight[free] * direction
+    curvature = float(weighted @ modes.without(effect.gap[free].astype(float)))
+    if curvature <= 0.0:
+        return _refreshed(memory)
+    length = float(weighted @ memory.residual) / curvature
+    moved = memory.pressure[free] - length * direction
+    memory = replace(memory, age=memory.age + 1)
+    if (moved >= 0.0).all():
+        here, parts = memory.effect, ("gap", "flux", "motion")
+        there = Effect(*(getattr(here, part) - length * getattr(effect, part) for part in parts))
+        memory = _placed(memory, _spread(moved, free, len(memory.pressure)), there)
+    else:
+        moved = modes.balanced(moved)
+        pressure = _spread(moved, free, len(memory.pressure))
+        there = memory.response.after(pressure, pressure - memory.pressure, memory.effect)
+        memory = _placed(memory, pressure, there)
+    violation = _violation(memory)
+    due = violation <= memory.response.lasting * memory.start or violation <= SETTLED * _grazing_violation(memory)
+    return _refreshed(memory) if due or memory.age >= RENEWAL else memory
 
 
 def _conjugate(memory: _Memory) -> _Memory:
@@ -224,18 +230,24 @@ def _memory(iterate: Iterate) -> _Memory:
 
 
 def _iterate(memory: _Memory) -> Iterate:
-    """The iterate, with the violation of the contact law on the nodes where there is any."""
-    scales, effect = memory.response.scales, memory.effect
-    free = memory.here.nodes
+    effect = memory.effect
+    closed, load = memory.response.closed(memory.pressure), load_of(memory.pressure, effect.flux)
+    return Iterate(load, closed, memory, effect.motion, _estimate(memory))
+
+
+def _estimate(memory: _Memory) -> float:
+    """The violation of the contact law on the nodes where there is any."""
+    scales, effect, free = memory.response.scales, memory.effect, memory.here.nodes
     wrong = np.abs(np.minimum(memory.pressure[free], effect.gap[free] / scales.normal_compliance))
     estimate = float(wrong.max(initial=0.0)) / scales.pressure
+    if not isinstance(memory.response, Conducting):
+        return estimate
     closed = memory.response.closed(memory.pressure)
     # where a node conducts and bears no pressure, or the contrary
     apart = np.flatnonzero((closed > 0.0) != (memory.pressure > 0.0))
     trial = effect.gap[apart] / scales.normal_compliance - memory.pressure[apart]
     graph = np.abs(closed[apart] - switch(closed[apart], trial, scales.pressure))
-    estimate = max(estimate, float(graph.max(initial=0.0)))
-    return Iterate(load_of(memory.pressure, effect.flux), closed, memory, effect.motion, estimate)
+    return max(estimate, float(graph.max(initial=0.0)))
 
 
 def _spread(values: Array, free: Indices, n: int) -> Array:

@@ -9,9 +9,12 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
+from meeframe.solvers.nested import holds_nodes
 from meeframe.solvers.scales import Scales, problem_scales
 
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
+BLOCK: Final = 2**14
+"""Nodes at which laws are asked at once."""
 
 
 def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
@@ -69,19 +72,29 @@ def law_residual(
     known = [state.displacement] if fields == ALL_FIELDS else [state.displacement[:, field] for field in fields]
     if not all(np.isfinite(part).all() for part in (state.load, *known, state.closed, state.motion)):
         return np.inf
-    law, r = problem.contact_law, 1.0 / scales.normal_compliance
-    traction, gap = state.load[:, MECHANICAL], np.zeros((3, len(state.load))).T
-    for axis in judged_fields(problem):
-        if axis < ELECTRIC:
-            np.subtract(indenter_field(problem, axis, state.motion), state.displacement[:, axis], out=gap[:, axis])
-    trial = augmented_traction(law, traction, gap, (r, r))
-    lawful = lawful_traction(law, trial, gap, (r, r))
-    # axis by axis: less memory, and what is used again stays near the processor
-    contact = [_largest(traction[:, axis] - lawful[:, axis]) / scales.pressure for axis in range(3)]
-    graph = _largest(state.closed - switch(state.closed, trial[:, 2], scales.pressure))
+    contact = _contact_violation(problem, state, scales)
     balance = _largest(unbalance(problem, state.load) / scales.totals)
-    worst = float(np.max([*contact, graph, *_flux_violation(problem, state, scales), balance]))
+    worst = float(np.max([contact, *_flux_violation(problem, state, scales), balance]))
     return worst if np.isfinite(worst) else np.inf
+
+
+def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
+    """The largest of the contact law and of the closed fraction: by blocks of nodes, which stay near the processor,
+    unless the law belongs to all of them."""
+    law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
+    asked = [axis for axis in judged_fields(problem) if axis < ELECTRIC]
+    position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
+    size, worst = max(n, 1) if holds_nodes(law, n) else BLOCK, [0.0]
+    for first in range(0, n, size):
+        nodes = slice(first, first + size)
+        traction, closed = state.load[nodes, MECHANICAL], state.closed[nodes]
+        gap = np.zeros((3, len(closed))).T
+        for axis in asked:
+            np.subtract(position[axis][nodes], state.displacement[nodes, axis], out=gap[:, axis])
+        trial = augmented_traction(law, traction, gap, (r, r))
+        worst.append(_largest(traction - lawful_traction(law, trial, gap, (r, r))) / scales.pressure)
+        worst.append(_largest(closed - switch(closed, trial[:, 2], scales.pressure)))
+    return float(np.max(worst))
 
 
 def _largest(values: Array) -> float:

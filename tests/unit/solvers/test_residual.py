@@ -1,6 +1,7 @@
 """The judge sees every node and every field, and so does the driver, whatever a solver says of its own iterates."""
 
 from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -37,6 +38,12 @@ SOLVED = {
     "frictionless": (FRICTIONLESS, solve(FRICTIONLESS, ProjectedCG()).state),
     "frictional": (FRICTIONAL, solve(FRICTIONAL, SemismoothNewton()).state),
 }
+
+
+@pytest.fixture(autouse=True, params=[10, 100], ids=["blocks", "at once"])
+def blocks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laws are asked at a part of the nodes, the last one smaller, or at all of them."""
+    monkeypatch.setattr(import_module("meeframe.solvers.residual"), "BLOCK", request.param)
 
 
 @dataclass(frozen=True)
