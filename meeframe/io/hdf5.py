@@ -1,12 +1,14 @@
-"""HDF5 files on disks that may be full."""
+"""HDF5 files on disks that may be full, and what they hold, which may have been changed since."""
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 
 
 class _Sink:
@@ -67,3 +69,28 @@ def changed_file(path: Path, mode: str) -> Iterator[Any]:
     """An HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
     with sink(path, mode) as own, h5py.File(own, mode) as file:
         yield file
+
+
+def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:
+    """A dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
+    values = group[name][()]
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
+        found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise ValueError(f"{group.name}/{name} is {found} instead of numbers of shape {shape}")
+    return values
+
+
+def text_of(group: Any, name: str) -> str:
+    """An attribute. Raises ValueError unless it is a text."""
+    text = group.attrs[name]
+    if not isinstance(text, str):
+        raise ValueError(f"attribute {name!r} of {group.name} is no text")
+    return text
+
+
+def table_of(group: Any, name: str, kind: Any) -> dict[str, Any]:
+    """What an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
+    table = json.loads(text_of(group, name))
+    if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
+        raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")
+    return table

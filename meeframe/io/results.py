@@ -22,7 +22,7 @@ from meeframe.core.formulation import NodalFields
 from meeframe.core.indenter import COLUMNS, MOTIONS, N_MOTIONS, RESULTANTS, UNITS
 from meeframe.core.mesh import Indices
 from meeframe.core.result import CounterSurface, Loading, Provenance, Region, Result, StepResult, Zone, resultants
-from meeframe.io.hdf5 import changed_file
+from meeframe.io.hdf5 import changed_file, numbers_of, table_of, text_of
 from meeframe.io.output import RESULT_FILE, replacing
 
 FORMAT: Final = "meeframe-result 4"
@@ -207,18 +207,18 @@ def _read(file: Any) -> Result:
     attributes, places = file.attrs, file["zone"]
     n = len(places["points"])
     shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,)}
-    zone = Zone(**{name: _numbers(places, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(places, n))
+    zone = Zone(**{name: numbers_of(places, name, shapes[name]) for name in _ZONE_UNITS}, cells=_get_cells(places, n))
     return Result(
         provenance=Provenance(
-            title=_text(file, "title"),
-            case_text=_text(file, "case"),
-            versions=_table(file, "versions", str),
+            title=text_of(file, "title"),
+            case_text=text_of(file, "case"),
+            versions=table_of(file, "versions", str),
             threads=int(attributes["threads"]),
         ),
         zone=zone,
         planned_steps=int(attributes["planned_steps"]),
         steps=tuple(_get_step(file, file["steps"][name], n) for name in sorted(file["steps"])),
-        timings=_table(file, "timings", int | float) if "timings" in attributes else {},
+        timings=table_of(file, "timings", int | float) if "timings" in attributes else {},
         peak_memory_mb=float(attributes.get("peak_memory_mb", 0.0)),
     )
 
@@ -227,51 +227,51 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
     boundary, counter = None, None
     if "counter" in group:
         own = group["counter"]
-        counter = CounterSurface(_numbers(own, "displacement", (n, 3)), _get_both(own, "potential", n))
+        counter = CounterSurface(numbers_of(own, "displacement", (n, 3)), _get_both(own, "potential", n))
     if "boundary" in group:
         own, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
-        fields = (_numbers(own, name, (p, N_FIELDS)) for name in ("values", "fluxes"))
-        boundary = NodalFields(_numbers(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
+        fields = (numbers_of(own, name, (p, N_FIELDS)) for name in ("values", "fluxes"))
+        boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
     return StepResult(
         loading=_get_loading(group["loading"]),
         step=int(group["step"][()]),
         increment=int(group["increment"][()]),
-        initial_gap=_numbers(group, "initial_gap", (n,)),
-        traction=_numbers(group, "traction", (n, 3)),
-        displacement=_numbers(group, "displacement", (n, 3)),
+        initial_gap=numbers_of(group, "initial_gap", (n,)),
+        traction=numbers_of(group, "traction", (n, 3)),
+        displacement=numbers_of(group, "displacement", (n, 3)),
         potentials=_get_both(group, "potential", n),
         fluxes=_get_both(group, "flux", n),
-        closed=_numbers(group, "closed", (n,)),
-        slip=_numbers(group, "slip", (n, 2)),
-        total_slip=_numbers(group, "total_slip", (n, 2)),
-        slip_path=_numbers(group, "slip_path", (n,)),
-        dissipation=_numbers(group, "dissipation", (n,)),
-        region=_numbers(group, "region", (n,), "iu"),
+        closed=numbers_of(group, "closed", (n,)),
+        slip=numbers_of(group, "slip", (n, 2)),
+        total_slip=numbers_of(group, "total_slip", (n, 2)),
+        slip_path=numbers_of(group, "slip_path", (n,)),
+        dissipation=numbers_of(group, "dissipation", (n,)),
+        region=numbers_of(group, "region", (n,), "iu"),
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
         residual=float(group["residual"][()]),
-        history=_numbers(group, "history", (len(group["history"]), 2)),
-        message=_text(group, "message"),
+        history=numbers_of(group, "history", (len(group["history"]), 2)),
+        message=text_of(group, "message"),
         boundary=boundary,
         counter=counter,
-        covered=_numbers(group, "covered", (n,)) if "covered" in group else None,
+        covered=numbers_of(group, "covered", (n,)) if "covered" in group else None,
         reaches_edge=bool(group.attrs["reaches_edge"]),
     )
 
 
 def _get_both(group: Any, name: str, n: int) -> Array:
     """The electric and the magnetic dataset of that name, (n, 2)."""
-    return np.stack([_numbers(group, f"{kind}_{name}", (n,)) for kind in ("electric", "magnetic")], axis=1)
+    return np.stack([numbers_of(group, f"{kind}_{name}", (n,)) for kind in ("electric", "magnetic")], axis=1)
 
 
 def _get_loading(group: Any) -> Loading:
     motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
     if motion.shape != (N_MOTIONS,):
         raise ValueError(f"{group.name} has {len(motion)} motions instead of {N_MOTIONS}")
-    prescribed = {key: _numbers(group["prescribed"], key, _SHAPES[key]) for key in group["prescribed"]}
+    prescribed = {key: numbers_of(group["prescribed"], key, _SHAPES[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
-    reference, axes = _numbers(group, "reference", (3,)), _numbers(group, "axes", (3, 3))
+    reference, axes = numbers_of(group, "reference", (3,)), numbers_of(group, "axes", (3, 3))
     return Loading.of(motion, prescribed, reference, axes, duration)
 
 
@@ -280,33 +280,8 @@ def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
     cells = []
     for name in sorted(group["cells"], key=int):
         own = group["cells"][name]
-        connectivity: Indices = _numbers(group["cells"], name, own.shape, "iu")
+        connectivity: Indices = numbers_of(group["cells"], name, own.shape, "iu")
         if connectivity.ndim != 2 or ((connectivity < 0) | (connectivity >= n)).any():
             raise ValueError(f"{own.name} are no numbers into {n} points")
-        cells.append((_text(own, "type"), connectivity))
+        cells.append((text_of(own, "type"), connectivity))
     return tuple(cells)
-
-
-def _numbers(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:
-    """A dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
-    values = group[name][()]
-    if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
-        found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
-        raise ValueError(f"{group.name}/{name} is {found} instead of numbers of shape {shape}")
-    return values
-
-
-def _text(group: Any, name: str) -> str:
-    """An attribute. Raises ValueError unless it is a text."""
-    text = group.attrs[name]
-    if not isinstance(text, str):
-        raise ValueError(f"attribute {name!r} of {group.name} is no text")
-    return text
-
-
-def _table(group: Any, name: str, kind: Any) -> dict[str, Any]:
-    """What an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
-    table = json.loads(_text(group, name))
-    if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
-        raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")
-    return table
