@@ -16,6 +16,7 @@ from meeframe.core.contact import Status
 from meeframe.core.fields import Array
 from meeframe.core.result import Resultants, StepResult, Zone, resultants
 from meeframe.report.canvas import prefixed, sheet
+from meeframe.report.picture import lengths
 from meeframe.report.study import middle_line
 
 if TYPE_CHECKING:
@@ -245,6 +246,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     lines = sum(label.count("\n") + 1 for label in labels)
     figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
+    length, of_length = lengths(run.zone for run in done)
     for axes, name in zip(grid, shown, strict=False):
         fields = [_FIELDS[name][1](run.zone, run.steps[-1]) for run in done]
         factor, unit = prefixed(np.concatenate(fields), _FIELDS[name][0])
@@ -258,8 +260,8 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
                 "marker": "o",
                 "ms": 2.5,
             }
-            axes.plot(x * 1e3, field[nodes] / factor, label=labels[number], **style)
-        axes.set(xlabel="x [mm]", ylabel=f"{_words(name)} [{unit}]")
+            axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{_words(name)} [{unit}]")
         axes.grid(alpha=0.3)
     for axes in grid[len(shown) :]:
         axes.remove()

@@ -45,7 +45,8 @@ _QUANTITIES: Final = (
 
 
 def figures(result: Result) -> "dict[str, Figure]":
-    """Figures of the last finished increment by file name; none if there is none or if not all in it is finite.
+    """Figures of the last finished increment by file name; none if there is none, if not all in it is finite, or if the
+    zone has neither cells nor nodes that span an area.
 
     A potential that is zero throughout has none. With several increments that converged, their history besides.
     """
@@ -53,6 +54,8 @@ def figures(result: Result) -> "dict[str, Figure]":
         return {}
     step = result.steps[-1]
     if not np.isfinite(step.traction).all() or not np.isfinite(step.potentials).all():
+        return {}
+    if not result.zone.cells and np.linalg.matrix_rank(result.zone.points - result.zone.points[0]) < 2:
         return {}
     picture = Picture.of(result.zone)
     title = _title(result)
@@ -116,7 +119,7 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
     zone, step = result.zone, result.steps[-1]
     touching = step.touching
     of_contact = quantity.file == "pressure"
-    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
     head(axes, quantity.label, title)
     felt = _felt(step)
     if of_contact and not felt.any():
@@ -161,7 +164,7 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
     step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
     figure = sheet((5.6, 4.9))
     axes = figure.subplots()
-    axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
     head(axes, "stick and slip", title)
     if not step.touching.any():
         _no_contact(axes, picture)
@@ -170,7 +173,7 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
     sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
     shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
-        axes.fill([], [], color=colour, label=f"{name}, {area * 1e6:.4g} mm²")
+        axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
         axes.tricontourf(picture.triangulation, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
     _zoom(axes, picture, step.touching)
     figure.legend(loc="outside lower center", ncols=2)
@@ -198,7 +201,7 @@ def _sections(result: Result, picture: Picture, title: str) -> "Figure":
         axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
         axes.set_ylabel(f"{label}\n[{unit}]")
         axes.grid(alpha=0.3)
-    rows[-1].set_xlabel("x [mm]")
+    rows[-1].set_xlabel(f"x [{picture.unit}]")
     head(rows[0], "sections y = 0", title)
     figure.align_ylabels(rows)
     return figure

@@ -1,5 +1,6 @@
 """The contact zone laid flat and cut into triangles, for drawing."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Zone
 from meeframe.geometry import frames_of
+from meeframe.report.canvas import prefixed
 
 # meshio's cell types cut into triangles, by position of the node in the cell
 TRIANGLES: Final = {
@@ -21,35 +23,45 @@ TRIANGLES: Final = {
 }
 
 
+def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
+    """Factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
+    return prefixed(np.array([np.ptp(zone.points, axis=0) / 2 for zone in zones]), "m")
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A flat zone.
 
-    points: its nodes, (n, 2) [mm]; axes: those of the picture in space, (2, 3); triangulation: matplotlib's, of the
-    nodes and then the centres of the quads.
+    points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); triangulation:
+    matplotlib's, of the nodes and then the centres of the quads.
     """
 
     points: Array
+    factor: float
+    unit: str
     axes: Array
     triangulation: Any
     quads: Indices
 
     @classmethod
-    def of(cls, zone: Zone) -> "Picture":
+    def of(cls, zone: Zone, scale: tuple[float, str] | None = None) -> "Picture":
         """The zone seen along its mean normal, coordinates from the middle of its extent.
 
-        They run along the axes that the zone's frames have where no direction field turns them.
+        They run along the axes that the zone's frames have where no direction field turns them. scale: factor and unit,
+        if not those that suit the zone. A zone that knows no cells is cut as Delaunay did.
         """
         from matplotlib.tri import Triangulation
 
+        factor, unit = scale or lengths([zone])
         parts = [connectivity for name, connectivity in zone.cells if name == "quad"]
         quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
         middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
         normal = zone.frames[:, 2].mean(axis=0)
         axes = frames_of(normal[None] / np.linalg.norm(normal))[0, :2]
-        points = (zone.points - middle) @ axes.T * 1e3
+        points = (zone.points - middle) @ axes.T / factor
         flat = _with_centres(points, quads)
-        return cls(points, axes, Triangulation(flat[:, 0], flat[:, 1], _triangles(zone.cells, len(zone.points))), quads)
+        triangles = _triangles(zone.cells, len(points)) if zone.cells else None
+        return cls(points, factor, unit, axes, Triangulation(flat[:, 0], flat[:, 1], triangles), quads)
 
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Limits along x and y of a square about these nodes (n,), half as large again; cut at the zone's edges."""

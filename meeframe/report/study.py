@@ -11,7 +11,7 @@ import numpy as np
 from meeframe.core.fields import Array
 from meeframe.core.result import Zone
 from meeframe.report.canvas import MAP_COLOURS, sheet
-from meeframe.report.picture import Picture
+from meeframe.report.picture import Picture, lengths
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -150,6 +150,7 @@ def _curves(figure: "Figure", study: Study) -> None:
 
 def _sections(figure: "Figure", study: Study) -> None:
     grid = figure.subplots(_rows(study), len(study.panels), squeeze=False, sharex=True, sharey="row")
+    factor, unit = _lengths(study)
     for column, panel in enumerate(study.panels):
         lines = [middle_line(zone) for zone in panel.zones]
         for row, name in enumerate(_names(study)):
@@ -157,13 +158,17 @@ def _sections(figure: "Figure", study: Study) -> None:
             for run, values in enumerate(panel.quantities.get(name, ())):
                 style = {"marker": "o", "ms": 2.5, "lw": 1.2, "color": _COLOURS[run % len(_COLOURS)]}
                 nodes, x = lines[run]
-                axes.plot(x * 1e3, values[nodes], label=panel.runs[run], **style)
+                axes.plot(x / factor, values[nodes], label=panel.runs[run], **style)
             axes.grid(alpha=0.3)
             if column == 0:
                 axes.set_ylabel(_label(name))
         grid[0, column].set_title(panel.title)
         grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
-        grid[-1, column].set_xlabel("x [mm]")
+        grid[-1, column].set_xlabel(f"x [{unit}]")
+
+
+def _lengths(study: Study) -> tuple[float, str]:
+    return lengths(zone for panel in study.panels for zone in panel.zones)
 
 
 def middle_line(zone: Zone) -> tuple[Any, Array]:
@@ -176,6 +181,7 @@ def middle_line(zone: Zone) -> tuple[Any, Array]:
 
 def _maps(figure: "Figure", study: Study) -> None:
     columns = [(panel, run) for panel in study.panels for run in range(len(panel.runs))]
+    scale = _lengths(study)
     grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
     figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # labels of bars
     for row, name in enumerate(_names(study)):
@@ -183,14 +189,14 @@ def _maps(figure: "Figure", study: Study) -> None:
         low, high = min(v.min() for v in shown), max(v.max() for v in shown)
         drawn: Any = None
         for axes, (panel, run) in zip(grid[row], columns, strict=True):
-            drawn = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high))
+            drawn = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)
         figure.colorbar(drawn, ax=list(grid[row]), label=_label(name), shrink=0.9)
-        grid[row, 0].set_ylabel("y [mm]")
+        grid[row, 0].set_ylabel(f"y [{scale[1]}]")
     for column, (panel, run) in enumerate(columns):
         several = len(panel.runs) > 1 or len(study.panels) == 1
         title = "\n".join(filter(None, [panel.title, _run_title(panel, run) if several else ""]))
         grid[0, column].set_title(title, fontsize=9)
-        grid[-1, column].set_xlabel("x [mm]")
+        grid[-1, column].set_xlabel(f"x [{scale[1]}]")
 
 
 def _run_title(panel: Panel, run: int) -> str:
@@ -205,9 +211,9 @@ def _each(study: Study, name: str) -> Iterator[Array]:
     return (values for panel in study.panels for values in panel.quantities[name])
 
 
-def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float]) -> Any:
+def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
     """One map; a tangential field by its modulus and by arrows of its direction."""
-    picture = Picture.of(zone)
+    picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
     shading = {"shading": "gouraud", "cmap": MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
     drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from meeframe.core.contact import Status
-from meeframe.core.result import Loading, Region, Zone
+from meeframe.core.result import Loading, Region, Zone, resultants
 from meeframe.elements import ELEMENTS
 from meeframe.report.compare import ComparedRun, Comparison, comparison_table
 from meeframe.report.figures import figures, save_figure
@@ -137,14 +137,44 @@ def test_figures_show_the_step_the_edge_of_the_contact_and_the_nodes(synthetic):
     assert alone.get_title() == "a title\ncontact pressure"
 
 
+@pytest.mark.parametrize(("size", "unit"), [(1e-4, "nm"), (1e-2, "µm"), (1.0, "mm"), (1e3, "m")])
+def test_lengths_are_in_units_that_suit_the_zone(synthetic, size, unit):
+    result = synthetic.result(synthetic.step(1e-6))
+    zone = dataclasses.replace(result.zone, points=size * result.zone.points, weights=size**2 * result.zone.weights)
+    drawn = figures(dataclasses.replace(result, zone=zone))
+    half = {"nm": 200.0, "µm": 20.0, "mm": 2.0, "m": 2.0}[unit]
+    for name in ("pressure.png", "stick_slip.png"):
+        axes = drawn[name].axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == (f"x [{unit}]", f"y [{unit}]")
+    assert drawn["sections.png"].axes[-1].get_xlabel() == f"x [{unit}]"
+    assert drawn["sections.png"].axes[0].lines[0].get_xdata()[-1] == pytest.approx(half)
+    area = resultants(zone, result.steps[-1]).slip_area
+    metres = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0}[unit]
+    labels = [text.get_text() for text in drawn["stick_slip.png"].legends[0].get_texts()]
+    assert f"slip, {area / metres**2:.4g} {unit}²" in labels
+
+
+def test_zones_without_cells_are_drawn_by_their_nodes(synthetic):
+    result = synthetic.result(synthetic.step(1e-6))
+    bare = dataclasses.replace(result, zone=dataclasses.replace(result.zone, cells=()))
+    assert figures(bare).keys() == figures(result).keys()
+    flat = Picture.of(bare.zone).triangulation
+    corners = np.stack([flat.x, flat.y], axis=1)[flat.triangles]
+    edges = corners[:, 1:] - corners[:, :1]
+    assert np.abs(np.linalg.det(edges)).sum() / 2 == pytest.approx(16.0)
+    line = bare.zone.points * [1.0, 0.0, 0.0]
+    assert not figures(dataclasses.replace(bare, zone=dataclasses.replace(bare.zone, points=line)))
+
+
 @pytest.mark.parametrize("cell", ["triangle", "triangle6", "quad", "quad8", "quad9"])
 def test_triangles_cover_their_cell(cell):
     element = next(element for element in ELEMENTS.values() if element.meshio_type == cell)
     n = len(element.nodes)
     points = np.column_stack([element.nodes, np.zeros(n)])
     zone = Zone(points, np.tile(np.eye(3), (n, 1, 1)), np.ones(n), ((cell, np.arange(n)[None, :]),))
-    flat = Picture.of(zone).triangulation
-    corners = np.stack([flat.x, flat.y], axis=1)[flat.triangles] * 1e-3
+    picture = Picture.of(zone)
+    flat = picture.triangulation
+    corners = np.stack([flat.x, flat.y], axis=1)[flat.triangles] * picture.factor
     edges = corners[:, 1:] - corners[:, :1]
     areas = (edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2
     assert (areas > 0).all()
