@@ -1,6 +1,6 @@
-"""The pictures of README.md and docs/gallery.md: `uv run python docs/make_images.py`.
+"""The pictures of README.md and docs/gallery.md that have no command of their own: `uv run python docs/make_images.py`.
 
-Everything comes from the cases of section 7.1 of the reference paper: one mesh, one material, so one reduced system.
+Indenters come from the cases of section 7.1 of the reference paper: one mesh, one material, so one reduced system.
 """
 
 from dataclasses import dataclass, replace
@@ -20,11 +20,14 @@ from meeframe.core.result import StepResult
 from meeframe.geometry import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
 from meeframe.materials.half_space import axisymmetric_compliance
 from meeframe.report.canvas import MAP_COLOURS
+from meeframe.report.figures import save_figure
+from meeframe.report.history import history
 from meeframe.report.picture import Picture
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
 HERE = Path(__file__).parent
 CASES = HERE.parent / "validation" / "transversely_isotropic_indentation"
+LOOP = HERE.parent / "validation" / "load_histories" / "loop.toml"
 LINES = {"EMII": "#0072B2", "EMCI": "#D55E00"}  # of the Okabe-Ito palette
 MM, GPA, KV = 1e-3, 1e9, 1e3
 
@@ -117,6 +120,13 @@ def indenters(system: ReducedSystem) -> Figure:
     return figure
 
 
+def hysteresis() -> Figure:
+    """What a load path of forces forth and back leads to, as `meeframe run` draws it."""
+    figure = history(meeframe.solve_case(meeframe.load_case(LOOP)))
+    assert figure is not None, "it has many increments"
+    return figure
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size [inch]."""
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -166,6 +176,7 @@ def main() -> None:
     system = case.formulation.reduce(case.body)
     for name, figure in (("overview", overview(system)), ("indenters", indenters(system))):
         figure.savefig(HERE / "images" / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
+    save_figure(hysteresis(), HERE / "images" / "hysteresis.png")
 
 
 if __name__ == "__main__":
