@@ -44,7 +44,7 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
         print(f"error: {_with_notes(str(error), error)}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None
     except OSError as error:
-        if error.errno not in _OF_PATHS:
+        if error.errno not in _OF_PATHS or error.filename is None:
             raise
         print(f"error: {error.filename}: {error.strerror}", file=sys.stderr)
         raise typer.Exit(BAD_INPUT) from None

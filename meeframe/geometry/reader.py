@@ -5,7 +5,8 @@ import io
 from collections.abc import Iterable, Iterator
 from os import PathLike
 from pathlib import Path
-from typing import IO, Any
+from threading import Lock
+from typing import IO, Any, Final
 
 import numpy as np
 
@@ -20,6 +21,8 @@ _LOWER = ("vertex", "line", "VTK_LAGRANGE_CURVE")
 _SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
 _PATIENCE = 1000
 """How often a file is read beyond its end before that is taken for an endless search for what is missing."""
+_READING: Final = Lock()
+"""Threads read one after the other: they share where they print, and meshio's modules."""
 
 
 def read_mesh(
@@ -66,7 +69,7 @@ def read_any(file: Path) -> Any:
         raise MeshError(f"cannot be read: {error.strerror}") from None
     said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), _ends(meshio):
+        with _READING, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), _ends(meshio):
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         text = " ".join(said.getvalue().split()) or str(error) or type(error).__name__

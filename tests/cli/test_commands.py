@@ -249,6 +249,17 @@ def test_stopped_while_reading(case_file, monkeypatch, command, error, status, e
     assert meeframe_command(command, case_file) == (status, "", expected)
 
 
+def test_what_a_system_refuses_of_no_path_is_a_defect(case_file, monkeypatch):
+    """As of a socket or a process: it keeps its traceback."""
+
+    def stop(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr("meeframe.case.load.load_case", stop)
+    with pytest.raises(PermissionError, match="Operation not permitted"):
+        meeframe_command("check", case_file)
+
+
 def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt

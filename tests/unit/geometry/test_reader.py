@@ -1,6 +1,9 @@
 """Meshes through files and back, and every file that is refused."""
 
+import sys
+import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import meshio
@@ -286,6 +289,22 @@ def test_files_that_are_cut_off(suffix: str, kind: str, end: bytes, tmp_path: Pa
     path.write_bytes(whole[: whole.index(end)])
     with pytest.raises(MeshError, match=rf"cut\.{suffix}: meshio cannot read it: the file ends too early"):
         read(path)
+
+
+def test_threads_read_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While one reads, another waits: how files are opened and where is printed are the process's."""
+    path, before, read_one = tmp_path / "good.vtk", sys.stdout, meshio.read
+    _mesh_file(TETRA, CLOSED)(path)
+
+    def slowly(file: Path) -> meshio.Mesh:
+        time.sleep(0.02)
+        return read_one(file)
+
+    monkeypatch.setattr(meshio, "read", slowly)
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(lambda file: volume(read(file)), [path] * 4)) == pytest.approx([1 / 6] * 4)
+    assert sys.stdout is before
+    assert not hasattr(meshio._files, "open")
 
 
 def test_a_good_tetrahedron_and_its_unit(tmp_path: Path) -> None:
