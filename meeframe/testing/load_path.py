@@ -26,7 +26,7 @@ class Position:
 @dataclass(frozen=True, eq=False)
 class PathStep:
     """A converged step: its state; force (3,) [N] of the indenter on the body; slip (n, 2) [m] of the indenter over the
-    body in this step; dissipation [J], friction's work in this step."""
+    body in this step; dissipation [J], friction's work in this step under the tractions at its end."""
 
     state: ContactState
     force: Array
@@ -39,8 +39,9 @@ def follow(
 ) -> Iterator[PathStep]:
     """The steps of a path, each started from the one before; slip is measured from there (docs/theory.md, Departures).
 
-    No fluxes enter. A step's dissipation is the work of its own tractions on its slip. Raises MeeframeError if a step
-    does not converge.
+    No fluxes enter. A step's dissipation is the work of its own tractions on its slip: of first order in the step while
+    the pressure changes, where that of results is of second, and never negative at any node. Raises MeeframeError if a
+    step does not converge.
     """
     start, slipped = None, np.zeros((len(system.points), 2))
     for number, position in enumerate(positions):

@@ -140,7 +140,8 @@ def _loops(name: str, rows: list[LoopRow]) -> Iterator[str]:
     yield f"""## A full reversal and its dissipation
 
 The displacement goes up to {rows[0].turning:.2f} of the limit of sliding, to the opposite value and back in steps.
-Area: work of the indenter in the loop; dissipation: work of the tractions on the slip; both against Mindlin and
+Area: work of the indenter in the loop; dissipation: work of the tractions at the end of each step on its slip, which
+is of first order in the steps while the pressure changes, and here it does not or hardly; both against Mindlin and
 Deresiewicz. Q: largest difference in the loop over its largest value.
 
 ![The loop and the convergence of its work]({name}_loop.png)
