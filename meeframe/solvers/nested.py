@@ -36,8 +36,7 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     A resultant keeps its density: the measure of a freedom is scaled with the weights.
     """
     law = problem.contact_law
-    special = type(law).resolve is not ContactLaw.resolve or attracts(law) or holds_nodes(law, len(problem.gap))
-    if special or problem.covered is not None:
+    if not same_everywhere(law, len(problem.gap)) or problem.covered is not None:
         return None
     coarsening = problem.system.coarser()
     if coarsening is None or not _still_there(problem, coarsening):
@@ -104,6 +103,11 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
     return all(
         nodes[coarsening.kept].sum() >= FEWEST and same_area(problem.system, nodes, coarsening) for nodes in seen
     )
+
+
+def same_everywhere(law: ContactLaw, n: int) -> bool:
+    """Whether a law is known to be the same at all of n nodes: what laws with a memory are made of does not show."""
+    return type(law).resolve is ContactLaw.resolve and not attracts(law) and not holds_nodes(law, n)
 
 
 def holds_nodes(part: object, n: int) -> bool:

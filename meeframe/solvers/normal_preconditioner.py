@@ -13,7 +13,7 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.normal_modes import NORMAL, NormalModes
 
-OUTDATED: Final = 0.1
+OUTDATED: Final = 0.2
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
 NO_NODES: Final = np.zeros(0, np.int64)
 

@@ -9,7 +9,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
-from meeframe.solvers.nested import holds_nodes
+from meeframe.solvers.nested import same_everywhere
 from meeframe.solvers.scales import Scales, problem_scales
 
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
@@ -80,11 +80,11 @@ def law_residual(
 
 def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
     """The largest of the contact law and of the closed fraction: by blocks of nodes, which stay near the processor,
-    unless the law belongs to all of them."""
+    if the law is the same at all of them."""
     law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
     asked = [axis for axis in judged_fields(problem) if axis < ELECTRIC]
     position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
-    size, worst = max(n, 1) if holds_nodes(law, n) else BLOCK, [0.0]
+    size, worst = BLOCK if same_everywhere(law, n) else max(n, 1), [0.0]
     for first in range(0, n, size):
         nodes = slice(first, first + size)
         traction, closed = state.load[nodes, MECHANICAL], state.closed[nodes]

@@ -12,7 +12,7 @@ from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import attraction, conducts
 from meeframe.core.once import once_for_each
 from meeframe.solvers.free_motion import balanced_projection, motions
-from meeframe.solvers.nested import Coarse, alike, coarse_problem, holds_nodes, same_area
+from meeframe.solvers.nested import Coarse, alike, coarse_problem, same_area, same_everywhere
 
 Mask = NDArray[np.bool_]
 
@@ -154,8 +154,8 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
     pull = float(attraction(law, -overlap).max(initial=0.0))
     if pull > 0.0 and not (overlap > 0.0).any():
         return pull
-    # one node stands for all if the law is the same at all of them
-    gap = np.tile([0.0, 0.0, -depth], (len(overlap) if holds_nodes(law, len(overlap)) else 1, 1))
+    count = 1 if same_everywhere(law, len(overlap)) else len(overlap)
+    gap = np.tile([0.0, 0.0, -depth], (count, 1))
     borne = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
     return max(float(-borne[:, 2].min(initial=0.0)), pull) or depth / compliance
 

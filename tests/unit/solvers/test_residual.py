@@ -1,5 +1,6 @@
 """The judge sees every node and every field, and so does the driver, whatever a solver says of its own iterates."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
 
@@ -8,6 +9,7 @@ import pytest
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.core.fields import Array
+from meeframe.core.law import ContactLaw, StepLengths
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.solvers.scales import problem_scales
@@ -142,3 +144,30 @@ def test_one_wrong_closed_fraction_is_found(law: str, place: str) -> None:
     solution = solve(case, Sure(replace(state, closed=closed)), Limits(max_iterations=1))
     assert solution.status is not Status.CONVERGED
     assert solution.residual >= 0.99 * WRONG
+
+
+@dataclass(frozen=True)
+class Remembering(ContactLaw):
+    """Frictionless up to pressures that only a function of it knows, (n,) [Pa]."""
+
+    least: Callable[[], Array]
+
+    def project(self, trial: Array) -> Array:
+        return Signorini().project(trial)
+
+    def tangential_scaling(self) -> Array:
+        return np.zeros((2, 2))
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        return np.maximum(self.project(trial), np.outer(self.least(), [0.0, 0.0, 1.0]))
+
+
+def test_laws_that_remember_something_of_each_node_are_asked_at_all_of_them() -> None:
+    case, state = SOLVED["frictionless"]
+    scales, least = problem_scales(case), np.full(len(case.gap), -np.inf)
+    law = Remembering(lambda: least)
+    assert residual(replace(case, contact_law=law), state, scales) <= TOLERANCE
+    node = node_of(state, "closed")
+    least[node] = 0.5 * state.load[node, 2]
+    expected = -least[node] / scales.pressure
+    assert residual(replace(case, contact_law=law), state, scales) == pytest.approx(expected, rel=1e-8)
