@@ -159,7 +159,9 @@ class Remembering(ContactLaw):
         return np.zeros((2, 2))
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        return np.maximum(self.project(trial), np.outer(self.least(), [0.0, 0.0, 1.0]))
+        traction = self.project(trial)
+        traction[:, 2] = np.maximum(traction[:, 2], self.least())
+        return traction
 
 
 def test_laws_that_remember_something_of_each_node_are_asked_at_all_of_them() -> None:
