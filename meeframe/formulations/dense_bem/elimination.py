@@ -25,8 +25,8 @@ from meeframe.formulations.dense_bem.blas import (
 from meeframe.kernels.row_swaps import swap_rows
 
 PANEL: Final = 32
-"""Columns that are factorised at once, by one thread: several would wait for each other at every few columns, on a
-machine with other work for a third of the whole time."""
+"""Columns that are factorised at once, by one thread: several would wait for each other at every few columns, which
+takes long on a machine with other work."""
 SAMPLES: Final = 8
 """Random right-hand sides for the condition; that all are a tenth as large as expected has a probability of 1e-7."""
 

@@ -21,6 +21,22 @@ def test_is_the_mean_over_the_half_circle(stiffness, random):
     assert relative_error(u, expected) < 1e-12
 
 
+@pytest.mark.parametrize("name", ["transversely_isotropic", "orthotropic"])
+def test_few_points_of_the_trapezoidal_rule_are_enough(name, random, request):
+    """As docs/theory.md has it: an error that falls by a factor of 50 or more with every four points, to 2e-12."""
+    stiffness, offset = request.getfixturevalue(name), unit_vectors(random, 200)
+    _, triad = triads(offset)
+    expected, _ = LineIntegral().bind(stiffness).evaluate(offset, offset)
+    errors = []
+    for points in (16, 20, 24):
+        angle = np.arange(points) * np.pi / points
+        z = np.cos(angle)[:, None] * triad[:, None, 0] + np.sin(angle)[:, None] * triad[:, None, 1]
+        mean = np.linalg.inv(np.einsum("nai,ijkm,nam->najk", z, stiffness, z)).mean(axis=1)
+        errors.append(relative_error(mean / (4.0 * np.pi), expected))
+    assert errors[0] > 50.0 * errors[1] > 2500.0 * errors[2]
+    assert errors[2] < 2e-12
+
+
 @pytest.mark.parametrize("points", [4, 18, 256])
 def test_does_not_depend_on_the_first_number_of_points(points, stiffness, random):
     offset, normal = random.normal(size=(50, 3)), unit_vectors(random, 50)
