@@ -32,6 +32,8 @@ from meeframe.study.sweep_points import Outcome, Point
 FIGURE_FILE: Final = "sweep.png"
 _DOUBTS: Final = 5
 """Told of points, at most."""
+_ASKED: Final = 25
+"""Points that are asked for doubts, at most: of a zone of 255 squared nodes each takes a second."""
 
 
 def sweep(
@@ -58,21 +60,31 @@ def sweep(
     points = _points(file, study, registry)
     bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
-        for text in (*warnings_of(bodies.values()), *_doubts(points)):
+        for text in (*warnings_of(bodies.values()), *_doubts(points, out / POINTS)):
             warn(text)
         drop_systems(out, set(bodies))
         return _swept(file, out, study, points, pool or InProcess(), progress)
 
 
-def _doubts(points: Sequence[Point]) -> Iterator[str]:
-    """What points warn of but for their formulations, each with the first point that does; of many the first."""
+def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
+    """What points warn of but for their formulations, each with the first point that does; of many the first.
+
+    Points that `store` keeps are not asked; of many others some, from the first to the last.
+    """
+    waiting = [
+        (point.label, point.case) for point in points if point.case is not None and not (store / point.key).exists()
+    ]
     found: dict[str, str] = {}
-    for point in points:
-        for text in point.case.doubts if point.case is not None else ():
-            found.setdefault(text, point.label)
+    asked = 0
+    for label, case in waiting[:: max(1, -(-len(waiting) // _ASKED))]:
+        asked += 1
+        for text in case.doubts:
+            found.setdefault(text, label)
+        if len(found) >= _DOUBTS:
+            break
     yield from (f"{label}: {text}" for text, label in islice(found.items(), _DOUBTS))
-    if len(found) > _DOUBTS:
-        yield f"and {len(found) - _DOUBTS} more warnings like these, of other points"
+    if found and asked < len(waiting):
+        yield f"{len(waiting) - asked} of {len(waiting)} points were not asked for warnings like these"
 
 
 def _swept(

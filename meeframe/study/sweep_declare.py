@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import combinations, product
 from typing import Any, Final, Literal
 
@@ -221,10 +222,14 @@ def _unit(values: Sequence[Any]) -> str:
 
 def _named(quantity: Any) -> str:
     """The SI unit of a quantity in base units, by its name if case files use one: "N", not "kg*m/s^2"."""
-    for name in _UNITS:
-        if read_quantity(f"1 {name}").dimensionality == quantity.dimensionality:
-            return name
-    return f"{quantity.units:~C}".replace("**", "^")
+    name = _unit_names().get(quantity.dimensionality)
+    return name or f"{quantity.units:~C}".replace("**", "^")
+
+
+@cache
+def _unit_names() -> dict[Any, str]:
+    """Names of units by their dimensions."""
+    return {read_quantity(f"1 {name}").dimensionality: name for name in _UNITS}
 
 
 def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:

@@ -1,7 +1,12 @@
 """What cases warn of is told when a study starts, each once."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from meeframe.case.case import Case
+from meeframe.case.step import Step
 from meeframe.study.compare import compare
 from meeframe.study.sweep import sweep
 from meeframe.study.verify import verify
@@ -9,7 +14,7 @@ from meeframe.study.verify import verify
 AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
 
 
-@pytest.mark.parametrize(("depths", "away", "rest"), [((-1, 2, -1.5), (-1, -1.5), 0), (range(-7, 1), range(-7, -2), 3)])
+@pytest.mark.parametrize(("depths", "away", "rest"), [((-1, 2, -1.5), (-1, -1.5), 0), (range(-7, 1), range(-7, -2), 7)])
 def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, away, rest):
     study = tmp_path / "study.toml"
     values = ", ".join(f'"{depth} um"' for depth in depths)
@@ -21,7 +26,30 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
         assert text.startswith(f"steps[1].approach = {depth} um, indenter.radius = 100 mm: ")
         assert AWAY.format(f"{depth * 1e-6:.3g}", f"{-depth * 1e-6:.3g}") in text
     assert len(told) == len(away) + bool(rest)
-    assert not rest or told[-1] == f"and {rest} more warnings like these, of other points"
+    assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not asked for warnings like these"
+
+
+def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, registry, tmp_path, monkeypatch):
+    """From the first to the last; those that are kept have been told of."""
+    study = tmp_path / "study.toml"
+    axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
+    study.write_text(f'case = "{write_case().name}"\n[axes]\n{axis}\n', encoding="utf-8")
+    asked, doubts = [], Case.doubts.fget
+
+    def counted(case):
+        asked.append(case.steps[0].approach)
+        return ("it is deep",) if case.steps[0].approach < -25e-6 else doubts(replace(case, steps=(Step(1e-6),)))
+
+    monkeypatch.setattr(Case, "doubts", property(counted))
+    told = []
+    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
+    assert asked == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])
+    assert told[0].endswith(": it is deep")
+    assert told[1:] == ["41 of 62 points were not asked for warnings like these"]
+    asked.clear()
+    sweep(study, tmp_path / "out", registry=registry, warn=told.append)
+    assert not asked
+    assert len(told) == 2
 
 
 def test_comparisons_tell_once_of_all_that_agree(write_case, registry, tmp_path):
