@@ -14,10 +14,11 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
+from meeframe.core.formulation import Extension
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.newton_rows import Rows
+from meeframe.solvers.newton_rows import TANGENTIAL, Rows
 from meeframe.solvers.node_blocks import NodeBlocks, turned
 from meeframe.solvers.nonsmooth import CLOSED
 from meeframe.solvers.normal_modes import NORMAL
@@ -110,6 +111,7 @@ def _solution_of_loads(rows: Rows) -> Linear:
     apart = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
     own, by_loads, by_displacement = (blocks.astype(rows.precision) for blocks in apart)
     asked = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
+    beside = _beside(rows, asking) if inverse else {}
 
     def solve(right: Array) -> Array:
         right = turn.there(right.copy())
@@ -119,10 +121,18 @@ def _solution_of_loads(rows: Rows) -> Linear:
             by_displacement.add(displacement, rest)
             displacement = turn.back(displacement)
             for place, number in known:
-                asked[number, rows.nodes] = displacement[place]
+                if place in beside:
+                    there, extension = beside[place]
+                    asked[number] = extension.extended(displacement[place, there])
+                else:
+                    asked[number, rows.nodes] = displacement[place]
             load = inverse(asked.T).T
             for place, number in known:
-                found[place] = load[number].take(rows.nodes)
+                if place in beside:
+                    there, extension = beside[place]
+                    found[place, there] = extension.gathered(load[number])
+                else:
+                    found[place] = load[number].take(rows.nodes)
             turn.there(found)
             found[loads] *= answering
         by_loads.add(found, rest)
@@ -130,6 +140,22 @@ def _solution_of_loads(rows: Rows) -> Linear:
         return turn.back(found)
 
     return solve
+
+
+def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Extension]]:
+    """By the place of a field: the numbers of the rows (l, c) that ask for displacements in it, and how these go on
+    beside their nodes. None where something rubs."""
+    found = dict[int, tuple[Indices, Extension]]()
+    if not set(TANGENTIAL).isdisjoint(rows.components):
+        return found
+    for place, some in enumerate(asking):
+        alike = [other for other in found if np.array_equal(asking[other], some)]
+        there = np.flatnonzero(some)
+        if alike:
+            found[place] = found[alike[0]]
+        elif there.size and (extension := rows.equation.problem.system.extension(rows.nodes[there])):
+            found[place] = there, extension
+    return found
 
 
 @dataclass(frozen=True, eq=False)
