@@ -133,26 +133,30 @@ class Rows:
 
     def lifted(self, displacement: Array) -> Array:
         """What displacements (n, 5, m) of the indenter add to the right-hand side, (m, r c)."""
-        moved = self._chosen(displacement.transpose(2, 1, 0), self.asked)
-        lifted = [self.of_displacement.times(motion).ravel() for motion in moved]
-        return np.array(lifted).reshape(len(moved), self.coupled.size)
+        motions = displacement.transpose(2, 1, 0)
+        lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
+        for motion, of_motion in zip(motions, lifted, strict=True):
+            moved = self._moved(motion, self.asked)
+            for (row, column), entry in self.of_displacement.entries.items():
+                if column in moved:
+                    of_motion[row] += entry * moved[column]
+        return lifted.reshape(len(motions), self.coupled.size)
 
     def combined(self, measures: Array) -> Array:
         """Measures (m, n, 5) of loads, of unknowns instead, (m, r c)."""
-        fields = self.fields
-        of_unknowns = np.zeros((len(measures), *self.coupled.shape), self.precision)
-        of_unknowns[:, : len(fields)] = self._chosen(measures.transpose(0, 2, 1), fields)
-        of_unknowns *= self.units[:, None] * self.coupled
+        of_unknowns, units = np.zeros((len(measures), *self.coupled.shape), self.precision), self.units.tolist()
+        for measure, of_measure in zip(measures.transpose(0, 2, 1), of_unknowns, strict=True):
+            for place, part in self._moved(measure, self.fields).items():
+                of_measure[place] = units[place] * part * self.coupled[place]
         return of_unknowns.reshape(len(measures), self.coupled.size)
 
-    def _chosen(self, parts: Array, fields: list[int]) -> Array:
-        """Fields of the parts (m, 5, n) at the nodes, (m, f, c). Most are zero: a motion has one."""
-        chosen = np.zeros((len(parts), len(fields), len(self.nodes)), self.precision)
-        for part, of_part in zip(parts, chosen, strict=True):
-            for place, field in enumerate(fields):
-                if part[field].any():
-                    of_part[place] = part[field].take(self.nodes)
-        return chosen
+    def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
+        """Those of the fields of a motion (5, n) at the nodes that it has, (c,) by their place. Most have one."""
+        return {
+            place: whole[field].take(self.nodes).astype(self.precision)
+            for place, field in enumerate(fields)
+            if whole[field].any()
+        }
 
 
 def _entries(
