@@ -75,8 +75,9 @@ def _answers(kappa: Array, traction: Array, gap: Array, drop: Array, which: NDAr
 def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
     """Raises CaseError if a conductivity is negative or NaN in a state that converged.
 
-    And, if the state is not finite, if one was under a traction of the size of the problem's, which may be why. States
-    on the way and larger tractions a good law need not be fit for: then the message says so.
+    And, if the state is not finite, or would not be judged since a conductivity is NaN, if one was under a traction of
+    the size of the problem's, which may be why. States on the way and larger tractions a good law need not be fit for:
+    then the message says so.
     """
     laws = (("electric", problem.electric_law, ELECTRIC, "V"), ("magnetic", problem.magnetic_law, MAGNETIC, "A"))
     state = solution.state
@@ -94,7 +95,8 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
                 f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {answer.kappa:g} "
                 f"under a normal traction of {answer.traction:g} Pa{across}; allowed: numbers >= 0 and inf"
             )
-            if solution.status is Status.CONVERGED or (not finite and -answer.traction <= most):
+            spoilt = not finite or np.isnan(answer.kappa)
+            if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):
                 raise CaseError(told)
             solution = replace(solution, message=f"{solution.message}; {told}")
     return solution

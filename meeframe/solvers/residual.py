@@ -103,10 +103,14 @@ def _largest(values: Array) -> float:
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
-    """The largest R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated."""
+    """The largest R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated.
+
+    One where a law says no number: it does not hold, but may where the iteration goes from there.
+    """
     compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
     if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
-        return [_largest(flux) * unit for flux, unit in zip(state.load.T[3:], compliance / potential, strict=True)]
+        insulated = zip(state.load.T[3:], compliance, potential, strict=True)
+        return [_largest(flux) * c / scale for flux, c, scale in insulated]
     ahead = indenter_position(problem, state.motion) - state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
@@ -115,4 +119,6 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     difference = -ahead[:, 3:]
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
-    return [_largest(part) / scale for part, scale in zip(drop.T, potential, strict=True)]
+    return [
+        _largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
+    ]

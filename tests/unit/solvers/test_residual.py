@@ -9,7 +9,7 @@ import pytest
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.core.law import ConductivityLaw, ContactLaw, StepLengths
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.solvers.scales import problem_scales
@@ -173,3 +173,30 @@ def test_laws_that_remember_something_of_each_node_are_asked_at_all_of_them() ->
     least[node] = 0.5 * state.load[node, 2]
     expected = -least[node] / scales.pressure
     assert residual(replace(case, contact_law=law), state, scales) == pytest.approx(expected, rel=1e-8)
+
+
+def test_coupling_so_small_that_its_scale_underflows_is_none() -> None:
+    xi = np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3])
+    xi[2, 3] = xi[3, 2] = 1e-320
+    system = half_space_system(xi, 5e-3, 8)
+    hardly = indentation_problem(system, (system.points[:, :2] ** 2).sum(axis=1) / 0.2, 5e-5)
+    assert solve(hardly, ProjectedCG()).status is Status.CONVERGED
+
+
+@dataclass(frozen=True)
+class Undefined(ConductivityLaw):
+    """No number where it is pressed by more than `most` [Pa]."""
+
+    most: float
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        return np.where(normal_traction < -self.most, np.nan, 1e-6 * (normal_traction < 0.0))
+
+
+def test_where_a_law_says_no_number_it_does_not_hold() -> None:
+    """But the iteration may go on from there: states of larger pressure lie on the way to good ones."""
+    pressed = replace(FRICTIONAL, electric_law=Undefined(1.0), potentials=np.full((64, 2), [1.0, 0.0]))
+    state = SOLVED["frictional"][1]
+    assert 1.0 <= residual(pressed, state) < np.inf
+    assert solve(pressed, SemismoothNewton()).status is not Status.CONVERGED
+    assert np.isfinite(residual(replace(pressed, electric_law=Undefined(1e12)), state))
