@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import meeframe
-from meeframe.case.solve import solve_steps, zone_of
+from meeframe.case.solve import solve_steps
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import StepResult
+from meeframe.core.result import StepResult, zone_of
 from meeframe.geometry import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
 from meeframe.materials.half_space import axisymmetric_compliance
 from meeframe.report.canvas import MAP_COLOURS

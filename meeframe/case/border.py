@@ -24,7 +24,8 @@ def border_sides(zone: Zone) -> tuple[Indices, Array]:
         sides.append(pairs.reshape(-1, 2))
         ways.append((zone.points[pairs].mean(axis=2) - middles).reshape(-1, 3))
     joined, away = np.concatenate(sides), np.concatenate(ways)
-    _, first, counts = np.unique(np.sort(joined, axis=1), axis=0, return_index=True, return_counts=True)
+    one, other = np.sort(joined, axis=1).T
+    _, first, counts = np.unique(one * len(zone.points) + other, return_index=True, return_counts=True)
     border = first[counts == 1]
     return joined[border], away[border]
 

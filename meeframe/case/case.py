@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from meeframe.case.counter import CounterBody, check_match
 from meeframe.case.frames import frames_along
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.case.outlook import check_solver, doubts
+from meeframe.case.outlook import check_solver, doubts, undeformed
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
@@ -127,7 +127,7 @@ class Case:
     def doubts(self) -> tuple[str, ...]:
         """Of the warnings, those that are none of the formulations'."""
         with faults_of_plugins():
-            return tuple(doubts(self))
+            return tuple(doubts(undeformed(self)))
 
     @property
     def n_increments(self) -> int:

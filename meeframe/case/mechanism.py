@@ -24,7 +24,7 @@ from meeframe.core.formulation import ReducedSystem, Rim
 from meeframe.core.indenter import COLUMNS, FORCE_RATIO, MOTIONS, motion_measures, motion_modes
 from meeframe.core.law import attracts, augmented_traction
 from meeframe.core.mesh import Indices
-from meeframe.core.result import Region, Zone
+from meeframe.core.result import Region, zone_of
 from meeframe.geometry import ContactZone, find_rim, initial_gap, longest_side
 from meeframe.solvers.scales import problem_scales
 
@@ -119,8 +119,7 @@ class Mechanism:
         """Corners (m, 2) of the sides at the border of the zone beyond which contact would go on."""
         if self.case.formulation.endless():
             return np.zeros((0, 2), np.int64)
-        zone = Zone(self.system.points, self.system.frames, self.system.weights, self.system.cells)
-        return open_sides(zone, None if self.case.indenter.pointwise else self._gaps)
+        return open_sides(zone_of(self.system), None if self.case.indenter.pointwise else self._gaps)
 
     @cached_property
     def modes(self) -> Array:

@@ -44,13 +44,17 @@ class RigidSystem(ReducedSystem):
         return NodalFields(self.points, self.cells, self.apply(load), load)
 
 
-def planned(case: "Case") -> Iterator[Increment]:
-    """The end of each load step on the rigid body, motions that are not prescribed where they began."""
+def undeformed(case: "Case") -> Mechanism:
+    """The case on its rigid body."""
     place = zone_frames(case.mesh, case.zone)
     frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), N_FIELDS))
-    mechanism = Mechanism(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
+    return Mechanism(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
+
+
+def planned(mechanism: Mechanism) -> Iterator[Increment]:
+    """The end of each load step, motions that are not prescribed where they began."""
     here, controls = beginning(mechanism)
-    for step in case.steps:
+    for step in mechanism.case.steps:
         controls = ramped(controls, here, step.given)
         yield mechanism.increment(controls, here, step.increment_duration)
 
@@ -59,20 +63,21 @@ def check_solver(case: "Case", solver: Solver) -> None:
     """Raises CaseError if the solver does not take what a load step of the case leads to."""
     if type(solver).check is Solver.check:
         return
-    for increment in planned(case):
+    for increment in planned(undeformed(case)):
         solver.check(increment.problem)
 
 
-def doubts(case: "Case") -> Iterator[str]:
+def doubts(mechanism: Mechanism) -> Iterator[str]:
     """That the indenter touches nothing, or overlaps the whole zone, in words, if the undeformed body shows it.
 
     Not where it moves freely until it touches, or where the case goes on from an earlier run; that it overlaps all not
     where that is meant, as flat punches and periodic surfaces do; that it touches nothing not where the surfaces need
     not touch for the laws.
     """
+    case = mechanism.case
     if case.restart is not None:
         return
-    held = [increment for increment in planned(case) if not motions(increment.problem).size]
+    held = [increment for increment in planned(mechanism) if not motions(increment.problem).size]
     for increment in held:
         gap = increment.problem.gap
         if gap.max() < 0.0 and not overlaps_evenly(gap) and not case.formulation.endless():

@@ -6,10 +6,10 @@ from pathlib import Path
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import load_case
-from meeframe.case.solve import provenance, reduce, solve_steps, zone_of
+from meeframe.case.solve import provenance, reduce, solve_steps
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Progress, silent
-from meeframe.core.result import Result
+from meeframe.core.result import Result, zone_of
 from meeframe.io.output import RESULT_FILE, SUMMARY_FILE, check_output, clear_output, replacing
 from meeframe.io.results import append_step, create_result, finish_result, read_result
 from meeframe.io.vtk import write_fields

@@ -16,6 +16,7 @@ from meeframe.case.cohesion import remark_on_snapping
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
+from meeframe.case.outlook import doubts
 from meeframe.case.remarks import APART, Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
@@ -32,9 +33,9 @@ from meeframe.core.result import (
     Provenance,
     Result,
     StepResult,
-    Zone,
     split_displacement,
     split_load,
+    zone_of,
 )
 from meeframe.core.turned import turned
 from meeframe.plugin import registry as plugins
@@ -150,11 +151,12 @@ def solve_steps(
                     snapping = remark_on_snapping(system, case.contact_law, result)
                 result = replace(result, message="; ".join([result.message, *told, *snapping]))
             if boundary and number == 1 and increment == step.increments:
-                doubts = () if result.reaches_edge else case.doubts  # which an overlap of the whole zone is one of
+                with faults_of_plugins():  # an overlap of the whole zone is told already where the edge is reached
+                    doubted = [] if result.reaches_edge else list(doubts(mechanism))
                 # and that the indenter stays away, and how far
-                message = result.message.replace(f"; {APART}", "") if doubts else result.message
+                message = result.message.replace(f"; {APART}", "") if doubted else result.message
                 warned = warnings_of(bodies_of(case))
-                result = replace(result, message="; ".join([message, *warned, *doubts]))
+                result = replace(result, message="; ".join([message, *warned, *doubted]))
             count += 1
             if boundary and increment == step.increments:
                 clock("boundary fields", 0.0)
@@ -195,11 +197,6 @@ def _solve(
     reached = mechanism.reached(increment, solution.state, touches, here)
     result = _step_result(mechanism, increment, here, reached, solution, region, numbers)
     return (reached if solution.status is Status.CONVERGED else here), result
-
-
-def zone_of(system: ReducedSystem) -> Zone:
-    """The contact zone of a reduced system."""
-    return Zone(system.points, system.frames, system.weights, system.cells)
 
 
 def provenance(case: Case) -> Provenance:

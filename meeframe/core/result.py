@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactState, Status
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
-from meeframe.core.formulation import NodalFields
+from meeframe.core.formulation import NodalFields, ReducedSystem
 from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
 from meeframe.core.mesh import Indices
 
@@ -34,6 +34,11 @@ class Zone:
     def __repr__(self) -> str:
         """In words: arrays fill screens."""
         return f"Zone({len(self.points)} nodes)"
+
+
+def zone_of(system: ReducedSystem) -> Zone:
+    """The contact zone of a reduced system."""
+    return Zone(system.points, system.frames, system.weights, system.cells)
 
 
 class Region(IntEnum):
@@ -239,15 +244,20 @@ def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 
 
+def vector_areas(points: Array) -> Array:
+    """Integrals of the normal (e, 3) over polygons of straight sides between points (e, m, 3), plane or not."""
+    centred = points - points.mean(axis=1, keepdims=True)
+    areas: Array = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1) / 2.0
+    return areas
+
+
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
     parts = chosen.astype(float) if step.covered is None else np.where(chosen, step.covered, 0.0)
     if not zone.cells:  # of test systems and plugins: nodes alone
         return float(zone.weights @ parts)
     areas, shares = [], []
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
-        points = zone.points[outline]
-        centred = points - points.mean(axis=1, keepdims=True)
-        areas.append(np.linalg.norm(np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1), axis=1) / 2)
+        areas.append(np.linalg.norm(vector_areas(zone.points[outline]), axis=1))
         shares.append(parts[nodes].mean(axis=1))
     area = np.concatenate(areas)
     # straight sides miss a little of curved elements: the whole zone in contact has its whole area

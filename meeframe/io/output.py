@@ -3,7 +3,7 @@
 import os
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
@@ -102,3 +102,22 @@ def _of_files(error: OSError | RuntimeError) -> str | None:
     if number:
         return os.strerror(int(number[1]))
     return (error.strerror or str(error)) if isinstance(error, OSError) else None
+
+
+@contextmanager
+def rewriting(target: Path) -> Iterator[Callable[[str], None]]:
+    """Writes texts into a file, each in place of the one before; an interruption is told where the last of them is."""
+    written = False
+
+    def write(text: str) -> None:
+        nonlocal written
+        with replacing(target) as path:
+            path.write_text(text, encoding="utf-8")
+        written = True
+
+    try:
+        yield write
+    except KeyboardInterrupt as error:
+        if written:
+            error.add_note(f"what was found so far is in {target}")
+        raise

@@ -9,6 +9,7 @@ import numpy as np
 from meeframe.core.element import shape_functions
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
 from meeframe.core.formulation import NodalFields
+from meeframe.core.result import corners, vector_areas
 from meeframe.elements import ELEMENTS
 from meeframe.geometry.measures import gauss_rule, normal_vectors
 
@@ -43,26 +44,31 @@ def unbalance(boundary: NodalFields | None) -> Unbalance | None:
     closed, as those of half spaces, which bear the rest at infinity."""
     if boundary is None or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
-    area, normal, total, through = 0.0, np.zeros(3), np.zeros(5), np.zeros(3)
+    if not _closed(boundary):
+        return None
+    total, through = np.zeros(5), np.zeros(3)
     for name, nodes in boundary.cells:
         element = _BY_TYPE[name]
         xi, weights = gauss_rule(element.reference, _ORDER)
         normals = normal_vectors(boundary.points, element, nodes, xi)
         shares = np.linalg.norm(normals, axis=2) * weights
         fluxes = np.einsum("mk,ekj->emj", shape_functions(element, xi), boundary.fluxes[nodes])
-        area += float(shares.sum())
-        normal += np.einsum("emi,m->i", normals, weights)
         total += np.einsum("em,emj->j", shares, fluxes)
         tractions = np.linalg.norm(fluxes[:, :, MECHANICAL], axis=2)
         moduli = tractions, np.abs(fluxes[:, :, ELECTRIC]), np.abs(fluxes[:, :, MAGNETIC])
         through += [float((shares * own).sum()) / 2 for own in moduli]
-    if np.linalg.norm(normal) > _CLOSED * area:
-        return None
     sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[[ELECTRIC, MAGNETIC]])])
     displacement = np.linalg.norm(boundary.values[:, MECHANICAL], axis=1)
     works = through * [displacement.max(), *np.abs(boundary.values[:, [ELECTRIC, MAGNETIC]]).max(axis=0)]
     relative = np.divide(sizes, through, out=np.zeros(3), where=works > _ROUNDING * works.max())
     return Unbalance(total[MECHANICAL], float(total[ELECTRIC]), float(total[MAGNETIC]), relative)
+
+
+def _closed(boundary: NodalFields) -> bool:
+    """Whether the integral of the normal vanishes, by the straight sides of the elements."""
+    outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
+    area = np.concatenate(outlines)
+    return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
 
 
 def remark_on_balance(boundary: NodalFields | None) -> Iterator[str]:

@@ -6,11 +6,11 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.core.errors import CaseError
-from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
 from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
 from meeframe.solvers.nested import same_everywhere
-from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.solvers.scales import Scales, largest, problem_scales
 
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 BLOCK: Final = 2**14
@@ -73,7 +73,7 @@ def law_residual(
     if not all(np.isfinite(part).all() for part in (state.load, *known, state.closed, state.motion)):
         return np.inf
     contact = _contact_violation(problem, state, scales)
-    balance = _largest(unbalance(problem, state.load) / scales.totals)
+    balance = largest(unbalance(problem, state.load) / scales.totals)
     worst = float(np.max([contact, *_flux_violation(problem, state, scales), balance]))
     return worst if np.isfinite(worst) else np.inf
 
@@ -92,14 +92,9 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
         for axis in asked:
             np.subtract(position[axis][nodes], state.displacement[nodes, axis], out=gap[:, axis])
         trial = augmented_traction(law, traction, gap, (r, r))
-        worst.append(_largest(traction - lawful_traction(law, trial, gap, (r, r))) / scales.pressure)
-        worst.append(_largest(closed - switch(closed, trial[:, 2], scales.pressure)))
+        worst.append(largest(traction - lawful_traction(law, trial, gap, (r, r))) / scales.pressure)
+        worst.append(largest(closed - switch(closed, trial[:, 2], scales.pressure)))
     return float(np.max(worst))
-
-
-def _largest(values: Array) -> float:
-    """The largest magnitude, nan if there is one among the values; 0 of none."""
-    return float(np.abs(values).max(initial=0.0))
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
@@ -110,7 +105,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
     if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
         insulated = zip(state.load.T[3:], compliance, potential, strict=True)
-        return [_largest(flux) * c / scale for flux, c, scale in insulated]
+        return [largest(flux) * c / scale for flux, c, scale in insulated]
     ahead = indenter_position(problem, state.motion) - state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
@@ -120,5 +115,5 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     share = compliance / (compliance + resistance)
     drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
     return [
-        _largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
+        largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
     ]

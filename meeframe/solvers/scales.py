@@ -64,11 +64,11 @@ def problem_scales(problem: ContactProblem) -> Scales:
     overlap = offset[:, 2] - above
     loaded = _loaded(overlap)
     below = loaded & np.isfinite(problem.gap)
-    depth = max(_depth(overlap), RESOLVED * _largest(above[below] - problem.gap[below]))
+    depth = max(_depth(overlap), RESOLVED * largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
     pressure = _pressure(problem, overlap, depth, compliance[2, 2])
     charged = _prescribed_flux(problem, loaded)
-    drop = [_largest(offset[:, field] - indenter_field(problem, field, motion)) for field in POTENTIALS]
+    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in POTENTIALS]
     potential = np.maximum(drop, charged * compliance[POTENTIALS, POTENTIALS])
     laws = (problem.electric_law, problem.magnetic_law)
     flux = np.where([conducts(law) for law in laws], potential / compliance[POTENTIALS, POTENTIALS], 0.0)
@@ -76,8 +76,8 @@ def problem_scales(problem: ContactProblem) -> Scales:
     load = np.array([pressure, pressure, pressure, 0.0, 0.0])
     induced = compliance[3:, 2] * pressure
     load[3:] = np.maximum(flux, induced / compliance[POTENTIALS, POTENTIALS])
-    displacement = np.maximum([_largest(column) for column in offset.T], compliance @ load)
-    moved = [_largest(indenter_field(problem, axis, motion)) for axis in range(2)]
+    displacement = np.maximum([largest(column) for column in offset.T], compliance @ load)
+    moved = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
     displacement[:2] = np.maximum(displacement[:2], moved)
     displacement[3:] = np.maximum(displacement[3:], potential)
     load = _positive(load)
@@ -87,8 +87,8 @@ def problem_scales(problem: ContactProblem) -> Scales:
 
 def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
     """Characteristic amounts (m,) of the freedoms: their modes then reach the characteristic displacements."""
-    largest = [max(_largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.freedoms]
-    return 1.0 / np.array(largest)
+    moved = [max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.freedoms]
+    return 1.0 / np.array(moved)
 
 
 @once_for_each
@@ -191,8 +191,8 @@ def _borne(freedom: Freedom, loaded: Mask, load: Array) -> float:
     return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
 
 
-def _largest(values: Array) -> float:
-    """The largest magnitude; 0 of none."""
+def largest(values: Array) -> float:
+    """The largest magnitude, nan if there is one among the values; 0 of none."""
     return float(np.abs(values).max(initial=0.0))
 
 

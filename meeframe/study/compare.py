@@ -8,14 +8,14 @@ from typing import Final
 
 from meeframe.case.cache import distinct_bodies, system_key
 from meeframe.case.case import Case, Warn, unheard, warnings_of
-from meeframe.case.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps, zone_of
+from meeframe.case.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps
 from meeframe.core.body import Body
 from meeframe.core.errors import MeeframeError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
-from meeframe.core.result import Zone
+from meeframe.core.result import Zone, zone_of
 from meeframe.core.toml import read_toml
 from meeframe.geometry import zone_frames
-from meeframe.io.output import check_output, replacing
+from meeframe.io.output import check_output, replacing, rewriting
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json
@@ -55,16 +55,11 @@ def compare(
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), text, versions)
-    try:
+    with rewriting(out / NUMBERS_FILE) as write:
         for runs in _solved(chosen, cases[0], progress):
             comparison = replace(comparison, runs=runs)
             out.mkdir(parents=True, exist_ok=True)
-            with replacing(out / NUMBERS_FILE) as path:
-                path.write_text(comparison_json(comparison), encoding="utf-8")
-    except KeyboardInterrupt as error:
-        if comparison.runs:
-            error.add_note(f"what was found so far is in {out / NUMBERS_FILE}")
-        raise
+            write(comparison_json(comparison))
     figure = comparison_figure(comparison)
     if figure is not None:
         with replacing(out / FIGURE_FILE) as path:

@@ -14,10 +14,10 @@ from meeframe.case.cache import case_key
 from meeframe.case.case import Case
 from meeframe.case.clock import Clock, peak_memory_mb
 from meeframe.case.load import case_from_tables
-from meeframe.case.solve import joined, provenance, solve_steps, zone_of
+from meeframe.case.solve import joined, provenance, solve_steps
 from meeframe.core.errors import MeeframeError, PluginFault, ResultError, TooLargeError
 from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import Result, RunStatus
+from meeframe.core.result import Result, RunStatus, zone_of
 from meeframe.core.toml import toml_text
 from meeframe.io.results import create_result, finish_result, read_result
 from meeframe.plugin.registry import Registry

@@ -13,15 +13,15 @@ import numpy as np
 from meeframe.case.cache import cached_reduce
 from meeframe.case.case import Case, Warn, unheard, warnings_of
 from meeframe.case.load import case_from_tables, load_case
-from meeframe.case.solve import bodies_of, provenance, reduce, solve_steps, zone_of
+from meeframe.case.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.core.contact import Status
 from meeframe.core.errors import CaseError, MeeframeError
 from meeframe.core.fields import ELECTRIC, N_FIELDS
 from meeframe.core.formulation import Progress, ReducedSystem, silent
 from meeframe.core.indenter import COLUMNS, MOTIONS
-from meeframe.core.result import StepResult, Zone, resultants
+from meeframe.core.result import StepResult, Zone, resultants, zone_of
 from meeframe.core.toml import read_toml
-from meeframe.io.output import check_output, replacing
+from meeframe.io.output import check_output, replacing, rewriting
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.report.extrapolation import MESHES, SECOND
@@ -120,16 +120,11 @@ def verify(
     reducer = (
         partial(reduce, progress=progress) if cache is None else partial(cached_reduce, folder=cache, progress=progress)
     )
-    try:
+    with rewriting(out / NUMBERS_FILE) as write:
         for number, run in enumerate(planned):
             progress("runs", number / len(planned))
             found = replace(found, runs=(*found.runs, _solved(run, every_step, reducer)))
-            with replacing(out / NUMBERS_FILE) as path:
-                path.write_text(verification_json(found), encoding="utf-8")
-    except KeyboardInterrupt as error:
-        if found.runs:
-            error.add_note(f"what was found so far is in {out / NUMBERS_FILE}")
-        raise
+            write(verification_json(found))
     progress("runs", 1.0)
     figure = verification_figure(found)
     if figure is not None:

@@ -8,10 +8,10 @@ from study import FRICTION, RADIUS, YOUNG, BondedRow, SlipRow, SlipState, slip_r
 
 import meeframe
 from meeframe.case.case import Case
-from meeframe.case.solve import reduce, solve_steps, zone_of
+from meeframe.case.solve import reduce, solve_steps
 from meeframe.core.contact import Status
 from meeframe.core.fields import Array
-from meeframe.core.result import StepResult, Zone, resultants
+from meeframe.core.result import StepResult, Zone, resultants, zone_of
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini

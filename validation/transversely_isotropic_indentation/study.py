@@ -8,10 +8,10 @@ import numpy as np
 
 import meeframe
 from meeframe.case.case import Case
-from meeframe.case.solve import solve_steps, zone_of
+from meeframe.case.solve import solve_steps
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import Resultants, StepResult, Zone, resultants
+from meeframe.core.result import Resultants, StepResult, Zone, resultants, zone_of
 from meeframe.elements import Quad4
 from meeframe.geometry import block_mesh, half_space_mesh
 from meeframe.laws import StepConductivity

@@ -9,11 +9,11 @@ import numpy as np
 import meeframe
 from meeframe.case.case import Case
 from meeframe.case.counter import CounterBody
-from meeframe.case.solve import reduce, solve_steps, zone_of
+from meeframe.case.solve import reduce, solve_steps
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.pair import match_nodes
-from meeframe.core.result import Region, Resultants, StepResult, Zone, resultants
+from meeframe.core.result import Region, Resultants, StepResult, Zone, resultants, zone_of
 from meeframe.laws import OrthotropicCoulomb, StepConductivity
 from meeframe.materials.half_space import axisymmetric_compliance
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent

@@ -7,6 +7,7 @@ import pytest
 
 import meeframe
 from meeframe.case.load import load_case
+from meeframe.case.outlook import planned, undeformed
 from meeframe.core.contact import Solver
 from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation, silent
@@ -119,7 +120,7 @@ class Capped(IsotropicCoulomb):
 
 @pytest.mark.parametrize(("law", "taken"), [(Capped(0.0), True), (Capped(0.0, 1e7), False), (Capped(0.1), False)])
 def test_laws_are_tried_at_pressures_of_all_sizes(case, law, taken):
-    problem = meeframe.case.outlook.planned(replace(case, contact_law=law))
+    problem = planned(undeformed(replace(case, contact_law=law)))
     assert takes(next(problem).problem) is taken
 
 
