@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.core.errors import ResultError
 from meeframe.core.fields import Array
@@ -70,10 +71,19 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
     pairs = pairs[(pairs[:, 0] < n) & (pairs[:, 1] >= n)]
     nearest = np.full(len(boundary.points), -1)
     nearest[pairs[:, 1] - n] = pairs[:, 0]
-    own = {frozenset(cell.tolist()) for _, cells in zone.cells for cell in cells}
-    points = [cell for _, cells in boundary.cells for cell in cells if frozenset(nearest[cell].tolist()) in own]
-    inside = np.unique(np.concatenate(points)) if points else np.empty(0, np.int64)
-    return inside, nearest[inside]
+    inside = np.zeros(len(boundary.points), bool)
+    for _, own in zone.cells:
+        for _, cells in boundary.cells:
+            if cells.shape[1] == own.shape[1]:
+                inside[cells[_rows_among(nearest[cells], own)]] = True
+    return np.flatnonzero(inside), nearest[inside]
+
+
+def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
+    """Which rows (e, n) hold the same numbers as one of the others (f, n), in any order."""
+    row = np.dtype([("", np.int64)] * rows.shape[1])
+    one, other = (np.ascontiguousarray(np.sort(each, axis=1), np.int64).view(row) for each in (rows, others))
+    return np.isin(one, other)[:, 0]
 
 
 def _cells(fields: NodalFields) -> list[tuple[str, Indices]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.fields import Array
 from meeframe.core.result import Region, Result, StepResult, Zone, resultants
-from meeframe.report.canvas import LINE_COLOURS, MAP_COLOURS, head, prefixed, sheet
+from meeframe.report.canvas import LINE_COLOURS, head, prefixed, sheet
 from meeframe.report.history import history, name_of
 from meeframe.report.picture import Picture
 
@@ -127,8 +127,7 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
         return figure
     values = quantity.values(step)
     factor, unit = prefixed(values, quantity.unit)
-    shown = picture.values(values / factor)
-    drawn = axes.tripcolor(picture.triangulation, shown, shading="gouraud", cmap=MAP_COLOURS)
+    drawn = picture.shade(axes, values / factor)
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
     if touching.any() and not touching.all():
         edge = picture.values(_edge(zone, step))
@@ -182,11 +181,8 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
 
 def _sections(result: Result, picture: Picture, title: str) -> "Figure":
     """Along x through the middle; with friction the tangential traction, too."""
-    from matplotlib.tri import LinearTriInterpolator
-
-    flat = picture.triangulation
-    x = np.linspace(flat.x.min(), flat.x.max(), 401)
-    on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(flat.y)
+    x = np.linspace(picture.points[:, 0].min(), picture.points[:, 0].max(), 401)
+    on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(picture.points[:, 1])
     step = result.steps[-1]
     shown = [(quantity.label, quantity.unit, quantity.values(step)) for quantity in _shown(step)]
     if step.traction[:, :2].any():
@@ -194,10 +190,10 @@ def _sections(result: Result, picture: Picture, title: str) -> "Figure":
         shown.insert(1, ("traction along x", "Pa", along))
     figure = sheet((6.0, 2.4 * len(shown)))
     rows = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
-    for axes, (label, unit, values), colour in zip(rows, shown, LINE_COLOURS, strict=False):
+    sections = picture.section(x, *(values for _, _, values in shown))
+    for axes, (label, unit, values), section, colour in zip(rows, shown, sections, LINE_COLOURS, strict=False):
         factor, unit = prefixed(values, unit)
-        section = LinearTriInterpolator(flat, picture.values(values / factor))(x, np.zeros_like(x))
-        axes.plot(x, section, color=colour, linewidth=1.8)
+        axes.plot(x, section / factor, color=colour, linewidth=1.8)
         axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)
         axes.set_ylabel(f"{label}\n[{unit}]")
         axes.grid(alpha=0.3)

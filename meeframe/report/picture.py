@@ -11,7 +11,7 @@ from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
 from meeframe.core.result import Zone
 from meeframe.geometry import frames_of
-from meeframe.report.canvas import prefixed
+from meeframe.report.canvas import MAP_COLOURS, prefixed
 
 # meshio's cell types cut into triangles, by position of the node in the cell
 TRIANGLES: Final = {
@@ -74,6 +74,22 @@ class Picture:
     def values(self, nodal: Array) -> Array:
         """Values at the points of the triangulation of values (n,) at the nodes of the zone."""
         return _with_centres(nodal, self.quads)
+
+    def shade(self, axes: Any, nodal: Array, **limits: float) -> Any:
+        """Colours of values (n,) at the nodes drawn over the zone; limits: vmin, vmax."""
+        drawn = axes.tripcolor(self.triangulation, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
+        drawn.set_in_layout(False)  # it ends with its axes; its extent would be found triangle by triangle
+        return drawn
+
+    def section(self, x: Array, *nodal: Array) -> list[Array]:
+        """Values along y = 0 at x (k,) for each of the values (n,) at the nodes, masked where there is no zone."""
+        from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+        flat = self.triangulation
+        y = flat.y[flat.triangles]
+        beside = (y.min(axis=1) > 0.0) | (y.max(axis=1) < 0.0)
+        near = Triangulation(flat.x, flat.y, flat.triangles, beside)  # what is searched is few triangles
+        return [LinearTriInterpolator(near, self.values(values))(x, np.zeros_like(x)) for values in nodal]
 
 
 def _with_centres(nodal: Array, quads: Indices) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe.core.result import Zone
-from meeframe.report.canvas import MAP_COLOURS, sheet
+from meeframe.report.canvas import sheet
 from meeframe.report.picture import Picture, lengths
 
 if TYPE_CHECKING:
@@ -215,8 +215,7 @@ def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scal
     """One map; a tangential field by its modulus and by arrows of its direction."""
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-    shading = {"shading": "gouraud", "cmap": MAP_COLOURS, "vmin": limits[0], "vmax": limits[1]}
-    drawn = axes.tripcolor(picture.triangulation, picture.values(modulus), **shading)
+    drawn = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
     if values.ndim == 2:
         chosen = _spread(picture.points, modulus > _STILL * max(limits[1], _TINY))
         direction = values[chosen] / modulus[chosen, None]

@@ -1,4 +1,4 @@
-"""The flattened zone does not turn with the frames of its points."""
+"""The flattened zone does not turn with the frames of its points; what is drawn along its middle."""
 
 from dataclasses import replace
 
@@ -15,3 +15,27 @@ def test_a_direction_field_leaves_the_picture_as_it_is(synthetic) -> None:
     frames[:, 0], frames[:, 1] = away, np.cross(zone.frames[:, 2], away)
     np.testing.assert_allclose(Picture.of(zone).points, zone.points[:, :2] * 1e3)
     np.testing.assert_allclose(Picture.of(replace(zone, frames=frames)).points, zone.points[:, :2] * 1e3)
+
+
+def test_a_section_is_the_interpolant_where_there_is_a_zone(synthetic) -> None:
+    """Of values that are linear in each element, and masked in the gap between two halves of the zone."""
+    zone = synthetic.zone()
+    picture = Picture.of(zone)
+    x = np.linspace(-1.9, 1.9, 39)
+    linear, bent = picture.section(x, 3.0 + picture.points @ [2.0, 5.0], np.abs(picture.points[:, 0]))
+    np.testing.assert_allclose(linear, 3.0 + 2.0 * x, atol=1e-12)
+    np.testing.assert_allclose(bent, np.abs(x), atol=1e-12)
+    name, cells = zone.cells[0]
+    split = cells[np.abs(zone.points[cells, 0].mean(axis=1)) > 1e-3]
+    np.testing.assert_array_equal(
+        np.ma.getmaskarray(Picture.of(replace(zone, cells=((name, split),))).section(x, picture.points[:, 0])[0]),
+        np.abs(x) < 1.0 - 1e-9,
+    )
+
+
+def test_a_section_beside_all_elements_is_masked(synthetic) -> None:
+    zone = synthetic.zone()
+    name, cells = zone.cells[0]
+    outer = cells[np.abs(zone.points[cells, 1].mean(axis=1)) > 1e-3]
+    picture = Picture.of(replace(zone, cells=((name, outer),)))
+    assert np.ma.getmaskarray(picture.section(np.zeros(1), picture.points[:, 0])[0]).all()
