@@ -27,16 +27,16 @@ _NOTICED: Final = 1e-3
 """Tangential over normal tractions below which there are none, and gaps over displacements."""
 _COARSE: Final = 0.1
 """Fraction of the contact area from which on a reader should know that it is uncertain."""
-APART: Final = "the indenter does not touch the body"
 _OF_RIM: Final = 0.5
 """Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
 circles six or more spacings across."""
 
 
-def remarks(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0) -> Iterator[str]:
+def remarks(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
     """What a reader should know of an increment, each in words.
 
-    law: that of the increment; sides: how many at the edge of the zone the contact has reached.
+    law: that of the increment; sides: how many at the edge of the zone the contact has reached; distant: it is told
+    elsewhere that the indenter stays away, and how far.
 
     What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
     is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
@@ -46,8 +46,8 @@ def remarks(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0) -> It
     if step.status is not Status.CONVERGED:
         yield "the next increment starts from the last one that converged"
         return
-    if not step.touching.any():
-        yield APART
+    if not step.touching.any() and not distant:
+        yield "the indenter does not touch the body"
     if sides:
         yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
     yield from _large(zone, step)

@@ -17,7 +17,7 @@ from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
 from meeframe.case.outlook import doubts
-from meeframe.case.remarks import APART, Arrivals, remarks, remarks_on_end
+from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
@@ -139,32 +139,22 @@ def solve_steps(
         begin, before = here, controls
         arrivals = Arrivals.of(arrivals.gap, arrivals.touching)
         for increment in range(1, step.increments + 1):
+            ends = increment == step.increments
             controls = ramped(before, begin, step.given, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             with faults_of_plugins():
                 planned = mechanism.increment(controls, here, step.increment_duration)
                 here, result = _solve(mechanism, planned, here, (number, increment), share)
-            arrivals = arrivals.after(result)
-            if increment == step.increments:
-                told = remarks_on_end(zone_of(system), result, case.contact_law, arrivals)
-                with faults_of_plugins():
-                    snapping = remark_on_snapping(system, case.contact_law, result)
-                result = replace(result, message="; ".join([result.message, *told, *snapping]))
-            if boundary and number == 1 and increment == step.increments:
-                with faults_of_plugins():  # an overlap of the whole zone is told already where the edge is reached
-                    doubted = [] if result.reaches_edge else list(doubts(mechanism))
-                # and that the indenter stays away, and how far
-                message = result.message.replace(f"; {APART}", "") if doubted else result.message
-                warned = warnings_of(bodies_of(case))
-                result = replace(result, message="; ".join([message, *warned, *doubted]))
+                arrivals = arrivals.after(result)
+                warns = boundary and ends and number == 1
+                result = _told(mechanism, planned, result, arrivals if ends else None, warns)
             count += 1
-            if boundary and increment == step.increments:
+            if boundary and ends:
                 clock("boundary fields", 0.0)
                 try:
                     with faults_of_plugins():
                         recovered = system.recover(result.state.load)
-                    message = "; ".join([result.message, *remark_on_balance(recovered)])
-                    result = replace(result, boundary=recovered, message=message)
+                    result = _saying(replace(result, boundary=recovered), remark_on_balance(recovered))
                 except Exception:
                     yield result  # it is solved all the same
                     raise
@@ -219,7 +209,7 @@ def _step_result(
     state = solution.state
     traction, fluxes = split_load(state.load)
     displacement, potentials, counter = _surfaces(mechanism.system, state)
-    result = StepResult(
+    return StepResult(
         loading=Loading.of(
             reached.motion,
             increment.prescribed,
@@ -248,9 +238,31 @@ def _step_result(
         counter=counter,
         covered=increment.problem.covered,
     )
-    sides = sides_reached(result, mechanism.open_sides) if solution.status is Status.CONVERGED else 0
-    told = remarks(zone_of(mechanism.system), result, increment.problem.contact_law, sides)
-    return replace(result, message="; ".join([solution.message, *told]), reaches_edge=sides > 0)
+
+
+def _told(
+    mechanism: Mechanism, increment: Increment, result: StepResult, arrivals: Arrivals | None, warns: bool
+) -> StepResult:
+    """The result that says what a reader should know of it, and whether its contact reaches the edge of the zone.
+
+    arrivals: after the increment that ends a load step; warns: what the case warns of, too.
+    """
+    case, zone = mechanism.case, zone_of(mechanism.system)
+    sides = sides_reached(result, mechanism.open_sides) if result.status is Status.CONVERGED else 0
+    # where the edge is reached an overlap of the whole zone is told already
+    doubted = list(doubts(mechanism)) if warns and not sides else []
+    said = list(remarks(zone, result, increment.problem.contact_law, sides, distant=bool(doubted)))
+    if arrivals is not None:
+        said += remarks_on_end(zone, result, case.contact_law, arrivals)
+        said += remark_on_snapping(mechanism.system, case.contact_law, result)
+    if warns:
+        said += [*warnings_of(bodies_of(case)), *doubted]
+    return replace(_saying(result, said), reaches_edge=sides > 0)
+
+
+def _saying(result: StepResult, said: Iterable[str]) -> StepResult:
+    """The result with more in its message."""
+    return replace(result, message="; ".join([result.message, *said]))
 
 
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, CounterSurface | None]:

@@ -2,21 +2,26 @@
 
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from typing import TypeVar, TypeVarTuple
 from weakref import WeakKeyDictionary
 
 Given = TypeVar("Given")
+More = TypeVarTuple("More")
 Found = TypeVar("Found")
 
 
-def once_for_each(function: Callable[[Given], Found]) -> Callable[[Given], Found]:
-    """The function, which remembers what it found for an object, known by its identity, as long as that lives."""
-    found: WeakKeyDictionary[Given, Found] = WeakKeyDictionary()
+def once_for_each(function: Callable[[Given, *More], Found]) -> Callable[[Given, *More], Found]:
+    """The function, which remembers what it found for an object, known by its identity, as long as that lives.
+
+    What else it is given must be hashable: something is remembered for each.
+    """
+    found: WeakKeyDictionary[Given, dict[tuple[*More], Found]] = WeakKeyDictionary()
 
     @wraps(function)
-    def remembering(given: Given) -> Found:
-        if given not in found:
-            found[given] = function(given)
-        return found[given]
+    def remembering(given: Given, *more: *More) -> Found:
+        of_given = found.setdefault(given, {})
+        if more not in of_given:
+            of_given[more] = function(given, *more)
+        return of_given[more]
 
     return remembering

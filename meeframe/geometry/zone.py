@@ -8,6 +8,7 @@ from meeframe.core.element import shape_functions
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import Array
 from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+from meeframe.core.once import once_for_each
 from meeframe.geometry.measures import ORDER, affine, gauss_rule, normal_vectors
 
 STEEPEST = np.cos(np.pi / 4)  # an element's normal stays within 45 degrees of the zone's normal at its nodes
@@ -30,6 +31,7 @@ class ContactZone:
     numbers: Indices
 
 
+@once_for_each
 def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
     """Contact zone of a face group.
 

@@ -1,0 +1,51 @@
+"""What is remembered for an object lives as long as it does."""
+
+import gc
+from weakref import ref
+
+import numpy as np
+import pytest
+
+from meeframe.core.errors import MeshError
+from meeframe.core.once import once_for_each
+from meeframe.elements import Quad4
+from meeframe.geometry import block_mesh, zone_frames
+
+
+class Thing:
+    """Something that lives for a while."""
+
+    def __init__(self, size: float = 1.0) -> None:
+        self.size = size
+
+
+def test_each_object_with_each_of_the_rest_is_asked_once() -> None:
+    asked = []
+
+    @once_for_each
+    def scaled(thing: Thing, factor: float, *more: float) -> float:
+        asked.append((thing, factor, *more))
+        return thing.size * factor + sum(more)
+
+    one, other = Thing(2.0), Thing(3.0)
+    for _ in range(2):
+        assert [scaled(one, 2.0), scaled(one, 5.0), scaled(one, 5.0, 1.0), scaled(other, 2.0)] == [4.0, 10.0, 11.0, 6.0]
+    assert asked == [(one, 2.0), (one, 5.0), (one, 5.0, 1.0), (other, 2.0)]
+
+
+def test_what_was_found_goes_with_its_object() -> None:
+    made = once_for_each(lambda thing, name: np.zeros(3))
+    thing = Thing()
+    found = ref(made(thing, "a"))
+    assert found() is made(thing, "a")
+    del thing
+    gc.collect()
+    assert found() is None
+
+
+def test_an_error_is_raised_anew() -> None:
+    mesh = block_mesh((2.0, 2.0), 1.0, (1.0, 1.0), (2, 2), 1, 1, Quad4())
+    for _ in range(2):
+        with pytest.raises(MeshError, match="'nowhere'"):
+            zone_frames(mesh, "nowhere")
+    assert zone_frames(mesh, "contact") is zone_frames(mesh, "contact")
