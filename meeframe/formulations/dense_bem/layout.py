@@ -11,7 +11,8 @@ import numpy as np
 from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
-from meeframe.core.mesh import Indices
+from meeframe.core.formulation import NodalFields
+from meeframe.core.mesh import Indices, SurfaceMesh
 from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.geometry.supports import check_supports
 from meeframe.geometry.topology import outer_polygon
@@ -104,6 +105,32 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         zone,
         n_unknowns,
     )
+
+
+def boundary_fields(
+    layout: Layout, units: Units, mesh: SurfaceMesh, values: Array, fluxes: Array, loads: Array
+) -> NodalFields:
+    """Fields on the boundary, SI units and global axes, at the nodes of each patch.
+
+    values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (5 n,) on the zone,
+    in those of fluxes.
+    """
+    all_values = _filled(layout.value_data, layout.value_column, values)
+    all_fluxes = _filled(layout.flux_data, layout.flux_column, fluxes)
+    all_fluxes = _filled(all_fluxes, layout.load_column, loads)
+    points = layout.patches.point
+    cells = tuple(
+        (block.element.meshio_type, connectivity)
+        for block, connectivity in zip(mesh.blocks, layout.patches.connectivity, strict=True)
+    )
+    return NodalFields(mesh.points[points], cells, units.values_si(all_values)[points], units.fluxes_si(all_fluxes))
+
+
+def _filled(data: Array, columns: Indices, found: Array) -> Array:
+    filled = data.copy()
+    mask = columns != NONE
+    filled[mask] = found[columns[mask]]
+    return filled
 
 
 def _number(mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]], start: int) -> Indices:

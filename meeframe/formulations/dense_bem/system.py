@@ -10,10 +10,10 @@ from meeframe.core.body import Body
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.core.mesh import SurfaceMesh
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
+from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
 
 SINGULAR: Final = 1e-14
 """Reciprocal condition number, in Frobenius norms, below which the system is singular to round-off.
@@ -41,15 +41,7 @@ class BoundarySolution:
         loads = units.fluxes(load).ravel()
         right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
         unknowns = all_unknowns(self.factors, layout.n_unknowns - loads.size, right[:, None])[:, 0]
-        values = _fill(layout.value_data, layout.value_column, unknowns)
-        fluxes = _fill(layout.flux_data, layout.flux_column, unknowns)
-        fluxes = _fill(fluxes, layout.load_column, loads)
-        points = layout.patches.point
-        cells = tuple(
-            (block.element.meshio_type, connectivity)
-            for block, connectivity in zip(self.mesh.blocks, layout.patches.connectivity, strict=True)
-        )
-        return NodalFields(self.mesh.points[points], cells, units.values_si(values)[points], units.fluxes_si(fluxes))
+        return boundary_fields(layout, units, self.mesh, unknowns, unknowns, loads)
 
 
 def factorise(system: System) -> Array:
@@ -93,10 +85,3 @@ def characteristic_length(body: Body) -> float:
     group = body.contact_group
     points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
     return float(np.linalg.norm(np.ptp(points, axis=0)))
-
-
-def _fill(data: Array, columns: Indices, unknowns: Array) -> Array:
-    filled = data.copy()
-    mask = columns != NONE
-    filled[mask] = unknowns[columns[mask]]
-    return filled

@@ -12,7 +12,7 @@ from meeframe.core.errors import CaseError, TooLargeError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
 from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
+from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
@@ -98,18 +98,9 @@ class BoundarySystem:
 
     def fields(self, loads: Array) -> NodalFields:
         """Fields on the boundary for loads (n, 5) in units of the system and the order of the layout, global axes."""
-        layout, units = self.layout, self.units
         flat = loads.ravel()
         unknowns = self.unknowns(flat[self.tree.loads])
-        values = _filled(layout.value_data, layout.value_column, unknowns)
-        fluxes = _filled(layout.flux_data, layout.flux_column, self.flux_unit * unknowns)
-        fluxes = _filled(fluxes, layout.load_column, flat)
-        points = layout.patches.point
-        cells = tuple(
-            (block.element.meshio_type, connectivity)
-            for block, connectivity in zip(self.mesh.blocks, layout.patches.connectivity, strict=True)
-        )
-        return NodalFields(self.mesh.points[points], cells, units.values_si(values)[points], units.fluxes_si(fluxes))
+        return boundary_fields(self.layout, self.units, self.mesh, unknowns, self.flux_unit * unknowns, flat)
 
 
 def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
@@ -281,10 +272,3 @@ def frames_to_units(frames: Array, units: Units) -> tuple[Array, Array]:
     to_load = turn.transpose(0, 2, 1) * units.fluxes(np.ones(N_FIELDS))[:, None]
     to_displacement = SIGNS[:, None] * turn * units.values_si(np.ones(N_FIELDS))
     return to_load, to_displacement
-
-
-def _filled(data: Array, columns: Indices, unknowns: Array) -> Array:
-    filled = data.copy()
-    mask = columns != NONE
-    filled[mask] = unknowns[columns[mask]]
-    return filled
