@@ -19,6 +19,7 @@ from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, sl
 from meeframe.case.outlook import doubts
 from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
+from meeframe.case.systems import check_system
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
 from meeframe.core.dense_system import DenseSystem
@@ -87,7 +88,9 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
     """The reduced system of one body. Raises as reduce."""
     try:
         with faults_of_plugins():
-            return formulation.reduce(body, progress)
+            system = formulation.reduce(body, progress)
+            check_system(formulation, system)
+            return system
     except MemoryError as error:
         raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "

@@ -217,6 +217,7 @@ def check_indentation(formulation: Formulation, body: Body | None = None, tolera
     body = body or _block()
     approach, radius = 3e-5, 0.1
     system = formulation.reduce(body)
+    check_form(system, body)
     x, y, _ = system.points.T
     problem = indentation_problem(system, (x**2 + y**2) / (2.0 * radius), approach)
     solution = solve(problem, SemismoothNewton())

@@ -295,6 +295,12 @@ def test_a_layer_is_no_half_space(layer):
         kits.check_indentation(formulation, body)
 
 
+def test_arrays_of_the_wrong_shape_are_told_before_contact_is_solved_with_them(layer):
+    formulation, body, _ = layer
+    with pytest.raises(AssertionError, match="offset is not finite"):
+        kits.check_indentation(Altered(formulation, SPOILT["offset is not finite"]), body)
+
+
 def test_frictionless_contact_is_a_law_too():
     kits.check_contact_law(Signorini(), reference=IsotropicCoulomb(0.0))
 

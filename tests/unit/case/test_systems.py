@@ -1,0 +1,57 @@
+"""Reduced systems that do not keep their contract are refused where the formulation has made them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from meeframe.case.load import load_case
+from meeframe.case.solve import reduce, solve_case
+from meeframe.core.errors import CaseError
+from meeframe.core.formulation import Formulation, silent
+
+N = 25
+"""Nodes of the tiny case's zone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spoilt(Formulation):
+    """Another formulation, with one array of its system exchanged, or nothing at all made."""
+
+    made_by: Formulation
+    key: str
+    array: np.ndarray | None = None
+
+    def check(self, body):
+        self.made_by.check(body)
+
+    def reduce(self, body, progress=silent):
+        if self.array is None:
+            return None
+        return replace(self.made_by.reduce(body, progress), **{self.key: self.array})
+
+
+@pytest.fixture
+def case(write_case, registry):
+    """The sphere on springs."""
+    return load_case(write_case(), registry)
+
+
+def test_one_that_keeps_it_is_taken(case):
+    assert len(reduce(replace(case, formulation=Spoilt(case.formulation, "offset", np.ones((N, 5))))).points) == N
+
+
+@pytest.mark.parametrize(
+    ("key", "array", "told"),
+    [
+        ("offset", np.zeros(5), rf"offset .* formulation Spoilt has shape \(5,\); allowed: \({N}, 5\)"),
+        ("matrix", np.zeros((N, 5, 5)), rf"matrix .* has shape \({N}, 5, 5\); allowed: \({N}, 5, {N}, 5\)"),
+        ("frames", np.eye(3), rf"frames .* has shape \(3, 3\); allowed: \({N}, 3, 3\)"),
+        ("weights", np.full(N, np.nan), "weights .* has numbers that are not finite"),
+        ("matrix", np.full((N, 5, N, 5), -np.inf), "matrix .* has numbers that are not finite"),
+        ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
+    ],
+)
+def test_others_are_refused_by_name(case, key, array, told):
+    with pytest.raises(CaseError, match=told):
+        solve_case(replace(case, formulation=Spoilt(case.formulation, key, array)))
