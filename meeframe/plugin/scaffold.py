@@ -41,8 +41,8 @@ def new_plugin(kind: Kind, name: str, registry: Registry, folder: Path | None = 
     target = folder or Path(words["package"])
     try:
         if target.exists() and any(target.iterdir()):
-            inside = target / words["package"]
-            raise PluginError(f"folder {target} holds files; --out names the folder to make, such as {inside}")
+            other = f"the folder to make, such as {folder / words['package']}" if folder else "another one to make"
+            raise PluginError(f"folder {target} holds files; --out names {other}")
         (target / "tests").mkdir(parents=True, exist_ok=True)
         words["case"] = _filled(own / "case.toml.template", words).rstrip()
         for file, template in {

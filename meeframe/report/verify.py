@@ -34,11 +34,6 @@ _UNITS: Final = {
 _COLUMNS: Final = 3
 """Pictures side by side."""
 
-_ADVICE: Final = {
-    Verdict.UNRESOLVED: ": none disagree, but some errors are too large to say much; finer meshes say more"
-}
-"""What to do after a verdict."""
-
 
 def verification_json(verification: Verification) -> str:
     """All numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
@@ -122,8 +117,18 @@ def verification_table(verification: Verification) -> RenderableType:
         _pairs(verification),
         *(Text(f"{name} does not take this case: {text}") for name, text in verification.refusals.items()),
         *(Text(f"{run.formulation}, elements of 1/{1 / run.size:g}: {run.status}: {run.message}") for run in failed),
-        Text(f"verdict: {verification.verdict}{_ADVICE.get(verification.verdict, '')}", style="bold"),
+        Text(f"verdict: {verification.verdict}{_basis(verification)}", style="bold"),
     )
+
+
+def _basis(verification: Verification) -> str:
+    """What a verdict rests on where some comparisons say little, and what to do then."""
+    verdicts = [agreement.verdict for agreement in verification.agreements]
+    unresolved = verdicts.count(Verdict.UNRESOLVED)
+    if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
+        return ""
+    agree = f"{verdicts.count(Verdict.AGREE)} of {len(verdicts)} comparisons agree, none disagree"
+    return f": {agree}, and of {unresolved} the errors are too large to say much; finer meshes say more"
 
 
 def _values(verification: Verification) -> Table:

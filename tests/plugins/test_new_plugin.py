@@ -122,6 +122,14 @@ def test_folders_that_hold_files_are_refused(tmp_path):
     assert "cannot be written" in err
 
 
+def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwise(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "meeframe-mine").mkdir()
+    (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")
+    status, _, err = invoke("new-plugin", "solver", "mine")
+    assert (status, err) == (2, "error: folder meeframe-mine holds files; --out names another one to make\n")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_module_needs_nothing_but_the_contract(packages, kind):
     """Of meeframe's modules, as docs/plugins.md says."""

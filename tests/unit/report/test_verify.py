@@ -1,0 +1,45 @@
+"""What a verification prints as its verdict says on how much that rests."""
+
+import pytest
+from rich.console import Console
+
+from meeframe.core.contact import Status
+from meeframe.report.verified import Measured, Verification, VerifiedRun
+from meeframe.report.verify import verification_table
+
+SIZES = (1 / 4, 1 / 8, 1 / 16)
+
+
+def verification(scatter, factor=1.0):
+    """Forces of second order, which agree if the factor is one, and pressures that scatter about one value."""
+    runs = tuple(
+        VerifiedRun(name, size, 10, str(Status.CONVERGED), steps={1: {"force": force, "max_pressure": pressure}})
+        for name, scale in (("one", 1.0), ("other", factor))
+        for size, sign in zip(SIZES, (1, -1, 1), strict=True)
+        for force in [Measured(scale * (1 + 0.1 * size**2), 1.0)]
+        for pressure in [Measured(1 + sign * scatter, 1.0)]
+    )
+    return Verification("title", "text", {}, {}, planned=len(runs), runs=runs)
+
+
+def verdict(found):
+    console = Console(width=200)
+    with console.capture() as printed:
+        console.print(verification_table(found))
+    return printed.get().splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        (verification(scatter=1e-4), "verdict: agree"),
+        (
+            verification(scatter=0.1),
+            "verdict: agree: 1 of 2 comparisons agree, none disagree, and of 1 the errors are too large to say much; "
+            "finer meshes say more",
+        ),
+        (verification(scatter=0.1, factor=1.05), "verdict: disagree"),
+    ],
+)
+def test_the_verdict_says_on_how_many_comparisons_it_rests(found, told):
+    assert verdict(found).rstrip() == told
