@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
 from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
 from meeframe.core.mesh import Indices
+
+_ALIKE: Final = 1e-12
+"""Weights of nodes that differ by no more of the largest are the same but for round-off."""
 
 
 class RunStatus(StrEnum):
@@ -205,9 +209,10 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
     dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over the elements of
     their area times the share of their nodes in contact, and in either region [m^2], of covered nodes their covered
-    part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero); max_pressure,
-    max_tension: of the normal traction, >= 0, tension where surfaces attract each other, in contact or across the gap
-    [Pa]; largest absolute potentials of the body's surface in the contact zone [V], [A].
+    part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero; of a periodic
+    surface, whose nodes are all alike, they do); max_pressure, max_tension: of the normal traction, >= 0, tension where
+    surfaces attract each other, in contact or across the gap [Pa]; largest absolute potentials of the body's surface in
+    the contact zone [V], [A].
     """
     normal = step.traction[:, 2]
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
@@ -253,7 +258,8 @@ def vector_areas(points: Array) -> Array:
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
     parts = chosen.astype(float) if step.covered is None else np.where(chosen, step.covered, 0.0)
-    if not zone.cells:  # of test systems and plugins: nodes alone
+    # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
+    if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
         return float(zone.weights @ parts)
     areas, shares = [], []
     for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):

@@ -1,0 +1,51 @@
+"""Contact area of periodic surfaces, none of whose nodes is special."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.case.case import Case
+from meeframe.case.solve import solve_case
+from meeframe.case.step import Step
+from meeframe.core.fields import Array
+from meeframe.core.indenter import Indenter
+from meeframe.core.result import Resultants, resultants
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.materials import library_material, rotation_about
+from meeframe.materials.half_space import surface_compliance
+
+PERIOD, AMPLITUDE, NODES = 1e-3, 1e-6, 32
+MEDIUM = library_material("orthotropic-mee").rotated(rotation_about([1, 2, 3], 0.7))
+
+
+@dataclass(frozen=True)
+class Wave(Indenter):
+    """Waves along x, whose crests lie at `crest` [m]."""
+
+    crest: float
+
+    def height(self, x: Array, y: Array) -> Array:
+        height: Array = AMPLITUDE * (1.0 - np.cos(2.0 * np.pi * (x - self.crest) / PERIOD))
+        return height
+
+
+def pressed(crest: float, force: float, edges: str) -> Resultants:
+    mesh = half_space_mesh(8.0 * PERIOD, PERIOD * (1.0 - 1.0 / NODES), NODES - 1, 1, Quad4())
+    formulation = HalfSpace(periodic=True, edges=edges)  # type: ignore[arg-type]
+    case = Case(MEDIUM, mesh, (), Wave(crest), (Step(normal_force=force),), formulation=formulation)
+    result = solve_case(case)
+    return resultants(result.zone, result.steps[-1])
+
+
+@pytest.mark.parametrize("share", [0.2, 0.7, 1.01])
+def test_westergaard_wherever_the_crest_is(share: float) -> None:
+    """p/p* = sin^2(pi a/lambda), p* = pi E* amplitude/lambda, 1/E* = Re Y_33/2 of any medium; within a row of nodes."""
+    modulus = 2.0 / surface_compliance(MEDIUM.stiffness, [0.0, 0.0, 1.0], [[1.0, 0.0, 0.0]])[0, 2, 2].real
+    force = share * np.pi * modulus * AMPLITUDE / PERIOD * PERIOD**2
+    exact = 2.0 / np.pi * np.arcsin(np.sqrt(min(share, 1.0)))
+    areas = [pressed(shift * PERIOD / NODES, force, "nodes").contact_area / PERIOD**2 for shift in (0.0, 5.0, 15.0)]
+    np.testing.assert_allclose(areas, areas[0], rtol=1e-12)
+    assert areas[0] == pytest.approx(exact, abs=0.0 if share > 1.0 else 1.0 / NODES, rel=1e-12)
