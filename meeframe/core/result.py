@@ -13,6 +13,7 @@ from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
 from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
 from meeframe.core.mesh import Indices
+from meeframe.core.once import once_for_each
 
 _ALIKE: Final = 1e-12
 """Weights of nodes that differ by no more of the largest are the same but for round-off."""
@@ -261,13 +262,17 @@ def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
     # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
     if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
         return float(zone.weights @ parts)
-    areas, shares = [], []
-    for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
-        areas.append(np.linalg.norm(vector_areas(zone.points[outline]), axis=1))
-        shares.append(parts[nodes].mean(axis=1))
-    area = np.concatenate(areas)
-    # straight sides miss a little of curved elements: the whole zone in contact has its whole area
-    return float(area @ np.concatenate(shares) * (zone.weights.sum() / area.sum()))
+    return float(_areas(zone) @ np.concatenate([parts[nodes].mean(axis=1) for _, nodes in zone.cells]))
+
+
+@once_for_each
+def _areas(zone: Zone) -> Array:
+    """Of the elements, (e,) [m^2]."""
+    normals = np.concatenate([vector_areas(zone.points[outline]) for outline in corners(zone.cells)])
+    areas: Array = np.linalg.norm(normals, axis=1)
+    # straight sides miss a little of curved elements: all of them together have the area of the zone
+    areas *= zone.weights.sum() / areas.sum()
+    return areas
 
 
 @dataclass(frozen=True)

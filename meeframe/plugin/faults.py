@@ -35,22 +35,25 @@ def _fault_of_class(contract: type, factory: Any) -> str:
         return f"its factory is {factory!r}; allowed: a class"
     if not issubclass(factory, contract):
         return f"class {factory.__name__} is no {contract.__module__}.{contract.__name__}"
-    asks = f"which {PROJECT} {metadata.version(PROJECT)} asks for"
     missing = ", ".join(sorted(getattr(factory, "__abstractmethods__", ())))
     if missing:
-        return f"class {factory.__name__} lacks {missing}, {asks}"
+        return f"class {factory.__name__} lacks {missing}, {_asks()}"
     for name, method in vars(contract).items():
         if not inspect.isfunction(method) or name.startswith("_"):
             continue
         arguments = list(inspect.signature(method).parameters.values())[1:]
         if not _takes(factory, name, arguments):
             shown = ", ".join(argument.name for argument in arguments)
-            return f"{factory.__name__}.{name} does not take ({shown}), {asks}"
+            return f"{factory.__name__}.{name} does not take ({shown}), {_asks()}"
     # a class inherits that it is a dataclass, without its own fields being any: only the decorator makes them so
     own = vars(factory).get("__dataclass_params__")
     if contract is not SurfaceElement and not (own and own.frozen):
         return f"class {factory.__name__} is no frozen dataclass; allowed: classes under @dataclass(frozen=True)"
     return ""
+
+
+def _asks() -> str:
+    return f"which {PROJECT} {metadata.version(PROJECT)} asks for"
 
 
 def _takes(factory: type, name: str, arguments: Sequence[inspect.Parameter]) -> bool:

@@ -21,7 +21,7 @@ from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
 """How names of modules that come from local files begin."""
-_OWN: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
+OWN_PACKAGES: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
 """Plugins of this project: a failure in them is its own defect, for which there is the traceback."""
 _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
@@ -135,7 +135,7 @@ def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
     except Exception as error:
         if isinstance(error, (MeeframeError, MemoryError, *said)):
             raise
-        packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)} - _OWN
+        packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)} - OWN_PACKAGES
         frames = list(traceback.walk_tb(error.__traceback__))
         last = max((number for number, (frame, _) in enumerate(frames) if _of_plugin(frame, packages)), default=None)
         if last is None or any(_of_caller(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
@@ -153,7 +153,7 @@ def _of_plugin(frame: FrameType, packages: Set[str]) -> bool:
 def _of_caller(frame: FrameType, plugin: FrameType) -> bool:
     """Whether its code is neither meeframe's, nor a library's, nor in the folder of a plugin, from which it came."""
     package = frame.f_globals.get("__name__", "").partition(".")[0]
-    if package in sys.stdlib_module_names | _OWN | {PROJECT}:
+    if package in sys.stdlib_module_names | OWN_PACKAGES | {PROJECT}:
         return False
     file = Path(frame.f_globals.get("__file__") or frame.f_code.co_filename)
     beside = Path(plugin.f_code.co_filename).parent in file.parents

@@ -1,10 +1,12 @@
 """What meeframe itself registers, and the templates of new plugins: their texts."""
 
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
 from meeframe.plugin.registry import Kind, load
+from meeframe.plugin.sources import OWN_PACKAGES
 from meeframe.solvers.auto import STAGES
 
 TEMPLATES = resources.files("meeframe.plugin") / "templates"
@@ -25,3 +27,10 @@ def test_imports_of_templates_are_sorted(kind, file):
     modules = [line.split()[1] for line in lines if line.startswith("from meeframe")]
     assert modules
     assert modules == sorted(modules)
+
+
+def test_packages_of_this_repository_are_the_projects_own():
+    folder = Path(__file__).parents[3] / "plugins"
+    assert {plugin.name.replace("-", "_") for plugin in folder.iterdir() if (plugin / "pyproject.toml").exists()} == (
+        OWN_PACKAGES
+    )
