@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.core.contact import ContactState, Status
 from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.core.formulation import NodalFields, ReducedSystem
-from meeframe.core.indenter import MOTIONS, RESULTANTS, motion_measures, motion_modes
+from meeframe.core.indenter import MOTIONS
 from meeframe.core.mesh import Indices
 from meeframe.core.once import once_for_each
 
@@ -217,32 +217,28 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     """
     normal = step.traction[:, 2]
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
-    totals = _on_motions(zone, step)
+    forces = zone.weights[:, None] * np.einsum("na,nai->ni", step.traction, zone.frames)
+    moments = np.cross(zone.points - step.loading.reference, forces)
+    # no -0.0
+    force, about = (step.loading.axes @ each.sum(axis=0) + 0.0 for each in (forces, moments))
+    charge, magnetic_flux = zone.weights @ step.fluxes + 0.0
     return Resultants(
-        force=zone.weights @ np.einsum("na,nai->ni", step.traction, zone.frames),
-        normal_force=float(totals["normal_force"][0]),
-        tangential_force=totals["tangential_force"],
-        moment=totals["moment"],
-        torque=float(totals["torque"][0]),
-        charge=float(totals["charge"][0]),
-        magnetic_flux=float(totals["magnetic_flux"][0]),
+        force=forces.sum(axis=0),
+        normal_force=float(0.0 - force[2]),
+        tangential_force=force[:2],
+        moment=about[:2],
+        torque=float(about[2]),
+        charge=float(charge),
+        magnetic_flux=float(magnetic_flux),
         dissipated_energy=float(zone.weights @ step.dissipation),
         contact_area=_area(zone, step, step.touching),
         stick_area=_area(zone, step, step.region == Region.STICK),
         slip_area=_area(zone, step, step.region == Region.SLIP),
-        max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),  # no -0.0
+        max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),
         max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
         max_abs_electric_potential=float(electric.max()),
         max_abs_magnetic_potential=float(magnetic.max()),
     )
-
-
-def _on_motions(zone: Zone, step: StepResult) -> dict[str, Array]:
-    """Resultants that work on the motions of the indenter, by key, (1,) or (2,)."""
-    place = step.loading
-    modes = motion_modes(zone.points, zone.frames, place.axes, place.reference)
-    totals = np.einsum("kni,ni->k", motion_measures(modes, zone.weights), step.state.load) + 0.0  # no -0.0
-    return {key: totals[columns] for key, columns in RESULTANTS.items()}
 
 
 def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
@@ -259,17 +255,19 @@ def vector_areas(points: Array) -> Array:
 
 def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
     parts = chosen.astype(float) if step.covered is None else np.where(chosen, step.covered, 0.0)
-    # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
-    if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
-        return float(zone.weights @ parts)
-    return float(_areas(zone) @ np.concatenate([parts[nodes].mean(axis=1) for _, nodes in zone.cells]))
+    return float(_areas(zone) @ parts)
 
 
 @once_for_each
 def _areas(zone: Zone) -> Array:
-    """Of the elements, (e,) [m^2]."""
-    normals = np.concatenate([vector_areas(zone.points[outline]) for outline in corners(zone.cells)])
-    areas: Array = np.linalg.norm(normals, axis=1)
+    """Of the elements, shared out evenly over their nodes, (n,) [m^2]."""
+    # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
+    if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
+        return zone.weights
+    areas = np.zeros(len(zone.points))
+    for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
+        own = np.linalg.norm(vector_areas(zone.points[outline]), axis=1)
+        np.add.at(areas, nodes, own[:, None] / nodes.shape[1])
     # straight sides miss a little of curved elements: all of them together have the area of the zone
     areas *= zone.weights.sum() / areas.sum()
     return areas

@@ -181,16 +181,14 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
     for name, unit in units.items():
-        group[name] = values[name]
-        group[name].attrs["units"] = unit
+        group.create_dataset(name, data=values[name]).attrs["units"] = unit
 
 
 def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
     own = group.create_group("cells")
     own.attrs["note"] = "numbers into points; meshio cell types"
     for number, (cell_type, connectivity) in enumerate(cells):
-        own[str(number)] = connectivity
-        own[str(number)].attrs.update({"type": cell_type, "units": "1"})
+        own.create_dataset(str(number), data=connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
 def _put_boundary(file: Any, step: Any, boundary: NodalFields) -> None:

@@ -1,10 +1,12 @@
-"""Resultants of a step: the contact area over every element type, against areas known in advance."""
+"""Resultants of a step: the contact area over every element type, against areas known in advance; forces and moments
+against the work that they do."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
+from meeframe.core.indenter import RESULTANTS, motion_measures, motion_modes
 from meeframe.core.result import Region, Zone, resultants
 from meeframe.elements import ELEMENTS
 from meeframe.geometry import half_space_mesh, zone_frames
@@ -55,3 +57,20 @@ def test_everything_something_nothing(name, synthetic):
     alone = [contact_area(zone, np.arange(n) == node, step) for node in range(n)]
     assert min(alone) > 0
     assert sum(alone) == pytest.approx(WIDTH**2)
+
+
+def test_resultants_are_those_that_work_on_the_motions(synthetic):
+    """In any place of the indenter, on frames that turn from node to node."""
+    rng = np.random.default_rng(3)
+    turned = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(26)]
+    zone = dataclasses.replace(synthetic.zone(), frames=np.array(turned[1:]))
+    whole = synthetic.step(1e-6)
+    loading = dataclasses.replace(whole.loading, axes=turned[0], reference=1e-3 * rng.normal(size=3))
+    step = dataclasses.replace(
+        whole, loading=loading, traction=rng.normal(size=(25, 3)), fluxes=rng.normal(size=(25, 2))
+    )
+    measures = motion_measures(motion_modes(zone.points, zone.frames, loading.axes, loading.reference), zone.weights)
+    works = np.einsum("kni,ni->k", measures, np.column_stack([step.traction, step.fluxes]))
+    found = resultants(zone, step)
+    for key, columns in RESULTANTS.items():
+        np.testing.assert_allclose(np.atleast_1d(getattr(found, key)), works[columns], rtol=1e-12, atol=1e-18)
