@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meeframe.case.body_tables import CounterBodyTable
 from meeframe.case.case import Case, check_reach, check_title, resistance
@@ -14,10 +15,11 @@ from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, 
 from meeframe.case.outlook import check_solver
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.schema import CaseTable
-from meeframe.case.step import check_duration, check_first, check_pull, check_resisted
+from meeframe.case.step import Step, check_duration, check_first, check_pull, check_resisted
 from meeframe.core.body import Body, BoundaryCondition, check_conditions
 from meeframe.core.contact import Solver
 from meeframe.core.errors import MeeframeError, MeshError
+from meeframe.core.law import conducts
 from meeframe.geometry import check_contact_zone, check_mesh, check_supports, zone_frames
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
@@ -57,14 +59,13 @@ def _locate(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Bod
 
 
 def _place(error: MeeframeError, table: CaseTable | CounterBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
-    with faults_of_plugins():
-        for problem, check in checks:
-            try:
-                with faults_of_plugins():
-                    check()
-            except MeeframeError as found:
-                if str(found) == str(error):
-                    return problem
+    for problem, check in checks:
+        try:
+            with faults_of_plugins():
+                check()
+        except MeeframeError as found:
+            if str(found) == str(error):
+                return problem
     for number in range(len(table.boundary)):
         others = table.boundary[:number] + table.boundary[number + 1 :]
         conditions = tuple(condition for boundary in others for condition in boundary.conditions())
@@ -104,9 +105,9 @@ def _case_checks(
     points = place.points
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
-    for field in ("electric", "magnetic"):
-        check = partial(check_conductivity, getattr(table.conductivity, field), len(points))
-        yield Problem(("conductivity", field), ""), check
+    conductivities = {field: getattr(table.conductivity, field) for field in ("electric", "magnetic")}
+    for field, conductivity in conductivities.items():
+        yield Problem(("conductivity", field), ""), partial(check_conductivity, conductivity, len(points))
     yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:
@@ -114,15 +115,21 @@ def _case_checks(
     else:
         source = Problem(("restart", "from"), "", table.restart.folder)
         yield source, partial(check_same_zone, restart, place, table.contact.axes)
-    laws = law, table.conductivity.electric, table.conductivity.magnetic
-    resists = resistance(placement, body.mesh, zone, table.contact.axes, laws)
+    for field, conductivity in conductivities.items():
+        yield Problem(("conductivity", field), ""), partial(conducts, conductivity)
+    held = partial(resistance, placement, body.mesh, zone, table.contact.axes, (law, *conductivities.values()))
     for number, step in enumerate(steps):
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
-        yield Problem(("steps", number), ""), partial(check_resisted, step, resists)
+        yield Problem(("steps", number), ""), partial(_check_held, step, held)
     duration = steps[0].increment_duration
     yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
     yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)
+
+
+def _check_held(step: Step, held: Callable[[], NDArray[np.bool_]]) -> None:
+    """As check_resisted, by motions that are found only now: laws of plugins may fail there."""
+    check_resisted(step, held())
 
 
 def _check_solver(assemble: Callable[[Solver], Case], solver: Solver) -> None:

@@ -194,10 +194,15 @@ def _solve(
 
 def provenance(case: Case) -> Provenance:
     """What makes a result of this case, here and now."""
+    providers = {provider.name: provider.version for provider in plugins.load().providers}
+    return Provenance(case.title, case.text, _software() | providers | local_files(case), numba.get_num_threads())
+
+
+@lru_cache(maxsize=1)
+def _software() -> dict[str, str]:
+    """Versions of Python and of what computes."""
     libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
-    versions = {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
-    versions |= {provider.name: provider.version for provider in plugins.load().providers} | local_files(case)
-    return Provenance(case.title, case.text, versions, numba.get_num_threads())
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
 
 
 def _step_result(

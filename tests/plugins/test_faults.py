@@ -236,6 +236,43 @@ def test_so_have_objects_that_cannot_be_made(refusing, write_case):
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
 
 
+ACROSS = """
+from dataclasses import dataclass
+
+import numpy as np
+
+from meeframe.plugin import ConductivityLaw, Record, hookimpl
+
+
+@dataclass(frozen=True)
+class Across(ConductivityLaw):
+    @property
+    def across_gap(self):
+        return 1 / 0 > 0
+
+    def conductivity(self, normal_traction, gap, drop):
+        return np.zeros_like(gap)
+
+
+@hookimpl
+def meeframe_conductivity_laws():
+    return [Record("across", Across, "fails where it is asked what it conducts", "nobody")]
+"""
+
+
+@pytest.mark.parametrize("field", ["electric", "magnetic"])
+def test_so_has_a_law_that_fails_where_it_is_asked_what_it_conducts(write_case, tmp_path, field):
+    file = tmp_path / "across.py"
+    file.write_text(ACROSS, encoding="utf-8")
+    path = write_case((WINKLER[0], 'name = "dense-bem"'), more=f'[conductivity]\n{field} = "across"\n')
+    told = rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
+    with pytest.raises(
+        CaseError, match=rf"{path}: conductivity\.{field}: plugin file .*, in across_gap: ZeroD"
+    ) as raised:
+        load_case(path, load(file))
+    assert isinstance(raised.value.__cause__, ZeroDivisionError)
+
+
 def test_points_of_a_sweep_that_a_plugin_cannot_make_have_failed(plugin, write_case, tmp_path):
     """And are tried again; if none can be made, the cause is at hand."""
     write_case(WINKLER)
