@@ -131,11 +131,12 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
     figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
     if touching.any() and not touching.all():
         edge = picture.values(_edge(zone, step))
+        rim = picture.beside(touching, ~touching)
         if of_contact and not (felt & ~touching).any():
             # between nodes the shading goes on beyond the edge, where there is no pressure
             nothing = drawn.to_rgba(np.zeros(1))[0]
-            axes.tricontourf(picture.triangulation, edge, [-2 * _BETWEEN[1], 0], colors=[nothing])
-        axes.tricontour(picture.triangulation, edge, [0.0], colors="white")
+            axes.tricontourf(rim, edge, [-2 * _BETWEEN[1], 0], colors=[nothing])
+        axes.tricontour(rim, edge, [0.0], colors="white")
     if of_contact:
         _zoom(axes, picture, felt)
     return figure
@@ -168,12 +169,12 @@ def _regions(result: Result, picture: Picture, title: str) -> "Figure":
     if not step.touching.any():
         _no_contact(axes, picture)
         return figure
-    edge = _edge(result.zone, step)
+    edge, contact = _edge(result.zone, step), picture.beside(step.touching)
     sticking = np.where(step.region == Region.STICK, 1.0, -1.0) * np.abs(edge)
     shown = ((edge, "slip", totals.slip_area), (sticking, "stick", totals.stick_area))
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         axes.fill([], [], color=colour, label=f"{name}, {area / picture.factor**2:.4g} {picture.unit}²")
-        axes.tricontourf(picture.triangulation, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
+        axes.tricontourf(contact, picture.values(level), [0.0, 2.0 * _BETWEEN[1]], colors=[colour])
     _zoom(axes, picture, step.touching)
     figure.legend(loc="outside lower center", ncols=2)
     return figure

@@ -39,3 +39,15 @@ def test_a_section_beside_all_elements_is_masked(synthetic) -> None:
     outer = cells[np.abs(zone.points[cells, 1].mean(axis=1)) > 1e-3]
     picture = Picture.of(replace(zone, cells=((name, outer),)))
     assert np.ma.getmaskarray(picture.section(np.zeros(1), picture.points[:, 0])[0]).all()
+
+
+def test_triangles_beside_nodes_of_each_kind(synthetic) -> None:
+    """Sixteen squares are cut in four, a square each to nodes of which one in its middle has four."""
+    zone = synthetic.zone()
+    picture = Picture.of(zone)
+    middle = np.linalg.norm(zone.points, axis=1) < 1e-9
+    assert len(picture.beside(middle).triangles) == 4 * 4
+    assert len(picture.beside(middle, ~middle).triangles) == 4 * 4
+    corner = np.abs(zone.points[:, :2]).min(axis=1) > 1.5e-3
+    assert len(picture.beside(corner).triangles) == 4 * 4
+    assert len(picture.beside(middle, corner).triangles) == len(picture.triangulation.triangles) == 4 * 16
