@@ -152,7 +152,7 @@ def reproduce(
 
 @app.command()
 def validate(
-    quick: Annotated[bool, typer.Option("--quick", metavar="", help="Coarser grids, in a minute or two.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", metavar="", help="Coarser grids, in a few minutes.")] = False,
     only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Run this case; repeatable.")] = None,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for numbers and report.")] = Path("validated"),
     validation: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the cases.")] = Path("validation"),
