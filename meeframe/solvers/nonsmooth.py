@@ -151,9 +151,20 @@ class Equation:
         across = ahead if follows_gap(self.problem) else None
         return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
 
-    def transmissivity_slope(self, pressing: Array, ahead: Array) -> Array:
-        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences."""
-        here = np.minimum(pressing, -LOWEST * self.scales.pressure)
+    def transmissivity_slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
+        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
+
+        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Nodes yet to be pressed
+        are where power laws are steepest: there it is the slope at what is answered, if that is the smaller one.
+        """
+        least = -LOWEST * self.scales.pressure
+        slope = self._slope(np.minimum(pressing, least), ahead)
+        if not slope.any():
+            return slope
+        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
+        return np.where(np.abs(there) < np.abs(slope), there, slope)
+
+    def _slope(self, here: Array, ahead: Array) -> Array:
         more, less = (self.transmissivity(here * (1.0 + sign * WIDTH), ahead, 1.0) for sign in (1.0, -1.0))
         return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
 
@@ -263,7 +274,9 @@ class Point:
         b[CLOSED, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         closed = np.clip(self.closed, 0.0, 1.0)
         alone = unloaded(self.ahead, self.load[:, POTENTIALS], equation.own)
-        slope = closed[:, None] * equation.transmissivity_slope(pressing, alone)
+        answered = self.load[:, 2] - scales.pressure * self.residual[:, 2]
+        ends = pressing, contact_traction(law, answered, self.ahead[:, 2])
+        slope = closed[:, None] * equation.transmissivity_slope(*ends, alone)
         share, across = self.transmissivity, None
         if follows_gap(equation.problem):
             across, dropping = equation.transmissivity_across(pressing, alone, closed)
