@@ -154,8 +154,8 @@ class Equation:
     def transmissivity_slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
         """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
 
-        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Nodes yet to be pressed
-        are where power laws are steepest: there it is the slope at what is answered, if that is the smaller one.
+        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
+        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one.
         """
         least = -LOWEST * self.scales.pressure
         slope = self._slope(np.minimum(pressing, least), ahead)

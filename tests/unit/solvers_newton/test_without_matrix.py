@@ -8,6 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 import meeframe.solvers.auto as auto_module
+import meeframe.solvers.newton as newton_module
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, Solver, Status
 from meeframe.core.fields import Array
@@ -16,7 +17,7 @@ from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import Material, library_material
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, residual, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, ProjectedCG, SemismoothNewton, residual, solve
 from meeframe.solvers.newton_krylov import krylov_step
 from meeframe.solvers.newton_steps import _coupled, _stated, newton_step
 from meeframe.solvers.nonsmooth import Equation
@@ -159,7 +160,7 @@ def test_contacts_that_conduct_close_in_without_coupling(solver: Solver) -> None
     assert residual(problem, solution.state) <= 1e-10
 
 
-def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() -> None:
+def test_auto_takes_conjugate_gradients_without_friction_and_conduction_and_newton_with_friction() -> None:
     pressed = dragged(32, Signorini(), Insulating())
     expected = solve(pressed, ProjectedCG(), Limits(1e-12)).state.load
     spent = {}
@@ -183,6 +184,52 @@ def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatc
     assert solution.status is Status.CONVERGED
     assert solution.iterations > 3
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("kappa", [1e-5, np.inf])
+def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
+    """To the last digit, and to the solution of conjugate gradients; one potential is enough."""
+    problem = replace(dragged(32, Signorini(), Insulating()), magnetic_law=StepConductivity(kappa))
+    by_newton, by_auto, in_turns = (solve(problem, solver) for solver in (SemismoothNewton(), Auto(), ProjectedCG()))
+    assert by_auto.status is Status.CONVERGED, by_auto.message
+    np.testing.assert_array_equal(by_auto.state.load, by_newton.state.load)
+    largest = np.abs(in_turns.state.load).max(axis=0)
+    assert (np.abs(by_auto.state.load - in_turns.state.load) <= 1e-8 * largest).all()
+
+
+def test_auto_goes_on_by_conjugate_gradients_where_newtons_method_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And then as where nothing conducts: by Newton's method again."""
+    problem = dragged(32, Signorini(), StepConductivity(np.inf))
+    expected = solve(problem, SemismoothNewton()).state.load
+    monkeypatch.setattr(auto_module, "CONDUCTING", replace(auto_module.CONDUCTING, steps=0, patience=2))
+    with monkeypatch.context() as alone:
+        alone.setattr(auto_module, "STAGES", ())
+        solution = solve(problem, Auto())
+    assert solution.status is Status.CONVERGED, solution.message
+    assert 3 < solution.iterations <= 3 + solve(problem, ProjectedCG()).iterations
+    np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, steps=0, patience=2))
+    solution = solve(problem, Auto())
+    assert solution.status is Status.CONVERGED
+    assert solution.iterations > 6
+    np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("exponent", [0.5, 0.95])
+def test_conductivities_that_are_steepest_without_pressure(growing, exponent: float, monkeypatch) -> None:
+    """From zero by Newton steps alone: one that went by the slope there would be of no use."""
+    problem = dragged(32, Signorini(), Insulating())
+    own = problem.system.diagonal_blocks()[0, [3, 4], [3, 4]]
+    laws = [growing(100.0 / float(one), 5e8, exponent) for one in own]
+    given = np.tile([5.0, 1.0], (32**2, 1))
+    problem = replace(problem, electric_law=laws[0], magnetic_law=laws[1], potentials=given)
+    expected = solve(problem, Nesterov())
+    assert expected.status is Status.CONVERGED, expected.message
+    monkeypatch.setattr(newton_module, "_gradient_steps", None)
+    solution = solve(problem, SemismoothNewton())
+    assert solution.status is Status.CONVERGED, solution.message
+    largest = np.abs(expected.state.load).max(axis=0)
+    assert (np.abs(solution.state.load - expected.state.load) <= 1e-8 * largest).all()
 
 
 @pytest.mark.parametrize("flux", [Insulating(), StepConductivity(np.inf)], ids=["insulated", "conducting"])
