@@ -28,7 +28,8 @@ class Placement:
     the indenter's own axes are the global ones, else e1, e2 of frames_of(axis).
     x, y: where its lowest point stands in those axes, from the origin [m]; along the axis it stands level with the
     highest point of the contact zone. rotation: of the shape in its own plane, then tilt_2 about e2, then tilt_1 about
-    e1, all right-handed, about the lowest point, exact for any angle [rad].
+    e1, all right-handed, about the lowest point that it has upright, exact for any angle [rad]; that point stays
+    where it is, so that what a tilt brings below it overlaps with the body at approach zero.
     Raises CaseError if a number is not finite, a tilt reaches a right angle, or the axis is no direction.
     """
 
