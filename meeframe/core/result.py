@@ -217,11 +217,13 @@ def resultants(zone: Zone, step: StepResult) -> Resultants:
     """
     normal = step.traction[:, 2]
     electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
-    forces = zone.weights[:, None] * np.einsum("na,nai->ni", step.traction, zone.frames)
+    # of one layout in memory, on which last digits depend, whether the step is solved or read
+    traction, fluxes = split_load(step.state.load)
+    forces = zone.weights[:, None] * np.einsum("na,nai->ni", traction, zone.frames)
     moments = np.cross(zone.points - step.loading.reference, forces)
     # no -0.0
     force, about = (step.loading.axes @ each.sum(axis=0) + 0.0 for each in (forces, moments))
-    charge, magnetic_flux = zone.weights @ step.fluxes + 0.0
+    charge, magnetic_flux = zone.weights @ fluxes + 0.0
     return Resultants(
         force=forces.sum(axis=0),
         normal_force=float(0.0 - force[2]),
