@@ -9,14 +9,14 @@ import numpy as np
 from scipy.linalg import LinAlgWarning
 
 from meeframe.core.blas import ONE_BLAS_THREAD
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.solvers.reach import unreachable
 from meeframe.solvers.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
-from meeframe.solvers.scales import Scales, motion_scales, problem_scales
+from meeframe.solvers.scales import Scales, largest, motion_scales, problem_scales
 
 Criterion = Literal["residual", "paper"]
 
@@ -172,7 +172,7 @@ def solve(
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
-    if status is not Status.CONVERGED and (reason := hopeless()):
+    if status is not Status.CONVERGED and (reason := hopeless() or _missed(problem, state, scales)):
         message = f"{message}: {reason}"
     # stored as it is read from a file, so that sums over it are the same to the last digit
     state = replace(state, load=np.ascontiguousarray(state.load), displacement=np.ascontiguousarray(state.displacement))
@@ -198,6 +198,16 @@ def _judged(
             return state, value
     state = evaluate(problem, iterate)
     return state, law_residual(problem, state, scales)
+
+
+def _missed(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
+    """That loads are far from the prescribed resultants, in words; None if they are not."""
+    missing = largest(unbalance(problem, state.load) / scales.totals)
+    if not missing > ACCEPTABLE:
+        return None
+    return (
+        f"the loads found miss the prescribed resultants ({missing:.1e} off), which may be more than the contact bears"
+    )
 
 
 def _due(solver: Solver, iterate: Iterate, iteration: int, limits: Limits) -> bool:
