@@ -46,7 +46,8 @@ def check_output(folder: Path, overwrite: bool) -> None:
                 made.rmdir()
     if occupied and not overwrite:
         listed = ", ".join(occupied[:4]) + (", ..." if len(occupied) > 4 else "")
-        raise ResultError(f"output folder {folder} is not empty ({listed}); name another one or pass --overwrite")
+        otherwise = "name another one or pass --overwrite (from Python overwrite=True)"
+        raise ResultError(f"output folder {folder} is not empty ({listed}); {otherwise}")
 
 
 def check_place(file: Path) -> None:

@@ -48,7 +48,7 @@ def test_results_are_replaced_only_when_asked(case, tmp_path):
     meeframe.run(case, out)
     (out / "notes.txt").write_text("mine")
     before = {path.name: path.read_bytes() for path in out.iterdir()}
-    with pytest.raises(ResultError, match=r"is not empty.*--overwrite"):
+    with pytest.raises(ResultError, match=r"is not empty.*--overwrite.*overwrite=True"):
         meeframe.run(case, out)
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     meeframe.run(case, out, overwrite=True)
