@@ -6,7 +6,6 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.core.law import conducts
 from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.conjugate_gradients import ProjectedCG
 from meeframe.solvers.frictionless import takes
@@ -22,18 +21,17 @@ FALL: Final = 0.9
 @dataclass(frozen=True)
 class _Stage:
     """steps: of the solver in one step of `auto`; patience: steps of `auto` without progress after which the next stage
-    takes over."""
+    takes over; grazing: whether it goes on with nodes that graze, or that does."""
 
     solver: Solver
     steps: int
     patience: float
+    grazing: bool = True
 
 
-FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 15)
-"""Before the others where it takes the problem and there is no matrix to factorise."""
-CONDUCTING: Final = _Stage(SemismoothNewton(), 1, 10)
-"""Before that if anything conducts: it finds pressures, fluxes and closed fractions of nodes that graze together, not
-in turns. What is on its way to a solution hardly ever makes more than three steps without progress."""
+FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
+"""Before the others where it takes the problem and there is no matrix to factorise. It finds pressures and the closed
+fractions of nodes that graze in turns, Newton's method together."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
     _Stage(Nesterov(), 25, 60),
@@ -60,7 +58,7 @@ class _Memory:
 class Auto(Solver):
     """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
     hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
-    matrix, projected conjugate gradients come before them; if anything conducts, these after Newton's method.
+    matrix, projected conjugate gradients come before them, until nodes graze.
 
     Progress is judged by what the solver in force estimates of the residual, or else by the residual of the laws, as
     the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
@@ -70,7 +68,8 @@ class Auto(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
-        return _begun(problem, _stages(problem), start, problem_scales(problem))
+        first: tuple[_Stage, ...] = (FRICTIONLESS,) if problem.system.dense() is None and takes(problem) else ()
+        return _begun(problem, (*first, *STAGES), start, problem_scales(problem))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
@@ -80,6 +79,8 @@ class Auto(Solver):
         stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
+        if not stage.grazing and ((inner.closed > 0.0) & (inner.closed < 1.0)).any():
+            return _begun(problem, memory.stages[1:], evaluate(problem, inner), memory.scales)
         residual = _residual(problem, inner, memory.scales)
         if residual < FALL * memory.residual or not np.isfinite(memory.residual):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
@@ -88,15 +89,6 @@ class Auto(Solver):
         if memory.idle > stage.patience:
             return _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
         return replace(inner, memory=memory)
-
-
-def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
-    """All that may be tried, in this order."""
-    if problem.system.dense() is not None or not takes(problem):
-        return STAGES
-    if conducts(problem.electric_law) or conducts(problem.magnetic_law):
-        return (CONDUCTING, FRICTIONLESS, *STAGES)
-    return (FRICTIONLESS, *STAGES)
 
 
 def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:
