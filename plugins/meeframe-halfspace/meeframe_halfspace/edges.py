@@ -28,9 +28,11 @@ TOWARDS: Final = 0.5
 """Cosine to the direction across the rim above which a pressure fades towards it."""
 
 
-def resolved_edges(grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: Rim | None) -> Edges:
+def resolved_edges(
+    grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: Rim | None, periodic: bool = False
+) -> Edges:
     """See ReducedSystem.edges. waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries."""
-    distance, outward = _outline(grid, pressure)
+    distance, outward = _outline(grid, pressure, periodic)
     if rim is not None:
         _enter_rim(grid, rim, pressure, distance, outward)
     at = np.flatnonzero(np.isfinite(distance))
@@ -47,9 +49,9 @@ def resolved_edges(grid: Grid, waves: Array, scaling: Array, pressure: Array, ri
     return Edges(own, covered)
 
 
-def _outline(grid: Grid, pressure: Array) -> tuple[Array, Array]:
+def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]:
     """Distance (n,) of nodes from the edge in spacings across it, NaN if it is far, and its direction (n, 2) [1]."""
-    outline = find_outline(pressure[grid.nodes])
+    outline = find_outline(pressure[grid.nodes], periodic)
     numbers = grid.nodes[outline.nodes[:, 0], outline.nodes[:, 1]]
     distance, outward = np.full(len(pressure), np.nan), np.zeros((len(pressure), 2))
     distance[numbers] = outline.distance

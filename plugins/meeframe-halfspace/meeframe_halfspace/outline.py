@@ -8,6 +8,7 @@ says where zero is. Lengths in spacings.
 """
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -47,6 +48,8 @@ TAIL: Final = 0.03
 OUTERMOST: Final = 0.1
 """A node with pressure is so far outside at most, one without so far inside."""
 _AROUND: Final = np.ones((3, 3), bool)
+_WIDTH: Final = ceil(REACH + BESIDE)
+"""Of all that one node's edge depends on, to each side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +62,16 @@ class Outline:
     outward: Array
 
 
-def find_outline(pressure: Array) -> Outline:
-    """The edge of the contact between the nodes of a grid of pressures (nx, ny) >= 0.
+def find_outline(pressure: Array, periodic: bool = False) -> Outline:
+    """The edge of the contact between the nodes of a grid of pressures (nx, ny) >= 0, which may be one period.
 
     Of all nodes next to it on either side, but for those where too few others or no rising pressure tell.
     """
+    if periodic:
+        around = find_outline(np.pad(pressure, _WIDTH, mode="wrap"))
+        nodes = around.nodes - _WIDTH
+        own = ((nodes >= 0) & (nodes < pressure.shape)).all(axis=1)
+        return Outline(nodes[own], around.distance[own], around.outward[own])
     touching = pressure > 0.0
     edge = scipy.ndimage.binary_dilation(~touching, _AROUND) & scipy.ndimage.binary_dilation(touching, _AROUND)
     nodes = np.argwhere(edge)
@@ -99,8 +107,7 @@ def distance_of(pressure: Array, outward: Array) -> Array:
 
 def _neighbours(nodes: Indices, touching: Flags) -> tuple[Indices, Flags]:
     """Places (m, k, 2) of the nodes around each, and which of them (m, k) are in contact and within reach."""
-    width = int(np.ceil(REACH + BESIDE))
-    offsets = np.stack(np.meshgrid(*[np.arange(-width, width + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    offsets = np.stack(np.meshgrid(*[np.arange(-_WIDTH, _WIDTH + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     apart = np.hypot(*offsets.T)
     offsets, apart = offsets[apart <= REACH + BESIDE], apart[apart <= REACH + BESIDE]
     places = nodes[:, None] + offsets

@@ -88,7 +88,9 @@ class HalfSpaceSystem(ReducedSystem):
         """The edge of the contact between the nodes, if that is asked for."""
         if self.edge_waves is None:
             return None
-        return resolved_edges(self.grid, self.edge_waves, self.convolution.scale, pressure, rim)
+        return resolved_edges(
+            self.grid, self.edge_waves, self.convolution.scale, pressure, rim, self.convolution.periodic
+        )
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""

@@ -1,4 +1,4 @@
-"""Contact area of periodic surfaces, none of whose nodes is special."""
+"""Contact on periodic surfaces, none of whose nodes is special: its area, its edges between the nodes."""
 
 from dataclasses import dataclass
 
@@ -14,6 +14,7 @@ from meeframe.core.indenter import Indenter
 from meeframe.core.result import Resultants, resultants
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
+from meeframe.laws import StepConductivity
 from meeframe.materials import library_material, rotation_about
 from meeframe.materials.half_space import surface_compliance
 
@@ -49,3 +50,41 @@ def test_westergaard_wherever_the_crest_is(share: float) -> None:
     areas = [pressed(shift * PERIOD / NODES, force, "nodes").contact_area / PERIOD**2 for shift in (0.0, 5.0, 15.0)]
     np.testing.assert_allclose(areas, areas[0], rtol=1e-12)
     assert areas[0] == pytest.approx(exact, abs=0.0 if share > 1.0 else 1.0 / NODES, rel=1e-12)
+
+
+@dataclass(frozen=True)
+class PeriodicSphere(Indenter):
+    """A paraboloid in each period, the one in the middle centred at x, y [m]."""
+
+    x: float
+    y: float
+
+    def height(self, x: Array, y: Array) -> Array:
+        near = [np.mod(along + PERIOD / 2.0, PERIOD) - PERIOD / 2.0 for along in (x - self.x, y - self.y)]
+        height: Array = (near[0] ** 2 + near[1] ** 2) / 0.02
+        return height
+
+
+@pytest.mark.parametrize("place", [(16, 0), (16, 16), (13, -5)])
+def test_resolved_edges_cross_the_border_of_the_period(place: tuple[int, int]) -> None:
+    """Charge and area are those of the same contact in the middle of the zone."""
+    (charge, area), found = (
+        (totals.charge, totals.contact_area)
+        for totals in (conducting(PeriodicSphere(*(PERIOD / NODES * np.array(at)))) for at in ((0, 0), place))
+    )
+    assert found == pytest.approx((charge, area), rel=1e-8)
+
+
+def conducting(indenter: Indenter) -> Resultants:
+    mesh = half_space_mesh(8.0 * PERIOD, PERIOD * (1.0 - 1.0 / NODES), NODES - 1, 1, Quad4())
+    case = Case(
+        material=library_material("batio3-cofe2o4"),
+        mesh=mesh,
+        conditions=(),
+        indenter=indenter,
+        steps=(Step(normal_force=5.0, electric_potential=500.0),),
+        electric_law=StepConductivity(np.inf),
+        formulation=HalfSpace(periodic=True, edges="resolved"),
+    )
+    result = solve_case(case)
+    return resultants(result.zone, result.steps[-1])
