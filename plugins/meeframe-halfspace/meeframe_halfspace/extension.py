@@ -27,11 +27,13 @@ gradients took the fewest steps on the rough surfaces of validation/benchmarks/h
 class Pyramid:
     """Of cells around the nodes of a grid that repeats itself, single precision.
 
-    places: (f,) of the nodes with values in the flattened grid; shares: (a, b) inverse of their number in each cell,
-    zero where there are none, of the grid and of each larger scale.
+    places: (f,) of the nodes with values in the flattened grid, and cells: (f,) of those that hold them among the
+    smallest; shares: (a, b) inverse of their number in each cell, zero where there are none, of the grid and of each
+    larger scale.
     """
 
     places: Indices
+    cells: Indices
     shares: tuple[Array, ...]
 
     @classmethod
@@ -42,7 +44,8 @@ class Pyramid:
         for _ in range(LEVELS):
             numbers.append(_sums(numbers[-1]))
         inverses = (np.divide(1.0, number, out=np.zeros_like(number), where=number > 0.0) for number in numbers)
-        return cls(places, tuple(inverses))
+        rows, columns = np.divmod(places, size[1])
+        return cls(places, rows // 2 * numbers[1].shape[1] + columns // 2, tuple(inverses))
 
     def extended(self, values: Array) -> Array:
         """Values (f,) of the nodes at all places, (a, b)."""
@@ -66,8 +69,7 @@ class Pyramid:
         sums = parts[-1] * self.shares[-1]
         for level in reversed(range(1, LEVELS)):
             sums = add_to_cells(sums, parts[level], self.shares[level])
-        rows, columns = np.divmod(self.places, whole.shape[1])
-        gathered: Array = whole.ravel()[self.places] + sums[rows // 2, columns // 2]
+        gathered: Array = whole.take(self.places) + sums.take(self.cells)
         return gathered
 
 
