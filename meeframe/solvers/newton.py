@@ -6,8 +6,8 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.law import attraction, attracts
+from meeframe.core.fields import MECHANICAL, Array
+from meeframe.core.law import attracts
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.driver import Limits
@@ -15,8 +15,10 @@ from meeframe.solvers.free_motion import balanced_projection, motions, start_mot
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.newton_krylov import Inverse
-from meeframe.solvers.newton_steps import Step, newton_step
-from meeframe.solvers.nonsmooth import CLOSED, Equation, Point
+from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
+from meeframe.solvers.newton_part import Inset, inset
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.nonsmooth import Equation, Point
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Of a Newton step, tried in turn."""
@@ -24,10 +26,6 @@ PATIENCE: Final = 2
 """A step must come below the largest merit of so many states."""
 FALL: Final = 0.99
 """So far below, as a fraction."""
-FLIPS: Final = 1
-"""A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
-ROUND_OFF: Final = 1e-14
-"""A normal traction below this fraction of the characteristic one is none."""
 LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
@@ -49,6 +47,10 @@ BURST: Final = 25
 LONGEST_BURST: Final = 400
 BALANCED: Final = 1e-6
 """Resultants of a start that miss the prescribed ones by less need no other motion to begin with."""
+INSETS: Final = 2
+"""So often an iteration without a matrix withdraws to the part of the zone around the contact."""
+NEAR: Final = 0.1
+"""Merit below which it does, unless it starts there."""
 STIFFENING: Final = (1.0, 4.0, 16.0)
 """Of the step that finds it: friction bears more where the same overlap presses more."""
 
@@ -57,7 +59,9 @@ STIFFENING: Final = (1.0, 4.0, 16.0)
 class _Memory:
     """point: the equation at the iterate; merits: of the last states, that of a start as high as it may rise; flips:
     (n,) how often each node has opened or closed; fall: its merit over that before; burst: how many gradient steps are
-    made the next time; leaps: full steps that may still take their place."""
+    made the next time; leaps: full steps that may still take their place; inverse: of the last step; inset: the part of
+    the zone whose equation it is, None if the whole; unseen: whether what is beside it is yet to be looked at; insets:
+    parts that may still be taken."""
 
     point: Point
     merits: tuple[float, ...]
@@ -66,6 +70,9 @@ class _Memory:
     burst: int = BURST
     leaps: int = 0
     inverse: Inverse | None = None
+    inset: Inset | None = None
+    unseen: bool = True
+    insets: int = 0
 
 
 @final
@@ -77,7 +84,8 @@ class SemismoothNewton(Solver):
     motions of the indenter together, by factorisation at contact size or, where the compliance is not held as a matrix,
     by GMRES. Tractions are then made admissible. A step that does not bring the merit (the root mean square of the
     residual, balance included) below that of the last two states is halved, up to three times. If that does not help,
-    a burst of projected Barzilai-Borwein steps takes its place, from where Newton's method starts again.
+    a burst of projected Barzilai-Borwein steps takes its place, from where Newton's method starts again. Where there is
+    no matrix, steps are made on the part of the zone around the contact: see newton_part.
 
     Source: Christensen et al., Int. J. Numer. Methods Eng. 42 (1998) 145 for frictional contact; Qi and Sun, Math.
     Program. 58 (1993) 353 for the convergence.
@@ -87,23 +95,28 @@ class SemismoothNewton(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
-        n = len(problem.gap)
-        prolonged = nested_start(problem, _coarse_solution) if start is None and _matrixless(problem) else None
+        n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
+        prolonged = nested_start(problem, _coarse_solution) if start is None and insets else None
         start = start if prolonged is None else prolonged
-        closed = np.zeros(n) if start is None else start.closed
-        equation = Equation.of(problem)
+        closed, load = np.zeros(n) if start is None else start.closed, start_load(start, n)
         motion = start_motion(problem, start)
-        point = equation.at(start_load(start, n), closed, _between(closed), motion)
+        part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
+        if part is not None:
+            point = part.equation.at(load[part.kept], closed[part.kept], _between(closed[part.kept]), motion)
+            insets -= 1
+        else:
+            point = Equation.of(problem).at(load, closed, _between(closed), motion)
         # what attracts may hold where it is, so that it is not lifted off to find the contact anew
         held = prolonged is not None or (start is not None and attracts(problem.contact_law))
         if not held and (np.abs(point.balance) > BALANCED).any():
-            point = equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
+            point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         rise = 1.0 if prolonged is None else ROUGHENING
-        return _iterate(_Memory(point, (rise * point.merit,), np.zeros(n), leaps=LEAPS if _matrixless(problem) else 0))
+        flips = np.zeros(len(point.load))
+        return _iterate(_Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One Newton step, a fraction of it, or a burst of gradient steps; none from where no law is violated."""
-        memory = _memory(iterate)
+        memory = _placed(problem, _memory(iterate))
         point = memory.point
         if point.merit == 0.0:
             return iterate
@@ -113,20 +126,62 @@ class SemismoothNewton(Solver):
         flips = memory.flips
         if direction.finite:
             for fraction in FRACTIONS:
-                flips, moved = _moved(point, flips, direction, fraction)
+                flips, moved = moved_by(point, flips, direction, fraction)
                 if not moved.merit < allowed:
-                    moved = _held(point, moved)
+                    moved = held_where_it_grazes(point, moved)
                 if moved.merit < allowed:
                     merits = (*memory.merits, moved.merit)[-PATIENCE:]
                     fall, inverse = moved.merit / point.merit, direction.inverse
-                    return _iterate(_Memory(moved, merits, flips, fall, memory.burst, memory.leaps, inverse))
+                    after = replace(memory, point=moved, merits=merits, flips=flips, fall=fall, inverse=inverse)
+                    return _iterate(_looked_beside(problem, after))
             if memory.leaps:
-                _, moved = _moved(point, np.zeros_like(flips), direction, 1.0)
+                _, moved = moved_by(point, np.zeros_like(flips), direction, 1.0)
                 if moved.merit < FARTHEST_LEAP:
-                    return _iterate(_Memory(moved, (moved.merit,), flips, burst=memory.burst, leaps=memory.leaps - 1))
-        moved = _gradient_steps(problem, point, flips > FLIPS, memory.burst)
+                    return _iterate(replace(_anew(memory, moved, flips), leaps=memory.leaps - 1))
+        memory = replace(memory, flips=flips)
+        if memory.inset is not None:
+            memory = _on_whole(problem, memory, memory.inset)
+        moved = _gradient_steps(problem, memory.point, memory.flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
-        return _iterate(_Memory(moved, (moved.merit,), flips, burst=burst, leaps=memory.leaps))
+        return _iterate(replace(_anew(memory, moved, memory.flips), burst=burst))
+
+
+def _anew(memory: _Memory, point: Point, flips: Array) -> _Memory:
+    """From a point on, without what was known of those before."""
+    return replace(memory, point=point, merits=(point.merit,), flips=flips, fall=np.inf, inverse=None)
+
+
+def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
+    """On the part of the zone around the contact, if there is one; on the whole if that has nothing left to say."""
+    point, part = memory.point, memory.inset
+    if part is not None:
+        return _on_whole(problem, memory, part) if point.violation <= ENOUGH else memory
+    if not memory.insets or not point.merit < NEAR:
+        return memory
+    part = inset(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
+    if part is None:
+        return memory
+    kept = part.kept
+    nodes = (point.load[kept], point.ahead[kept], point.closed[kept], point.grazing[kept])
+    within = part.equation.beside(*nodes, point.motion)
+    flips = memory.flips[kept]
+    return replace(memory, point=within, flips=flips, inverse=None, inset=part, unseen=True, insets=memory.insets - 1)
+
+
+def _on_whole(problem: ContactProblem, memory: _Memory, part: Inset) -> _Memory:
+    """On the whole zone, from a part of it."""
+    point, spread = memory.point, part.spread
+    nodes = spread(point.load), spread(point.closed), spread(point.grazing)
+    whole = Equation.of(problem).at(*nodes, point.motion)
+    return replace(_anew(memory, whole, spread(memory.flips)), inset=None)
+
+
+def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
+    """On the whole zone if there is contact beside the part, which is looked at once, when the contact is known."""
+    part = memory.inset
+    if part is None or not memory.unseen or not memory.point.merit < COARSE:
+        return memory
+    return _on_whole(problem, memory, part) if part.spilt(memory.point) else replace(memory, unseen=False)
 
 
 def _tolerance(fall: float, violation: float) -> float:
@@ -153,7 +208,11 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
         return None
-    gap = _memory(iterate).point.ahead[:, 2]
+    point, part = _memory(iterate).point, _memory(iterate).inset
+    gap = point.ahead[:, 2]
+    if part is not None:
+        around, gap = gap, np.full(len(problem.gap), np.inf)
+        gap[part.kept] = around
     return replace(iterate, load=tensed(iterate.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
 
 
@@ -181,65 +240,16 @@ def _memory(iterate: Iterate) -> _Memory:
 
 def _iterate(memory: _Memory) -> Iterate:
     """The iterate; where products are dear, with the violation of the laws that the equation knows of."""
-    point = memory.point
+    point, part = memory.point, memory.inset
     estimate = point.violation if _matrixless(point.equation.problem) else None
-    return Iterate(point.load, np.clip(point.closed, 0.0, 1.0), memory, point.motion, estimate)
+    load, closed = point.load, np.clip(point.closed, 0.0, 1.0)
+    if part is not None:
+        load, closed = part.spread(load), part.spread(closed)
+    return Iterate(load, closed, memory, point.motion, estimate)
 
 
 def _between(closed: Array) -> Mask:
     return (closed > 0.0) & (closed < 1.0)
-
-
-def _moved(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
-    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze.
-
-    They begin between open and closed, where their own switching would take their trial to zero: from one of the ends
-    the first step goes too far, since the drive changes along with the fraction.
-    """
-    equation = point.equation
-    motion = point.motion + fraction * step.motion
-    load = point.load + fraction * step.local[:, :N_FIELDS]
-    load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
-    # what is left of a traction that the step took away
-    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
-    moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
-    changed = (moved.closed > 0.0) != (point.closed > 0.0)
-    flips = flips + (changed & moved.jump.any(axis=1))
-    fresh = (flips > FLIPS) & ~moved.grazing
-    if not fresh.any():
-        return flips, moved
-    closed, lift = moved.closed.copy(), moved.lift
-    within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
-    closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
-    return flips, equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
-
-
-def _held(point: Point, moved: Point) -> Point:
-    """A moved point, or the same with nodes that graze where it opened or closed them, if that violates the laws less.
-
-    Their conduction stays for the time being: it would jump, and the fluxes with it. Only nodes whose trial is as near
-    to zero as their own switching moves it can graze.
-    """
-    switched = ((moved.closed > 0.0) != (point.closed > 0.0)) & moved.jump.any(axis=1) & ~moved.grazing
-    near = switched & (np.abs(moved.trial[:, 2]) < moved.sigma)
-    if not near.any():
-        return moved
-    closed = np.where(near, point.closed, moved.closed)
-    held = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing | near, moved.motion)
-    return held if held.merit < moved.merit else moved
-
-
-def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
-    """Tractions (n, 3) of a load (n, 5) at a motion (m,), the contact's part of them projected by the law."""
-    law, traction = problem.contact_law, load[:, MECHANICAL].copy()
-    pull = np.zeros(len(load))
-    if attracts(law):
-        displacement = problem.system.offset + problem.system.apply(load)
-        pull = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
-    traction[:, 2] -= pull
-    traction = law.project(traction)
-    traction[:, 2] += pull
-    return traction
 
 
 def _gradient_steps(problem: ContactProblem, point: Point, grazing: Mask, count: int) -> Point:

@@ -67,7 +67,7 @@ def krylov_step(
     multiplication, inverse = rows.multiplication(), Inverse.of(rows, before)
     precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
-    weight = np.sqrt(len(given), dtype=rows.precision)  # as the merit weighs the balance
+    weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
 
     def multiply(values: Array) -> Array:

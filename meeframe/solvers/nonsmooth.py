@@ -62,7 +62,8 @@ class Equation:
     flux, and lifted: (n, 2) [m/V], [m/A] how far flux that changes them moves it along the normal; r: [Pa/m]; modes:
     (n, 5, m) displacement of the indenter by characteristic amounts, units: (m,), of its free motions; measures:
     (m, n, 5) of the loads by characteristic totals; loaded: the fields that the laws load, and inverse: the system's
-    approximate one in them, None if it has none or is held as a matrix.
+    approximate one in them, None if it has none or is held as a matrix; count: nodes of the zone, of which these may be
+    a part: what the others leave of the equation is nothing.
 
     Here and in what follows components are stored one after another: numpy is much faster along the longer axis.
     """
@@ -78,11 +79,13 @@ class Equation:
     measures: Array
     loaded: list[int]
     inverse: Callable[[Array], Array] | None
+    count: int
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> "Equation":
-        """Of a problem."""
-        scales = problem_scales(problem)
+    def of(cls, problem: ContactProblem, whole: ContactProblem | None = None) -> "Equation":
+        """Of a problem; whole: that of which it is a part, whose scales count."""
+        whole = whole or problem
+        scales = problem_scales(whole)
         blocks = np.asfortranarray(problem.system.diagonal_blocks())
         own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
         lifted = blocks[:, 2, POTENTIALS] / own
@@ -100,7 +103,7 @@ class Equation:
         system = problem.system
         inverse = system.approximate_inverse(loaded) if system.dense() is None else None
         r = 1.0 / scales.normal_compliance
-        return cls(problem, scales, blocks, own, lifted, r, modes, units, measures, loaded, inverse)
+        return cls(problem, scales, blocks, own, lifted, r, modes, units, measures, loaded, inverse, len(whole.gap))
 
     @cached_property
     def strongest(self) -> Array:
@@ -238,7 +241,7 @@ class Point:
     @property
     def merit(self) -> float:
         """Root of the mean square of the residual over the nodes and that of the balance; inf if it is not finite."""
-        square = (self.residual**2).sum() / max(len(self.residual), 1) + (self.balance**2).sum()
+        square = (self.residual**2).sum() / max(self.equation.count, 1) + (self.balance**2).sum()
         merit = float(np.sqrt(square))
         return merit if np.isfinite(merit) else np.inf
 

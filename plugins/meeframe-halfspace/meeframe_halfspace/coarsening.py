@@ -11,7 +11,7 @@ from meeframe_halfspace.grid import Grid
 
 FEWEST: Final = 24
 """Nodes along an axis of the coarsest grid."""
-STEPS: Final = 16
+STEPS: Final = 64
 """At which parts of a grid may begin and end along an axis: few sizes, for contacts that change a little. Counted from
 either end, so that parts of turned grids are turned parts."""
 

@@ -21,10 +21,10 @@ from meeframe_halfspace.response import entries_to_matrix
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
-SMALL: Final = 0.6
+SMALL: Final = 0.75
 """Of the nodes: parts with more of them are not worth entries of their own."""
 SIZES: Final = 2
-"""Of parts whose entries are kept, up to 400 MB each at 1024 squared: that of the contact, and what it was before."""
+"""Of parts whose entries are kept, up to 500 MB each at 1024 squared: that of the contact, and what it was before."""
 
 
 @final

@@ -1,0 +1,68 @@
+"""Where a step of Newton's method leads: admissible tractions, and nodes that are taken to graze."""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem, contact_gap
+from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
+from meeframe.core.law import attraction, attracts
+from meeframe.solvers.newton_steps import Step
+from meeframe.solvers.nonsmooth import CLOSED, Point
+
+FLIPS: Final = 1
+"""A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
+ROUND_OFF: Final = 1e-14
+"""A normal traction below this fraction of the characteristic one is none."""
+
+
+def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
+    """Flips (n,) and point after a fraction of a step. Nodes whose conduction keeps changing are taken to graze.
+
+    They begin between open and closed, where their own switching would take their trial to zero: from one of the ends
+    the first step goes too far, since the drive changes along with the fraction.
+    """
+    equation = point.equation
+    motion = point.motion + fraction * step.motion
+    load = point.load + fraction * step.local[:, :N_FIELDS]
+    load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
+    # what is left of a traction that the step took away
+    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
+    moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
+    changed = (moved.closed > 0.0) != (point.closed > 0.0)
+    flips = flips + (changed & moved.jump.any(axis=1))
+    fresh = (flips > FLIPS) & ~moved.grazing
+    if not fresh.any():
+        return flips, moved
+    closed, lift = moved.closed.copy(), moved.lift
+    within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
+    closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
+    return flips, equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
+
+
+def held_where_it_grazes(point: Point, moved: Point) -> Point:
+    """A moved point, or the same with nodes that graze where it opened or closed them, if that violates the laws less.
+
+    Their conduction stays for the time being: it would jump, and the fluxes with it. Only nodes whose trial is as near
+    to zero as their own switching moves it can graze.
+    """
+    switched = ((moved.closed > 0.0) != (point.closed > 0.0)) & moved.jump.any(axis=1) & ~moved.grazing
+    near = switched & (np.abs(moved.trial[:, 2]) < moved.sigma)
+    if not near.any():
+        return moved
+    closed = np.where(near, point.closed, moved.closed)
+    held = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing | near, moved.motion)
+    return held if held.merit < moved.merit else moved
+
+
+def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
+    """Tractions (n, 3) of a load (n, 5) at a motion (m,), the contact's part of them projected by the law."""
+    law, traction = problem.contact_law, load[:, MECHANICAL].copy()
+    pull = np.zeros(len(load))
+    if attracts(law):
+        displacement = problem.system.offset + problem.system.apply(load)
+        pull = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
+    traction[:, 2] -= pull
+    traction = law.project(traction)
+    traction[:, 2] += pull
+    return traction
