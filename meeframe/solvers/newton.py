@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import attracts
+from meeframe.core.law import attracts, conducts
 from meeframe.solvers.accelerated import BarzilaiBorwein
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.driver import Limits
@@ -198,8 +198,10 @@ def _matrixless(problem: ContactProblem) -> bool:
 
 
 def _coarse_solution(problem: ContactProblem) -> Iterate | None:
-    """Roughly that of a problem on a coarser system, from which to start, with tension where the contact is open; None
-    if it is not found, or without load."""
+    """Roughly that of a problem on a coarser system, from which to start; None if it is not found, or without load.
+
+    If nothing conducts, there is tension where the contact is open: it would keep apart what conduction draws together.
+    """
     solver, (least, most) = SemismoothNewton(), COARSE_STEPS
     iterate, steps = solver.init(problem, None), 0
     while steps < least or _memory(iterate).point.merit > COARSE:
@@ -208,6 +210,8 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
         return None
+    if conducts(problem.electric_law) or conducts(problem.magnetic_law):
+        return iterate
     point, part = _memory(iterate).point, _memory(iterate).inset
     gap = point.ahead[:, 2]
     if part is not None:
