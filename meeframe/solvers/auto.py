@@ -6,6 +6,7 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
+from meeframe.core.law import conducts
 from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.conjugate_gradients import ProjectedCG
 from meeframe.solvers.frictionless import takes
@@ -32,6 +33,9 @@ class _Stage:
 FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
 """Before the others where it takes the problem and there is no matrix to factorise. It finds pressures and the closed
 fractions of nodes that graze in turns, Newton's method together."""
+CONDUCTING: Final = _Stage(SemismoothNewton(), 1, 10)
+"""Before that, if anything conducts; not where edges are resolved: of several solutions, where conduction draws nodes
+into contact, that of conjugate gradients has been the nearer one to closed forms."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
     _Stage(Nesterov(), 25, 60),
@@ -58,7 +62,8 @@ class _Memory:
 class Auto(Solver):
     """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
     hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
-    matrix, projected conjugate gradients come before them, until nodes graze.
+    matrix, projected conjugate gradients come before them, until nodes graze; if anything conducts and edges are not
+    resolved, these after Newton's method.
 
     Progress is judged by what the solver in force estimates of the residual, or else by the residual of the laws, as
     the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
@@ -68,8 +73,7 @@ class Auto(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
-        first: tuple[_Stage, ...] = (FRICTIONLESS,) if problem.system.dense() is None and takes(problem) else ()
-        return _begun(problem, (*first, *STAGES), start, problem_scales(problem))
+        return _begun(problem, _stages(problem), start, problem_scales(problem))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
@@ -89,6 +93,20 @@ class Auto(Solver):
         if memory.idle > stage.patience:
             return _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
         return replace(inner, memory=memory)
+
+
+def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
+    """All that may be tried, in this order."""
+    if problem.system.dense() is not None or not takes(problem):
+        return STAGES
+    if (conducts(problem.electric_law) or conducts(problem.magnetic_law)) and not _resolves_edges(problem):
+        return (CONDUCTING, FRICTIONLESS, *STAGES)
+    return (FRICTIONLESS, *STAGES)
+
+
+def _resolves_edges(problem: ContactProblem) -> bool:
+    """Whether edges lie between nodes, or are to once the problem has been solved (meeframe.solvers.edges)."""
+    return problem.covered is not None or problem.system.edges(np.zeros(len(problem.gap))) is not None
 
 
 def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:

@@ -139,9 +139,10 @@ def section(record: Record, _pictures: Path) -> str:
             prose(
                 "Frictionless contact of a sphere with a perfectly conducting indenter, as a multiple of the insulated"
                 f" one; residual 1e-8, medians of {TURNS} turns, one half space for all, its entries made before. What"
-                " counts is what a user gets, `auto` against `auto`: conjugate gradients, which give way to Newton's"
-                " method where nodes graze. Beside it both contacts by `projected-cg` alone. Where a surface responds"
-                " alike in all directions fluxes follow the pressure node by node, unless potentials of the indenter"
+                " counts is what a user gets, `auto` against `auto`: conjugate gradients for the insulated contact,"
+                " Newton's method for the conducting one. Beside it both contacts by `projected-cg`"
+                " alone. Where a surface responds alike in all directions fluxes follow the pressure node by"
+                " node, unless potentials of the indenter"
                 " add to them; elsewhere more products find them. Steps: of the insulated contact and the conducting"
                 " one by `projected-cg`, and of the latter by `auto`."
             ),

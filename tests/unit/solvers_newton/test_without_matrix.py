@@ -186,9 +186,36 @@ def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatc
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("kappa", [1e-5, np.inf])
+def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
+    """To the last digit, and to the solution of conjugate gradients; one potential is enough."""
+    problem = replace(dragged(32, Signorini(), Insulating()), magnetic_law=StepConductivity(kappa))
+    by_newton, by_auto, in_turns = (solve(problem, solver) for solver in (SemismoothNewton(), Auto(), ProjectedCG()))
+    assert by_auto.status is Status.CONVERGED, by_auto.message
+    np.testing.assert_array_equal(by_auto.state.load, by_newton.state.load)
+    largest = np.abs(in_turns.state.load).max(axis=0)
+    assert (np.abs(by_auto.state.load - in_turns.state.load) <= 1e-8 * largest).all()
+
+
+def test_auto_goes_on_by_conjugate_gradients_where_newtons_method_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = dragged(32, Signorini(), StepConductivity(np.inf))
+    expected = solve(problem, SemismoothNewton()).state.load
+    monkeypatch.setattr(auto_module, "CONDUCTING", replace(auto_module.CONDUCTING, steps=0, patience=2))
+    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, grazing=True))
+    monkeypatch.setattr(auto_module, "STAGES", ())
+    solution = solve(problem, Auto())
+    assert solution.status is Status.CONVERGED, solution.message
+    assert 3 < solution.iterations <= 3 + solve(problem, ProjectedCG()).iterations
+    np.testing.assert_allclose(solution.state.load, expected, atol=1e-9 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize(("potentials", "graze"), [((5.0, 1.0), True), ((-5.0, -1.0), False)])
-def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials: tuple[float, float], graze: bool) -> None:
-    """Potentials of one sign push the rim apart where it conducts, those of the other draw it together."""
+def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bool, monkeypatch) -> None:
+    """Potentials of one sign push the rim apart where it conducts, those of the other draw it together.
+
+    It begins with them as where edges are resolved.
+    """
+    monkeypatch.setattr(auto_module, "_resolves_edges", lambda _: True)
     problem = dragged(64, Signorini(), StepConductivity(np.inf))
     problem = replace(problem, potentials=np.tile(potentials, (64**2, 1)))
     expected = solve(problem, ProjectedCG())
