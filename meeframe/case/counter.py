@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from meeframe.core.body import Body, BoundaryCondition
+from meeframe.core.errors import CaseError
 from meeframe.core.formulation import Formulation
 from meeframe.core.mesh import SurfaceMesh
 from meeframe.core.pair import match_nodes
@@ -40,3 +41,13 @@ def check_match(counter: CounterBody | None, mesh: SurfaceMesh, zone: str) -> No
     """Raises MeshError unless the contact zone of the counter body, if there is one, fits that of the first body."""
     if counter is not None:
         match_nodes(zone_frames(mesh, zone), zone_frames(counter.mesh, counter.zone))
+
+
+def check_endless(counter: CounterBody | None, formulation: Formulation) -> None:
+    """Raises CaseError if of two bodies one alone has an endless surface, as a formulation says."""
+    if counter is not None and counter.formulation.endless() != formulation.endless():
+        endless, other = ("first body", "counter body") if formulation.endless() else ("counter body", "first body")
+        raise CaseError(
+            f"the surface of the {endless} goes on for ever, that of the {other} does not; allowed: both or neither "
+            "(half-space: periodic)"
+        )

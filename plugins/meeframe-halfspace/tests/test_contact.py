@@ -1,5 +1,6 @@
 """Contact on half spaces by transforms: closed forms, boundary elements on the same case, two bodies, roughness."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from meeframe.case.load import load_case
 from meeframe.case.solve import reduce, solve_case, solve_steps
 from meeframe.case.step import Step
 from meeframe.core.body import Body
+from meeframe.core.errors import CaseError
 from meeframe.core.result import resultants
+from meeframe.core.toml import toml_text
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import FrictionAxes, half_space_mesh
@@ -173,6 +176,19 @@ def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
     force, _ = outcome(case)
     exact = 4.0 / 3.0 * (2e11 / 0.91 / 2.0) * np.sqrt(0.1) * 4e-5**1.5
     assert -force[2] == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
+    """Half a spacing beside the zone belongs to the one and not to the other: they do not match."""
+    given = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
+    given["formulation"]["periodic"] = not periodic
+    own = {"name": "half-space", "periodic": periodic}
+    given["counter_body"] = {"material": given["material"], "mesh": given["mesh"], "formulation": own}
+    path = tmp_path / "case.toml"
+    path.write_text(toml_text(given), encoding="utf-8")
+    with pytest.raises(CaseError, match=r"counter_body\.formulation.*for ever.*allowed: both or neither"):
+        load_case(path)
 
 
 def rough_case(force, rms_height=1e-6, **changes):
