@@ -16,6 +16,7 @@ import numpy as np
 import meeframe
 from meeframe.case.case import Case
 from meeframe.case.solve import bodies_of, joined, recovery_of, reduce_for_contact
+from meeframe.case.systems import checked
 from meeframe.core.body import Body
 from meeframe.core.errors import ResultError
 from meeframe.core.formulation import Formulation, Progress, ReducedSystem, kept_of, silent
@@ -52,7 +53,7 @@ def cached_body(
     arrays = read_kept(path, key)
     if arrays is not None:
         with suppress(ValueError), faults_of_plugins(ValueError):  # not what this formulation kept
-            return formulation.restored(body, arrays)
+            return checked(formulation, formulation.restored(body, arrays))
     system = reduce_for_contact(formulation, body, progress)
     with faults_of_plugins():
         matrix, kept = system.dense(), kept_of(formulation, system)

@@ -19,7 +19,7 @@ from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, sl
 from meeframe.case.outlook import doubts
 from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
-from meeframe.case.systems import check_system
+from meeframe.case.systems import checked
 from meeframe.core.body import Body
 from meeframe.core.contact import ContactSolution, ContactState, Status, indenter_position
 from meeframe.core.dense_system import DenseSystem
@@ -88,9 +88,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
     """The reduced system of one body. Raises as reduce."""
     try:
         with faults_of_plugins():
-            system = formulation.reduce(body, progress)
-            check_system(formulation, system)
-            return system
+            return checked(formulation, formulation.reduce(body, progress))
     except MemoryError as error:
         raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
@@ -107,7 +105,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
     if not isinstance(system, DenseSystem):
         with faults_of_plugins():
             kept = kept_of(formulation, system)
-            return system if kept is None else formulation.restored(body, kept)
+            return system if kept is None else checked(formulation, formulation.restored(body, kept))
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 

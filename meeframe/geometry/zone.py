@@ -21,7 +21,7 @@ class ContactZone:
 
     points: (n, 3) [m]; frames: (n, 3, 3), rows e1, e2, nu, right-handed, nu outward; weights: (n,) [m^2], the integral
     of each shape function over the zone; cells: (meshio cell type, connectivity into points) pairs; numbers: (n,)
-    numbers of the points in the mesh, rising.
+    numbers of the points in the mesh, rising. The arrays are read-only: a zone is found once for its mesh.
     """
 
     points: Array
@@ -31,13 +31,17 @@ class ContactZone:
     numbers: Indices
 
 
-@once_for_each
 def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
     """Contact zone of a face group.
 
     Normals at points are means over the zone's elements alone, weighted by their areas. Raises MeshError if there is no
     such group, it has no elements, or it turns a sharp edge.
     """
+    return _zone(mesh, group)
+
+
+@once_for_each
+def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     blocks = _zone_blocks(mesh, group)
     used = np.zeros(len(mesh.points), bool)
     for block in blocks:
@@ -57,6 +61,8 @@ def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
         raise MeshError(f"contact zone {group!r}: no normal at {mesh.points[numbers[np.argmin(lengths)]]} [m]")
     zone = ContactZone(mesh.points[numbers], frames_of(normals / lengths), weights, tuple(cells), numbers)
     _check_smooth(corners, zone, group)
+    for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in cells)):
+        array.setflags(write=False)
     return zone
 
 

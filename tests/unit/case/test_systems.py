@@ -49,6 +49,12 @@ def test_one_that_keeps_it_is_taken(case):
         ("frames", np.eye(3), rf"frames .* has shape \(3, 3\); allowed: \({N}, 3, 3\)"),
         ("weights", np.full(N, np.nan), "weights .* has numbers that are not finite"),
         ("matrix", np.full((N, 5, N, 5), -np.inf), "matrix .* has numbers that are not finite"),
+        ("points", np.zeros(()), r"points .* has shape \(\); allowed: \(0, 3\)"),
+        ("offset", np.zeros((N, 5)).tolist(), "offset .* is a list; allowed: an array"),
+        ("offset", np.zeros((N, 5), object), "offset .* is an array of object"),
+        ("offset", np.zeros((N, 5), complex), "offset .* is an array of complex128"),
+        ("weights", np.resize([np.inf, -np.inf], N), "weights .* has numbers that are not finite"),
+        ("cells", (("quad", np.array([[0, 1, 2, 99]])),), "cells of type quad .* numbers 0 to 99; allowed: 0 to 24"),
         ("system", None, "the formulation Spoilt returns a NoneType; allowed: a reduced system"),
     ],
 )

@@ -153,3 +153,11 @@ def test_shape_integrals_of_the_reference_cell() -> None:
     # quad8: corners -1/12, mid-sides 1/3 of the area (serendipity)
     zone = zone_frames(box_mesh((1, 1, 1), (1, 1, 1), ELEMENTS["quad8"]), "z+")
     np.testing.assert_allclose(np.sort(zone.weights), [-1 / 12] * 4 + [1 / 3] * 4, atol=1e-15)
+
+
+def test_a_zone_belongs_to_its_mesh():
+    """Whoever asks for it has the same one: nobody can change what it is for the others."""
+    zone = zone_frames(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad4()), group="contact")
+    for array in (zone.points, zone.frames, zone.weights, zone.numbers, zone.cells[0][1]):
+        with pytest.raises(ValueError, match="read-only"):
+            array *= 2
