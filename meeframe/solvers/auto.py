@@ -33,8 +33,8 @@ class _Stage:
 FRICTIONLESS: Final = _Stage(ProjectedCG(), 1, 8, grazing=False)
 """Before the others where it takes the problem and there is no matrix to factorise. It finds pressures and the closed
 fractions of nodes that graze in turns, Newton's method together."""
-CONDUCTING: Final = _Stage(SemismoothNewton(), 1, 10)
-"""Before that, if anything conducts; not where edges are resolved: of several solutions, where conduction draws nodes
+CONDUCTING: Final = (_Stage(SemismoothNewton(), 1, 10), _Stage(ProjectedCG(), 1, 15))
+"""In its place if anything conducts; not where edges are resolved: of several solutions, where conduction draws nodes
 into contact, that of conjugate gradients has been the nearer one to closed forms."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 25),
@@ -63,7 +63,7 @@ class Auto(Solver):
     """Semismooth Newton; if it makes no progress, gradient iterations from its best state: Nesterov's, which is the
     hardest to upset where friction is strong, then projected Barzilai-Borwein steps, then Uzawa's. Without friction and
     matrix, projected conjugate gradients come before them, until nodes graze; if anything conducts and edges are not
-    resolved, these after Newton's method.
+    resolved, Newton's method and then these, whatever grazes.
 
     Progress is judged by what the solver in force estimates of the residual, or else by the residual of the laws, as
     the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
@@ -83,14 +83,13 @@ class Auto(Solver):
         stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
-        if not stage.grazing and ((inner.closed > 0.0) & (inner.closed < 1.0)).any():
-            return _begun(problem, memory.stages[1:], evaluate(problem, inner), memory.scales)
         residual = _residual(problem, inner, memory.scales)
         if residual < FALL * memory.residual or not np.isfinite(memory.residual):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        if memory.idle > stage.patience:
+        grazing = not stage.grazing and bool(((inner.closed > 0.0) & (inner.closed < 1.0)).any())
+        if grazing or memory.idle > stage.patience:
             return _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
         return replace(inner, memory=memory)
 
@@ -100,7 +99,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     if problem.system.dense() is not None or not takes(problem):
         return STAGES
     if (conducts(problem.electric_law) or conducts(problem.magnetic_law)) and not _resolves_edges(problem):
-        return (CONDUCTING, FRICTIONLESS, *STAGES)
+        return (*CONDUCTING, *STAGES)
     return (FRICTIONLESS, *STAGES)
 
 

@@ -12,8 +12,9 @@ from meeframe_halfspace.grid import Grid
 FEWEST: Final = 24
 """Nodes along an axis of the coarsest grid."""
 STEPS: Final = 64
-"""At which parts of a grid may begin and end along an axis: few sizes, for contacts that change a little. Counted from
-either end, so that parts of turned grids are turned parts."""
+"""At which parts of a grid may begin and end along an axis, at every node of smaller ones: more places make parts
+smaller, fewer make them serve more contacts that change a little. Counted from either end, so that parts of turned
+grids are turned parts."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:

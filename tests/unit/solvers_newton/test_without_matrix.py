@@ -200,8 +200,8 @@ def test_auto_takes_newtons_method_where_contacts_conduct(kappa: float) -> None:
 def test_auto_goes_on_by_conjugate_gradients_where_newtons_method_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = dragged(32, Signorini(), StepConductivity(np.inf))
     expected = solve(problem, SemismoothNewton()).state.load
-    monkeypatch.setattr(auto_module, "CONDUCTING", replace(auto_module.CONDUCTING, steps=0, patience=2))
-    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, grazing=True))
+    first, second = auto_module.CONDUCTING
+    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, patience=2), second))
     monkeypatch.setattr(auto_module, "STAGES", ())
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message
@@ -234,6 +234,19 @@ def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bo
     assert taken == [ProjectedCG] * change + [SemismoothNewton] * (len(taken) - change)
     assert (0 < change < expected.iterations) == graze
     assert (change == len(taken)) != graze
+
+
+def test_auto_loses_nothing_where_it_leaves_conjugate_gradients(monkeypatch) -> None:
+    """From a solution with nodes that graze: the first step of conjugate gradients spoils it."""
+    monkeypatch.setattr(auto_module, "_resolves_edges", lambda _: True)
+    problem = dragged(64, Signorini(), StepConductivity(np.inf))
+    problem = replace(problem, potentials=np.tile((5.0, 1.0), (64**2, 1)))
+    solver, start = Auto(), solve(problem, SemismoothNewton()).state
+    iterate = solver.init(problem, start)
+    before = iterate.memory.residual
+    iterate = solver.step(problem, iterate)
+    assert isinstance(iterate.memory.stages[0].solver, SemismoothNewton)
+    assert iterate.memory.residual <= max(10.0 * before, 1e-9)
 
 
 @pytest.mark.parametrize("exponent", [0.5, 0.95])
