@@ -14,7 +14,7 @@ from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
 from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.solvers.reach import unreachable
+from meeframe.solvers.reach import beyond_friction, unreachable
 from meeframe.solvers.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
 from meeframe.solvers.scales import Scales, largest, motion_scales, problem_scales
 
@@ -31,7 +31,7 @@ RETURNS: Final = 2
 ACCEPTABLE: Final = 1e-3
 """A state that hardly changes any more, but violates the laws by more, is no solution: the step was too short."""
 HOPELESS: Final = 3
-"""Stall window where no state has the prescribed resultants."""
+"""Stall window where no state has the prescribed resultants, or none under the pressures found."""
 UNTROUBLED: Final = 10
 """Strides between two looks at the iterates of a solver that knows how far it is."""
 GIGA: Final = 1e9
@@ -71,10 +71,6 @@ class _Trend:
     last: tuple[int, float]
     best: tuple[int, float]
 
-    def next(self, look: tuple[int, float]) -> "_Trend":
-        """After one more look."""
-        return _Trend(self.first, look, look if look[1] < LEAST_FALL * self.best[1] else self.best)
-
     @property
     def idle(self) -> int:
         """Iterations since the last notable fall."""
@@ -85,6 +81,13 @@ class _Trend:
         decades = np.log(self.first[1] / tolerance)
         done = np.log(self.first[1] / max(self.best[1], tolerance))  # a residual may be zero
         return float(np.clip(done / decades, 0.0, 1.0)) if decades > 0.0 else 1.0
+
+
+def _next(trend: _Trend | None, look: tuple[int, float]) -> _Trend:
+    """After one more look, or the first."""
+    if trend is None:
+        return _Trend(look, look, look)
+    return _Trend(trend.first, look, look if look[1] < LEAST_FALL * trend.best[1] else trend.best)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +143,8 @@ def solve(
         iterate = solver.init(problem, start)
         state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
         looks = [(0, value)] if by_residual else []
-        trend = _Trend(looks[0], looks[0], looks[0]) if by_residual else None
+        trend = _next(None, looks[0]) if by_residual else None
+        pace = None
         units = motion_scales(problem, scales)
         orbit = _Orbit()
         iteration = 0
@@ -151,16 +155,20 @@ def solve(
             due = not by_residual or iteration >= limits.max_iterations or _due(solver, iterate, iteration, limits)
             if iterate.estimate is None:
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
-            if not due and not orbit.repeated:
+            elif problem.freedoms:
+                pace = _next(pace, (iteration, iterate.estimate))
+                if pace.idle >= HOPELESS and beyond_friction(problem, evaluate(problem, iterate), scales):
+                    window = 0
+            if not due and not orbit.repeated and window:
                 continue
             previous = state
             state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
             if iterate.estimate is not None and value > limits.tolerance:
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
             looks.append((iteration, value if by_residual else _paper_change(previous, state)))
-            trend = trend.next(looks[-1]) if trend else _Trend(looks[-1], looks[-1], looks[-1])
+            trend = _next(trend, looks[-1])
             progress("contact", trend.fraction(limits.tolerance))
-            if trend.idle >= HOPELESS and hopeless():
+            if trend.idle >= HOPELESS and (hopeless() or beyond_friction(problem, state, scales)):
                 window = min(window, HOPELESS)
         status, message = verdict
         if status is Status.CONVERGED:
@@ -168,12 +176,13 @@ def solve(
         else:
             state, final = _judged(problem, iterate, scales)
             if by_residual and trend is not None:
-                status, message = _verdict(trend.next((iteration, final)), limits, window, orbit.repeated) or verdict
+                status, message = _verdict(_next(trend, (iteration, final)), limits, window, orbit.repeated) or verdict
     if status is Status.CONVERGED and not final <= ACCEPTABLE:
         status = Status.STALLED
         message = f"{message}, but the laws are violated by {final:.1e}: a longer step is needed"
-    if status is not Status.CONVERGED and (reason := hopeless() or _missed(problem, state, scales)):
-        message = f"{message}: {reason}"
+    if status is not Status.CONVERGED:
+        reason = hopeless() or beyond_friction(problem, state, scales) or _missed(problem, state, scales)
+        message = f"{message}: {reason}" if reason else message
     # stored as it is read from a file, so that sums over it are the same to the last digit
     state = replace(state, load=np.ascontiguousarray(state.load), displacement=np.ascontiguousarray(state.displacement))
     return ContactSolution(state, status, iteration, final, np.array(looks), message)

@@ -15,7 +15,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState
 from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import augmented_traction, lawful_traction, traction_tangents
+from meeframe.core.law import ContactLaw, attraction, augmented_traction, lawful_traction, traction_tangents
 from meeframe.core.mesh import Indices
 
 MAX_ITERATIONS: Final = 60
@@ -30,6 +30,8 @@ BISECTIONS: Final = 60
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 LEAST_FALL: Final = 1e-3
 """The unbalance falls by this fraction of what a step promises, or the step is not taken."""
+STEEPEST: Final = 1e6
+"""Tangential part of a trial traction over its pressure: more than any finite friction coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,29 @@ def start_motion(problem: ContactProblem, start: ContactState | None) -> Array:
     """Motion (m,) of the previous load step's state, if its freedoms were as many, or none."""
     count = len(problem.freedoms)
     return start.motion if start is not None and start.motion.shape == (count,) else np.zeros(count)
+
+
+def strongest(law: ContactLaw, direction: Array, normal: Array) -> Array:
+    """Admissible tractions (n, 3) of normal parts (n,) with the largest component along directions (n, 3).
+
+    Of laws with the scaling of maximal dissipation.
+    """
+    tangential = direction[:, :2] @ law.tangential_scaling()
+    size = np.linalg.norm(tangential, axis=1)[:, None]
+    steepest = STEEPEST * np.abs(normal).max(initial=0.0)
+    trial = np.empty_like(direction)
+    trial[:, :2] = steepest * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
+    trial[:, 2] = normal
+    return law.project(trial)
+
+
+def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> float:
+    """How much more than tractions (n, 3) at normal gaps (n,) others under the same pressures have along directions
+    (n, 3), summed over the nodes; less than zero where `strongest` is not."""
+    pull = attraction(law, gap)
+    pressed = traction.copy()
+    pressed[:, 2] -= pull
+    return float((direction * (strongest(law, direction, pressed[:, 2]) - pressed)).sum())
 
 
 def balanced_projection(problem: ContactProblem, traction: Array, gap: Array, r: tuple[float, float]) -> Balanced:
@@ -133,6 +158,8 @@ class _Balance:
         scaled = weight[:, None] * self._jacobian(here) * weight
         right = -weight * here.unbalance
         for share in REGULARISATION:
+            if share > 0.0 and self._bears_no_more(here, weight):
+                return None
             try:
                 step = weight * np.linalg.solve(scaled + share * np.eye(len(weight)), right)
             except np.linalg.LinAlgError:
@@ -149,6 +176,17 @@ class _Balance:
                 if np.linalg.norm(weight * there.unbalance) < (1.0 - LEAST_FALL * fraction) * np.linalg.norm(right):
                     return there
         return self._settled(here, weight, farthest)
+
+    def _bears_no_more(self, here: _Point, weight: Array) -> bool:
+        """Whether no tractions under the same pressures, which the motion leaves as they are, have less unbalance.
+
+        Resultants then lie beyond a plane that the best tractions only just reach.
+        """
+        if self.modes[:, :, 2].any():
+            return False
+        direction = -np.tensordot(weight**2 * here.unbalance, self.measures, axes=1)
+        more = reserve(self.problem.contact_law, here.traction, here.gap[:, 2], direction)
+        return abs(more) <= LEAST_FALL * float(((weight * here.unbalance) ** 2).sum())
 
     def _settled(self, here: _Point, weight: Array, farthest: float) -> _Point | None:
         """A point where the unbalance no longer drives the indenter the way it goes from here; None if there is none.

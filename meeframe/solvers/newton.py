@@ -19,6 +19,9 @@ from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton_part import Inset, inset
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import Equation, Point
+from meeframe.solvers.reach import beyond_friction
+from meeframe.solvers.residual import evaluate
+from meeframe.solvers.scales import problem_scales
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Of a Newton step, tried in turn."""
@@ -205,7 +208,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     solver, (least, most) = SemismoothNewton(), COARSE_STEPS
     iterate, steps = solver.init(problem, None), 0
     while steps < least or _memory(iterate).point.merit > COARSE:
-        if steps == most:
+        if steps == most or _hopeless(problem, iterate):
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
@@ -218,6 +221,13 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
         gap[part.kept] = around
     return replace(iterate, load=tensed(iterate.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
+
+
+def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:
+    """Whether bursts have shown that friction does not bear what is prescribed."""
+    if _memory(iterate).burst == BURST:
+        return False
+    return beyond_friction(problem, evaluate(problem, iterate), problem_scales(problem)) is not None
 
 
 def _moved_indenter(problem: ContactProblem, point: Point) -> Array:

@@ -4,6 +4,9 @@ Admissible tractions make up a cone at each node, and so do the resultants of al
 Farkas a prescribed resultant lies outside of that cone just if some motion has power against it, and none against any
 admissible traction. Generators of the cone are collected, each the traction that resists the present motion the most,
 until the nearest resultant found is right or its difference proves to be such a motion.
+
+Where the approach is prescribed, pressures follow from the solution, and so does what friction bears. That it is too
+little shows once every law is satisfied, all that resists slips, and resultants are missed none the less.
 """
 
 from typing import Final
@@ -11,16 +14,19 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import ELECTRIC, MECHANICAL, Array
-from meeframe.core.law import ContactLaw, attracts, conducts
-from meeframe.solvers.free_motion import motions
-from meeframe.solvers.scales import Scales
+from meeframe.core.contact import ContactProblem, ContactState, contact_gap, unbalance
+from meeframe.core.fields import ELECTRIC, MECHANICAL
+from meeframe.core.law import attracts, conducts
+from meeframe.solvers.free_motion import motions, reserve, strongest
+from meeframe.solvers.residual import law_violation
+from meeframe.solvers.scales import Scales, largest
 
 NEGLIGIBLE: Final = 1e-6
 MAX_GENERATORS: Final = 200
-STEEPEST: Final = 1e6
-"""Tangential part of a trial traction of unit pressure: more than any finite friction coefficient."""
+BEYOND: Final = 0.5
+"""Of what resultants are missed by: so much is out of reach under the pressures found, at the least ..."""
+SETTLED: Final = 0.1
+"""... and so much of that may be left of the laws, by which the pressures could still change."""
 
 
 def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
@@ -41,6 +47,39 @@ def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
     return None
 
 
+def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
+    """Why the prescribed tangential resultants cannot be borne at the pressures of a state, in words; None if they may.
+
+    They cannot where the state satisfies everything else, as far as they are missed, and no friction under its
+    pressures brings them nearer: no further motion changes anything then.
+    """
+    below = np.isfinite(problem.gap)
+    dragged = [k for k in motions(problem) if not problem.freedoms[k].mode[below, 2].any()]
+    left = unbalance(problem, state.load)
+    relative = left / scales.totals
+    missed = float(np.linalg.norm(relative[dragged]))
+    others = np.delete(relative, dragged)
+    if not NEGLIGIBLE < missed < np.inf:
+        return None
+    measures = [problem.freedoms[k].measure[:, MECHANICAL] / scales.totals[k] for k in dragged]
+    direction = -np.tensordot(relative[dragged], measures, axes=1)
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    short = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
+    # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
+    if not short >= BEYOND * missed or not largest(others) <= BEYOND * short:
+        return None
+    if not law_violation(problem, state, scales) <= SETTLED * short:
+        return None
+    totals = np.array([problem.freedoms[k].total for k in dragged])
+    found = np.where(np.abs(totals + left[dragged]) > NEGLIGIBLE * scales.totals[dragged], totals + left[dragged], 0.0)
+    prescribed, borne = (", ".join(f"{value:.4g}" for value in part) for part in (totals, found))
+    return (
+        f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
+        f"and at the pressures found they reach {borne}; allowed: less, a motion in their place, or more pressure "
+        "before they act"
+    )
+
+
 def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     """Distance of the prescribed resultants to those that can be reached, as a fraction; 0 if it is not certain."""
     moving = motions(problem)
@@ -59,7 +98,7 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
     difference, missing = totals, float(np.linalg.norm(totals))
     while missing > NEGLIGIBLE * np.linalg.norm(totals) and generators.shape[1] < MAX_GENERATORS:
         resisted = np.tensordot(difference, measures, axes=1)
-        resisting = _strongest(problem.contact_law, resisted)
+        resisting = strongest(problem.contact_law, resisted, np.full(len(resisted), -1.0))
         power = (resisted * resisting).sum(axis=1)
         node = int(np.argmax(power))
         generator = measures[:, node] @ resisting[node]
@@ -75,12 +114,3 @@ def _presses(problem: ContactProblem) -> bool:
     """Whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
     lifts = any(problem.freedoms[k].mode[np.isfinite(problem.gap), 2].any() for k in motions(problem))
     return not lifts and bool((problem.system.offset[:, 2] > problem.gap).any())
-
-
-def _strongest(law: ContactLaw, direction: Array) -> Array:
-    """Admissible tractions (n, 3) of unit pressure with the largest component along directions (n, 3)."""
-    tangential = direction[:, :2] @ law.tangential_scaling()
-    size = np.linalg.norm(tangential, axis=1)[:, None]
-    trial = np.full_like(direction, -1.0)
-    trial[:, :2] = STEEPEST * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
-    return law.project(trial)

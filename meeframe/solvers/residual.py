@@ -72,10 +72,14 @@ def law_residual(
     known = [state.displacement] if fields == ALL_FIELDS else [state.displacement[:, field] for field in fields]
     if not all(np.isfinite(part).all() for part in (state.load, *known, state.closed, state.motion)):
         return np.inf
-    contact = _contact_violation(problem, state, scales)
     balance = largest(unbalance(problem, state.load) / scales.totals)
-    worst = float(np.max([contact, *_flux_violation(problem, state, scales), balance]))
+    worst = float(np.max([law_violation(problem, state, scales), balance]))
     return worst if np.isfinite(worst) else np.inf
+
+
+def law_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
+    """The residual of the laws alone, whatever the resultants are; nan if it is not a number."""
+    return float(np.max([_contact_violation(problem, state, scales), *_flux_violation(problem, state, scales)]))
 
 
 def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
