@@ -16,7 +16,7 @@ from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
 from meeframe.solvers.newton_krylov import Inverse
 from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
-from meeframe.solvers.newton_part import Inset, inset
+from meeframe.solvers.newton_part import Inset, has_parts, inset
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.solvers.reach import beyond_friction
@@ -63,7 +63,7 @@ class _Memory:
     """point: the equation at the iterate; merits: of the last states, that of a start as high as it may rise; flips:
     (n,) how often each node has opened or closed; fall: its merit over that before; burst: how many gradient steps are
     made the next time; leaps: full steps that may still take their place; inverse: of the last step; inset: the part of
-    the zone whose equation it is, None if the whole; unseen: whether what is beside it is yet to be looked at; insets:
+    the zone whose equation it is, None if the whole; unseen: whether what is beside it has not been looked at; insets:
     parts that may still be taken."""
 
     point: Point
@@ -140,7 +140,8 @@ class SemismoothNewton(Solver):
             if memory.leaps:
                 _, moved = moved_by(point, np.zeros_like(flips), direction, 1.0)
                 if moved.merit < FARTHEST_LEAP:
-                    return _iterate(replace(_anew(memory, moved, flips), leaps=memory.leaps - 1))
+                    leapt = replace(_anew(memory, moved, flips), leaps=memory.leaps - 1)
+                    return _iterate(_looked_beside(problem, leapt))
         memory = replace(memory, flips=flips)
         if memory.inset is not None:
             memory = _on_whole(problem, memory, memory.inset)
@@ -163,7 +164,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
         return memory
     part = inset(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
     if part is None:
-        return memory
+        return memory if has_parts(problem) else replace(memory, insets=0)
     kept = part.kept
     nodes = (point.load[kept], point.ahead[kept], point.closed[kept], point.grazing[kept])
     within = part.equation.beside(*nodes, point.motion)
@@ -180,11 +181,13 @@ def _on_whole(problem: ContactProblem, memory: _Memory, part: Inset) -> _Memory:
 
 
 def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """On the whole zone if there is contact beside the part, which is looked at once, when the contact is known."""
-    part = memory.inset
-    if part is None or not memory.unseen or not memory.point.merit < COARSE:
+    """On the whole zone if there is contact beside the part, which is looked at when the contact is known and when the
+    part has nothing left to say."""
+    part, point = memory.inset, memory.point
+    known = memory.unseen and point.merit < COARSE
+    if part is None or not (known or point.violation <= ENOUGH):
         return memory
-    return _on_whole(problem, memory, part) if part.spilt(memory.point) else replace(memory, unseen=False)
+    return _on_whole(problem, memory, part) if part.spilt(point) else replace(memory, unseen=False)
 
 
 def _tolerance(fall: float, violation: float) -> float:

@@ -7,13 +7,14 @@ import numpy as np
 from meeframe.core.contact import ContactProblem, contact_gap
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, attracts
+from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.newton_steps import Step
 from meeframe.solvers.nonsmooth import CLOSED, Point
 
 FLIPS: Final = 1
 """A node may open and close so many times before it is taken to graze: that does it no harm if it need not."""
 ROUND_OFF: Final = 1e-14
-"""A normal traction below this fraction of the characteristic one is none."""
+"""A normal traction below this fraction of the characteristic one is none, nor a flux of that it was before."""
 
 
 def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[Array, Point]:
@@ -26,9 +27,12 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     motion = point.motion + fraction * step.motion
     load = point.load + fraction * step.local[:, :N_FIELDS]
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
-    # what is left of a traction that the step took away
+    # what is left of tractions, fluxes and fractions that the step took away
     load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
-    moved = equation.at(load, point.closed + fraction * step.local[:, CLOSED], point.grazing, motion)
+    load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
+    closed = point.closed + fraction * step.local[:, CLOSED]
+    closed[np.abs(closed) < ROUND_OFF] = 0.0
+    moved = equation.at(load, closed, point.grazing, motion)
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
     flips = flips + (changed & moved.jump.any(axis=1))
     fresh = (flips > FLIPS) & ~moved.grazing

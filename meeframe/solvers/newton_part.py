@@ -40,10 +40,16 @@ class Inset:
         beside[self.kept] = False
         if not beside.any():
             return False
-        loaded, system = self.equation.loaded, self.whole.system
+        # tractions that a law has without scaling are loads, too
+        loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.whole.system
         load = self.spread(point.load[:, loaded].astype(np.float32))
         moved: Array = system.block_response(load, loaded, (2,))[:, 0] + system.offset[:, 2]
         return bool((indenter_field(self.whole, 2, point.motion) < moved)[beside].any())
+
+
+def has_parts(problem: ContactProblem) -> bool:
+    """Whether there may be an inset of another contact: the law is the same at all nodes, and a node has a part."""
+    return same_everywhere(problem.contact_law, len(problem.gap)) and problem.system.within(np.arange(1)) is not None
 
 
 def inset(problem: ContactProblem, contact: Mask) -> Inset | None:

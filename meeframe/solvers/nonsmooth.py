@@ -89,7 +89,7 @@ class Equation:
         blocks = np.asfortranarray(problem.system.diagonal_blocks())
         own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
         lifted = blocks[:, 2, POTENTIALS] / own
-        units = motion_scales(problem, scales)
+        units = motion_scales(whole, scales)
         modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
         for k, freedom in enumerate(problem.freedoms):
             for field in freedom.moved:
@@ -258,7 +258,9 @@ class Point:
         equation, scales = self.equation, self.equation.scales
         law = equation.problem.contact_law
         between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
-        moves = between | (self.grazing & (self.closed >= 0.0) & (self.closed <= 1.0))
+        # a fraction that stays at its end moves no flux, which is then a statement on the node itself
+        stays = (self.residual[:, CLOSED] == 0.0) & ~between
+        moves = between | (self.grazing & ~stays & (self.closed >= 0.0) & (self.closed <= 1.0))
         residual = self.residual.copy(order="K")
         pressing = contact_traction(law, self.load[:, 2], self.ahead[:, 2])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure

@@ -9,9 +9,9 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactSolution, Freedom, Status
+from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Status
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Part, ReducedSystem
+from meeframe.core.formulation import ReducedSystem
 from meeframe.core.mesh import Indices
 from meeframe.core.pair import pair
 from meeframe.elements import Quad4
@@ -19,21 +19,27 @@ from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import Material, library_material
 from meeframe.solvers import Limits, SemismoothNewton, newton, solve
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.edges import resolved
 from meeframe.solvers.newton_part import Inset, inset
+from meeframe.solvers.newton_steps import Step
+from meeframe.solvers.nonsmooth import Equation, Point
+from meeframe.solvers.residual import evaluate, law_residual
+from meeframe.solvers.scales import problem_scales
 from meeframe.testing.counted import Counted
 
 WIDTH, RADIUS, MU = 1e-2, 0.1, 0.3
 LIMITS = Limits(tolerance=1e-10)
 
 
-def half_space(n: int = 63, stiffness: Array | None = None) -> ReducedSystem:
+def half_space(n: int = 63, stiffness: Array | None = None, **options: Any) -> ReducedSystem:
     body = Body(
         library_material("orthotropic-mee").stiffness if stiffness is None else stiffness,
         half_space_mesh(10.0 * WIDTH, WIDTH, n, 1, Quad4()),
         (),
         "contact",
     )
-    return HalfSpace(matrix_up_to=0).reduce(body)
+    return HalfSpace(matrix_up_to=0, **options).reduce(body)
 
 
 def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **given: Any) -> ContactProblem:
@@ -47,12 +53,27 @@ def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **
     return replace(problem, **given)
 
 
-def solutions(problem: ContactProblem, monkeypatch: pytest.MonkeyPatch) -> tuple[ContactSolution, ContactSolution]:
+def solutions(
+    problem: ContactProblem, monkeypatch: pytest.MonkeyPatch, start: ContactState | None = None
+) -> tuple[ContactSolution, ContactSolution]:
     """With parts and without; the second one beforehand would find entries made."""
-    found = solve(problem, SemismoothNewton(), LIMITS)
+    found = solve(problem, SemismoothNewton(), LIMITS, start)
     with monkeypatch.context() as without:
         without.setattr(newton, "inset", lambda problem, contact: None)
-        return found, solve(problem, SemismoothNewton(), LIMITS)
+        return found, solve(problem, SemismoothNewton(), LIMITS, start)
+
+
+def sizes_of_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Of all that are taken from now on."""
+    sizes: list[int] = []
+
+    class Seen(Inset):
+        def __init__(self, whole: ContactProblem, kept: Indices, equation: Any) -> None:
+            super().__init__(whole, kept, equation)
+            sizes.append(len(kept))
+
+    monkeypatch.setattr("meeframe.solvers.newton_part.Inset", Seen)
+    return sizes
 
 
 def check_alike(found: ContactSolution, other: ContactSolution) -> None:
@@ -95,37 +116,182 @@ def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch
         still = np.zeros_like(problem.translation)
         gap = problem.gap - problem.gap.min()
         problem = replace(problem, gap=gap, translation=still, freedoms=freedoms(system, force))
-    sizes: list[int] = []
-
-    class Seen(Inset):
-        def __init__(self, whole: ContactProblem, kept: Indices, equation: Any) -> None:
-            super().__init__(whole, kept, equation)
-            sizes.append(len(kept))
-
-    monkeypatch.setattr("meeframe.solvers.newton_part.Inset", Seen)
+    sizes = sizes_of_parts(monkeypatch)
     found, whole = solutions(problem, monkeypatch)
     assert min(sizes) < 0.5 * len(problem.gap)
     check_alike(found, whole)
 
 
-def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def halved(problem: ContactProblem, contact: Mask) -> Inset | None:
     """Parts that have too little, wherever they are taken: half of what was asked for."""
-    problem = sphere(half_space(), (0.05, -0.1))
-    parts: list[Part] = []
+    return inset(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
 
-    def halved(problem: ContactProblem, contact: Indices) -> Inset | None:
-        kept = contact & (problem.system.points[:, 0] > 0.05 * WIDTH)
-        part = inset(problem, kept)
-        if part is not None:
-            parts.append(Part(part.equation.problem.system, part.kept))
-        return part
+
+def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = sphere(half_space(), (0.05, -0.1))
+    looks: list[bool] = []
+    spilt = Inset.spilt
+
+    def seen(part: Inset, point: Point) -> bool:
+        looks.append(spilt(part, point))
+        return looks[-1]
 
     with monkeypatch.context() as given:
         given.setattr(newton, "inset", halved)
+        given.setattr(Inset, "spilt", seen)
         found = solve(problem, SemismoothNewton(), LIMITS)
-    pressed = np.flatnonzero(found.state.load[:, 2] < 0.0)
-    assert any(not np.isin(pressed, part.kept).all() for part in parts)
+    assert any(looks)
     check_alike(found, solutions(problem, monkeypatch)[1])
+
+
+def test_contact_beside_a_part_that_shows_late_is_found_with_the_solution_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Though nothing was beside it when it was looked at first."""
+    problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
+    spilt, first = Inset.spilt, [False]
+    monkeypatch.setattr(newton, "inset", halved)
+    monkeypatch.setattr(
+        Inset, "spilt", lambda part, point: first.pop() if first and part.whole is problem else spilt(part, point)
+    )
+    solver, solved = SemismoothNewton(), False
+    iterate = solver.init(problem, None)
+    while not solved:
+        iterate = solver.step(problem, iterate)
+        solved = newton._memory(iterate).point.violation <= newton.ENOUGH
+    assert not first
+    assert law_residual(problem, evaluate(problem, iterate), problem_scales(problem)) <= LIMITS.tolerance
+
+
+def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
+    monkeypatch.setattr(newton, "inset", halved)
+    solver = SemismoothNewton()
+    iterate = solver.init(problem, None)
+    assert newton._memory(iterate).inset is not None
+    monkeypatch.setattr(newton, "FALL", 0.0)  # no fraction of a step is enough
+    for _ in range(newton.LEAPS):
+        iterate = solver.step(problem, iterate)
+        memory = newton._memory(iterate)
+        if memory.point.merit < newton.COARSE:
+            break
+    assert memory.leaps < newton.LEAPS
+    assert memory.point.merit < newton.COARSE or memory.inset is None
+    assert memory.inset is None or not memory.inset.spilt(memory.point)
+
+
+def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before gradient steps are made, which are those of the whole problem."""
+    problem = sphere(half_space(), (0.05, -0.1))
+    step, failed = newton.newton_step, list[int]()
+
+    def once_without(equation: Equation, *given: Any) -> Step:
+        found = step(equation, *given)
+        if failed or len(equation.blocks) == equation.count:
+            return found
+        failed.append(len(equation.blocks))
+        return replace(found, local=np.full_like(found.local, np.nan))
+
+    with monkeypatch.context() as given:
+        given.setattr(newton, "newton_step", once_without)
+        found = solve(problem, SemismoothNewton(), LIMITS)
+    assert failed
+    check_alike(found, solutions(problem, monkeypatch)[1])
+
+
+@pytest.mark.parametrize(("before", "after"), [((0.05, -0.1), (0.08, -0.1)), ((0.4, 0.4), (-0.4, -0.4))])
+def test_what_was_solved_before_does_not_matter(
+    before: tuple[float, float], after: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A load step from a converged state goes on in a part, and nothing is left of the contact that was."""
+    system = half_space()
+    start = solve(sphere(system, before), SemismoothNewton(), LIMITS).state
+    sizes = sizes_of_parts(monkeypatch)
+    found, whole = solutions(sphere(system, after), monkeypatch, start)
+    assert sizes
+    check_alike(found, whole)
+    for solution in (found, whole):
+        open_ = solution.state.closed == 0.0
+        assert not solution.state.load[open_].any()
+
+
+def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = half_space()
+    start = solve(sphere(system, (0.0, 0.0), 0.5), SemismoothNewton(), LIMITS).state
+    assert inset(sphere(system, (0.0, 0.0)), start.load.any(axis=1)) is None
+    sizes = sizes_of_parts(monkeypatch)
+    found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
+    assert sizes
+    check_alike(found, whole)
+
+
+def test_surfaces_without_parts_are_not_asked_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = sphere(half_space(32, periodic=True), (0.05, -0.1), contact_law=Signorini())
+    tries: list[int] = []
+
+    def counted(problem: ContactProblem, contact: Mask) -> Inset | None:
+        tries.append(len(contact))
+        return inset(problem, contact)
+
+    monkeypatch.setattr(newton, "inset", counted)
+    assert solve(problem, SemismoothNewton(), LIMITS).iterations > 2
+    assert 1 <= tries.count(len(problem.gap)) <= 2
+
+
+def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes that are covered in part conduct without pressure, so that they belong to it."""
+    problem = sphere(half_space(edges="resolved"), (0.05, -0.1))
+    start = solve(problem, SemismoothNewton(), LIMITS).state
+    finer = resolved(problem, start)
+    assert finer is not None
+    sizes = sizes_of_parts(monkeypatch)
+    found, whole = solutions(finer, monkeypatch, start)
+    assert sizes
+    check_alike(found, whole)
+
+
+def test_a_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tilted, it is the same one elsewhere: where the moment of the force is the prescribed one."""
+    system, force, shift = half_space(), 40.0, 0.1 * WIDTH
+    about, still = (0.05, -0.1), np.zeros((len(system.points), 2))
+    plain, shifted = (
+        replace(problem, gap=problem.gap - problem.gap.min(), translation=still, freedoms=freedoms(system, force))
+        for problem in (sphere(system, at, contact_law=Signorini()) for at in (about, (0.15, -0.1)))
+    )
+    mode = np.zeros_like(system.offset)
+    mode[:, 2] = system.points[:, 0] - about[0] * WIDTH
+    press = plain.freedoms[0]
+    there = solve(replace(shifted, freedoms=(press,)), SemismoothNewton(), LIMITS)
+    moment = float((system.weights * mode[:, 2]) @ there.state.load[:, 2])
+    assert moment == pytest.approx(-force * shift, rel=0.05)  # not axisymmetric, and divided into nodes
+    tilt = Freedom(mode, system.weights[:, None] * mode, moment)
+    tilted = replace(plain, freedoms=(press, tilt))
+    sizes = sizes_of_parts(monkeypatch)
+    check_alike(solve(tilted, SemismoothNewton(), LIMITS), there)
+    assert sizes
+
+
+def test_parts_measure_in_the_units_of_the_whole() -> None:
+    """A tilt moves the border of the zone farther than that of a part."""
+    system = half_space()
+    problem, mode = sphere(system, (0.0, 0.0)), np.zeros_like(system.offset)
+    mode[:, 2] = system.points[:, 0]
+    tilted = replace(problem, freedoms=(Freedom(mode, system.weights[:, None] * mode, 0.0),))
+    part = inset(tilted, problem.gap < 0.0)
+    assert part is not None
+    np.testing.assert_array_equal(part.equation.units, Equation.of(tilted).units)
+
+
+def test_indenters_that_end_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A round flat punch: no indenter above the other nodes."""
+    system = half_space()
+    problem, radius = sphere(system, (0.0, 0.0)), np.hypot(*system.points[:, :2].T)
+    punch = replace(problem, gap=np.where(radius < 0.2 * WIDTH, -1e-3 * WIDTH, np.inf))
+    sizes = sizes_of_parts(monkeypatch)
+    found, whole = solutions(punch, monkeypatch)
+    assert sizes
+    assert (found.state.load[np.isfinite(punch.gap), 2] < 0.0).mean() > 0.5
+    check_alike(found, whole)
 
 
 def test_an_indenter_known_to_be_small_is_all_there_is() -> None:
@@ -146,7 +312,7 @@ def test_an_indenter_known_to_be_small_is_all_there_is() -> None:
 def test_overlap_beside_the_part_spills() -> None:
     """Two bumps, one of them in the part."""
     system = half_space()
-    one, two = (sphere(system, (x, 0.0), 0.08) for x in (-0.3, 0.3))
+    one, two = (sphere(system, (x, 0.0), 0.08, contact_law=Signorini()) for x in (-0.3, 0.3))
     both = replace(one, gap=np.minimum(one.gap, two.gap))
     part = inset(both, one.gap < 0.0)
     assert part is not None
@@ -155,3 +321,5 @@ def test_overlap_beside_the_part_spills() -> None:
     assert part.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
     alone = replace(part, whole=one)
     assert not alone.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
+    load[:, 0] = -1e10  # raises what is on its one side, whatever the law says of tractions along the surface
+    assert alone.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
