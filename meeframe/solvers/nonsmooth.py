@@ -158,11 +158,13 @@ class Equation:
         """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
 
         pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
-        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one.
+        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one and
+        there is no matrix. With one the gradient steps to which the steepest slopes lead are cheap, and where a coarse
+        contact has several solutions they find the one with most of it.
         """
         least = -LOWEST * self.scales.pressure
         slope = self._slope(np.minimum(pressing, least), ahead)
-        if not slope.any():
+        if not slope.any() or self.problem.system.dense() is not None:
             return slope
         there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
         return np.where(np.abs(there) < np.abs(slope), there, slope)
