@@ -6,8 +6,8 @@ from typing import ClassVar, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.core.law import conducts
 from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
+from meeframe.solvers.conduction import conducting
 from meeframe.solvers.conjugate_gradients import ProjectedCG
 from meeframe.solvers.frictionless import takes
 from meeframe.solvers.newton import SemismoothNewton
@@ -98,7 +98,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
     """All that may be tried, in this order."""
     if problem.system.dense() is not None or not takes(problem):
         return STAGES
-    if (conducts(problem.electric_law) or conducts(problem.magnetic_law)) and not _resolves_edges(problem):
+    if conducting(problem) and not _resolves_edges(problem):
         return (*CONDUCTING, *STAGES)
     return (FRICTIONLESS, *STAGES)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.contact import ContactProblem
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
-from meeframe.core.law import ConductivityLaw, contact_conductivity
+from meeframe.core.law import ConductivityLaw, conducts, contact_conductivity
 from meeframe.core.once import once_for_each
 
 Mask = NDArray[np.bool_]
@@ -32,6 +32,11 @@ ROOT_OFF: Final = 1e-15
 ROOT_STEPS: Final = 180
 TOUCHING: Final = -float(np.finfo(float).tiny)
 """A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
+
+
+def conducting(problem: ContactProblem) -> bool:
+    """Whether any of the laws conducts."""
+    return conducts(problem.electric_law) or conducts(problem.magnetic_law)
 
 
 def resistances(

@@ -7,9 +7,8 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
 from meeframe.core.fields import Array
-from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
-from meeframe.solvers.conduction import switch
+from meeframe.solvers.conduction import conducting, switch
 from meeframe.solvers.free_motion import start_motion
 from meeframe.solvers.frictionless import check_taken
 from meeframe.solvers.gradient import start_load
@@ -95,7 +94,7 @@ class ProjectedCG(Solver):
         # what is characteristic of the problem is so on any division
         start = start or nested_start(problem, lambda coarse: self._coarse_solution(coarse, scales))
         load, motion = start_load(start, len(problem.gap)), start_motion(problem, start)
-        if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
+        if not conducting(problem):
             return _started(Insulated.of(problem, scales), load, motion)
         # fractions of a start are those of other nodes: what touches tells more, after a step
         memory = _started(Conducting.of(problem, scales, start), load, motion)

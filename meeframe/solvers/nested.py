@@ -11,6 +11,7 @@ from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.formulation import Coarsening, ReducedSystem
 from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.mesh import Indices
 from meeframe.core.once import once_for_each
 from meeframe.solvers.conduction import follows_gap
 
@@ -32,8 +33,6 @@ class Coarse:
 def coarse_problem(problem: ContactProblem) -> Coarse | None:
     """The problem on the coarser reduced system; None if there is none, if law or edges belong to these nodes, or if
     too little of the indenter is above the nodes that are left.
-
-    A resultant keeps its density: the measure of a freedom is scaled with the weights.
     """
     law = problem.contact_law
     if not same_everywhere(law, len(problem.gap)) or problem.covered is not None:
@@ -41,7 +40,14 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     coarsening = problem.system.coarser()
     if coarsening is None or not _still_there(problem, coarsening):
         return None
-    kept, system = coarsening.kept, coarsening.system
+    return Coarse(on_nodes(problem, coarsening.system, coarsening.kept), coarsening)
+
+
+def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> ContactProblem:
+    """A problem on a reduced system that has m of its n nodes alone, kept: (m,).
+
+    A resultant keeps its density: the measure of a freedom is scaled with the weights.
+    """
     weights = problem.system.weights[kept]
     share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)[:, None]
     freedoms = tuple(
@@ -49,7 +55,8 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
         for f in problem.freedoms
     )
     arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
-    return Coarse(replace(problem, system=system, freedoms=freedoms, **arrays), coarsening)
+    covered = None if problem.covered is None else problem.covered[kept]
+    return replace(problem, system=system, freedoms=freedoms, covered=covered, **arrays)
 
 
 def alike(one: float, other: float) -> bool:

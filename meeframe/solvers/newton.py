@@ -7,9 +7,9 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import attracts, conducts
+from meeframe.core.law import attracts
 from meeframe.solvers.accelerated import BarzilaiBorwein
-from meeframe.solvers.conduction import Mask
+from meeframe.solvers.conduction import Mask, conducting
 from meeframe.solvers.driver import Limits
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
@@ -216,7 +216,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
         return None
-    if conducts(problem.electric_law) or conducts(problem.magnetic_law):
+    if conducting(problem):
         return iterate
     point, part = _memory(iterate).point, _memory(iterate).inset
     gap = point.ahead[:, 2]

@@ -1,16 +1,16 @@
 """A contact problem on the part of its zone around the contact: the others are open and bear nothing there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, Freedom, indenter_field
+from meeframe.core.contact import ContactProblem, indenter_field
 from meeframe.core.fields import Array
 from meeframe.core.formulation import AnyArray
 from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask, follows_gap
-from meeframe.solvers.nested import same_everywhere
+from meeframe.solvers.nested import on_nodes, same_everywhere
 from meeframe.solvers.nonsmooth import Equation, Point
 
 MARGIN: Final = 2.0
@@ -71,8 +71,4 @@ def inset(problem: ContactProblem, contact: Mask) -> Inset | None:
     kept = part.kept
     if not all(freedom.mode[kept].any() for freedom in problem.freedoms):
         return None
-    freedoms = tuple(Freedom(f.mode[kept], f.measure[kept], f.total) for f in problem.freedoms)
-    arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
-    covered = None if problem.covered is None else problem.covered[kept]
-    small = replace(problem, system=part.system, freedoms=freedoms, covered=covered, **arrays)
-    return Inset(problem, kept, Equation.of(small, problem))
+    return Inset(problem, kept, Equation.of(on_nodes(problem, part.system, kept), problem))

@@ -53,8 +53,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     They cannot where the state satisfies everything else, as far as they are missed, and no friction under its
     pressures brings them nearer: no further motion changes anything then.
     """
-    below = np.isfinite(problem.gap)
-    dragged = [k for k in motions(problem) if not problem.freedoms[k].mode[below, 2].any()]
+    dragged = [k for k in motions(problem) if not _lifts(problem, k)]
     left = unbalance(problem, state.load)
     relative = left / scales.totals
     missed = float(np.linalg.norm(relative[dragged]))
@@ -112,5 +111,10 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
 
 def _presses(problem: ContactProblem) -> bool:
     """Whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
-    lifts = any(problem.freedoms[k].mode[np.isfinite(problem.gap), 2].any() for k in motions(problem))
-    return not lifts and bool((problem.system.offset[:, 2] > problem.gap).any())
+    lifted = any(_lifts(problem, k) for k in motions(problem))
+    return not lifted and bool((problem.system.offset[:, 2] > problem.gap).any())
+
+
+def _lifts(problem: ContactProblem, freedom: int) -> bool:
+    """Whether a free motion, by its number, takes the indenter towards the body or away from it."""
+    return bool(problem.freedoms[freedom].mode[np.isfinite(problem.gap), 2].any())

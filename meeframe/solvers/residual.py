@@ -8,7 +8,7 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, indente
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
-from meeframe.solvers.conduction import own_response, resistances, switch, unloaded
+from meeframe.solvers.conduction import conducting, own_response, resistances, switch, unloaded
 from meeframe.solvers.nested import same_everywhere
 from meeframe.solvers.scales import Scales, largest, problem_scales
 
@@ -107,7 +107,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     One where a law says no number: it does not hold, but may where the iteration goes from there.
     """
     compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
-    if not conducts(problem.electric_law) and not conducts(problem.magnetic_law):
+    if not conducting(problem):
         insulated = zip(state.load.T[3:], compliance, potential, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     ahead = indenter_position(problem, state.motion) - state.displacement
