@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -238,7 +238,8 @@ def started(*arguments, told=os.devnull):
     finally:
         gone = process.poll() is not None
         for each in () if gone else (*process.children(recursive=True), process):
-            each.kill()
+            with suppress(psutil.NoSuchProcess):
+                each.kill()
         process.wait()
 
 
@@ -248,6 +249,16 @@ def wait_for(condition, process):
         assert process.poll() is None
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+def workers_of(process):
+    """Its processes at work; others come and go meanwhile."""
+    found = []
+    for child in process.children():
+        with suppress(psutil.NoSuchProcess):  # zombies too
+            if "multiprocessing.spawn" in " ".join(child.cmdline()):
+                found.append(child)
+    return found
 
 
 def assert_as_uninterrupted(study, out, tmp_path):
@@ -300,7 +311,7 @@ def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatc
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
     with started("-c", MAIN, *command(file, out, "--workers", 2), told=told) as process:
-        wait_for(lambda: any("multiprocessing.spawn" in " ".join(c.cmdline()) for c in process.children()), process)
+        wait_for(lambda: workers_of(process), process)
         children = process.children(recursive=True)
         if end is signal.SIGINT:
             os.killpg(process.pid, end)
@@ -336,8 +347,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
     with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
         wait_for(lambda: files(out), process)
         before, solved = files(out), log("solved")
-        children = process.children(recursive=True)
-        workers = [child for child in children if "multiprocessing.spawn" in " ".join(child.cmdline())]
+        workers = workers_of(process)
         assert len(workers) == 2
         for worker in workers:
             worker.kill()
