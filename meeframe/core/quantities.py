@@ -100,7 +100,8 @@ class Quantity:
             raise ValueError(f"{error}; expected {self.expected}") from None
         for unit in self.units:
             one = _in_base_units(unit_registry().Quantity(Decimal(1), unit))
-            if one.dimensionality == quantity.dimensionality:  # angles have none, as pure numbers
+            # angles have no dimension either; a pure number is a slope or its angle, and friction is the slope
+            if one.dimensionality == quantity.dimensionality and (unit or quantity.unitless):
                 return float(quantity.magnitude / one.magnitude)
         raise ValueError(f"has the wrong unit; expected {self.expected}")
 

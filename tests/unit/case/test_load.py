@@ -302,6 +302,14 @@ WRONG_MORE = {
         '[contact.law]\nname = "isotropic-coulomb"\nmu = -0.1',
         "contact.law.mu = -0.1: must be >= 0",
     ),
+    "angle of friction": (
+        '[contact.law]\nname = "isotropic-coulomb"\nmu = "17 deg"',
+        "contact.law.mu = '17 deg': has the wrong unit; expected a number without unit",
+    ),
+    "NaN angle": (
+        '[contact.law]\nname = "isotropic-coulomb"\nmu = "nan deg"',
+        "contact.law.mu = 'nan deg': cannot be read as one number and then units",
+    ),
     "unknown criterion": ('[solver]\nname = "uzawa"\ncriterion = "luck"', "solver.criterion = 'luck': should be"),
     "axes without a key": ("[contact]\naxes = [1, 0, 0]", "contact.axes = [1, 0, 0]: should be a table"),
     "bad step size": ('[solver]\nname = "uzawa"\nstep_normal = -1', "solver.step_normal = -1: must be > 0"),
