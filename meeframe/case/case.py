@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.case.counter import CounterBody, check_endless, check_match
+from meeframe.case.counter import CounterBody, check_alike, check_match
 from meeframe.case.frames import frames_along
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.case.outlook import check_solver, doubts, undeformed
@@ -95,7 +95,7 @@ class Case:
         check_tractions(self.contact_law, len(place.points))
         for law in (self.electric_law, self.magnetic_law):
             check_conductivity(law, len(place.points))
-        check_endless(self.counter, self.formulation)
+        check_alike(self.counter, self.formulation)
         check_match(self.counter, self.mesh, self.zone)
         if self.restart is None:
             check_first(self.steps[0])

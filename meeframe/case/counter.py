@@ -1,6 +1,7 @@
 """The second of two deformable bodies: what a case says of it."""
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import CaseError
@@ -11,6 +12,8 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.geometry import check_contact_zone, zone_frames
 from meeframe.materials import Material
 from meeframe.plugin.sources import faults_of_plugins
+
+_BODIES: Final = ("first body", "counter body")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +46,20 @@ def check_match(counter: CounterBody | None, mesh: SurfaceMesh, zone: str) -> No
         match_nodes(zone_frames(mesh, zone), zone_frames(counter.mesh, counter.zone))
 
 
-def check_endless(counter: CounterBody | None, formulation: Formulation) -> None:
-    """Raises CaseError if of two bodies one alone has an endless surface, as a formulation says."""
-    if counter is not None and counter.formulation.endless() != formulation.endless():
-        endless, other = ("first body", "counter body") if formulation.endless() else ("counter body", "first body")
+def check_alike(counter: CounterBody | None, formulation: Formulation) -> None:
+    """Raises CaseError if of two bodies one alone has an endless surface or resolves edges, as formulations say."""
+    if counter is None:
+        return
+    theirs = counter.formulation
+    if theirs.endless() != formulation.endless():
+        one, other = _BODIES if formulation.endless() else _BODIES[::-1]
         raise CaseError(
-            f"the surface of the {endless} goes on for ever, that of the {other} does not; allowed: both or neither "
+            f"the surface of the {one} goes on for ever, that of the {other} does not; allowed: both or neither "
             "(half-space: periodic)"
+        )
+    if theirs.resolves_edges() != formulation.resolves_edges():
+        one, other = _BODIES if formulation.resolves_edges() else _BODIES[::-1]
+        raise CaseError(
+            f"the formulation of the {one} resolves the edges of the contact between the nodes, that of the {other} "
+            "does not; allowed: both or neither (half-space: edges)"
         )

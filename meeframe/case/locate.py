@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from meeframe.case.body_tables import CounterBodyTable
 from meeframe.case.case import Case, check_reach, check_title, resistance
-from meeframe.case.counter import CounterBody, check_endless, check_match
+from meeframe.case.counter import CounterBody, check_alike, check_match
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.case.outlook import check_solver
 from meeframe.case.restart import Restart, check_same_zone
@@ -108,7 +108,7 @@ def _case_checks(
     conductivities = {field: getattr(table.conductivity, field) for field in ("electric", "magnetic")}
     for field, conductivity in conductivities.items():
         yield Problem(("conductivity", field), ""), partial(check_conductivity, conductivity, len(points))
-    yield Problem(("counter_body", "formulation"), ""), partial(check_endless, counter, table.formulation)
+    yield Problem(("counter_body", "formulation"), ""), partial(check_alike, counter, table.formulation)
     yield Problem(("counter_body", "mesh"), ""), partial(check_match, counter, body.mesh, zone)
     steps = [step.step() for step in table.steps]
     if table.restart is None or restart is None:

@@ -205,6 +205,10 @@ class Formulation(ABC):
         """Whether the contact zone is a period of an endless surface, whose contact ends at no edge of the zone."""
         return False
 
+    def resolves_edges(self) -> bool:
+        """Whether its systems say where the edge of the contact lies between the nodes, see ReducedSystem.edges."""
+        return False
+
     @abstractmethod
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Discretise the body, factorise once and condense to the contact zone.

@@ -55,6 +55,7 @@ def check_formulation(
         check_linear(formulation, body, system)
         check_shortcuts(system)
         check_kept(formulation, body, system)
+        check_edges(formulation, system)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
         search_for(_LOADS_DRAWN, lambda drawn: check_energy(system, *drawn), examples=60)
@@ -126,6 +127,14 @@ def check_kept(formulation: Formulation, body: Body, system: ReducedSystem) -> N
     require(np.array_equal(answer, expected), "apply is another when restored", worst(answer, expected))
     same = np.array_equal(again.diagonal_blocks(), system.diagonal_blocks())
     require(same, "diagonal_blocks are others when restored", len(load))
+
+
+def check_edges(formulation: Formulation, system: ReducedSystem) -> None:
+    """Systems of a formulation resolve edges if it says so, and only then."""
+    pressure = np.maximum(shapes(system)[-1] - 0.5, 0.0) * typical_load(system)[2]
+    resolves = system.edges(pressure) is not None
+    told = "resolves_edges and edges differ: of two bodies one would be solved otherwise than the other"
+    require(resolves == formulation.resolves_edges(), told, resolves)
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:

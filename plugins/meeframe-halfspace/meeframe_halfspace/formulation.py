@@ -60,6 +60,10 @@ class HalfSpace(Formulation):
         """Whether it is periodic."""
         return self.periodic
 
+    def resolves_edges(self) -> bool:
+        """Whether they are asked for."""
+        return self.edges == "resolved"
+
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Surface compliance, response of the grid to one node. Raises as check, and MaterialError."""
         zone, grid = self._grid(body)
@@ -77,10 +81,10 @@ class HalfSpace(Formulation):
             grid_response=grid_response,
             convolution=convolution_of(grid_response),
             shares=weights / weights.max(),
-            edge_waves=response.wave_series()[0] if self.edges == "resolved" else None,
+            edge_waves=response.wave_series()[0] if self.resolves_edges() else None,
         )
         # a system with a matrix does not know its grid any more
-        return _with_matrix(system) if len(weights) <= self.matrix_up_to and self.edges == "nodes" else system
+        return _with_matrix(system) if len(weights) <= self.matrix_up_to and not self.resolves_edges() else system
 
     def _grid_response(self, response: PointResponse, grid: Grid) -> GridResponse:
         if self.periodic:

@@ -191,6 +191,27 @@ def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
         load_case(path)
 
 
+@pytest.mark.parametrize(("own", "theirs"), [("resolved", "nodes"), ("nodes", "resolved")])
+def test_edges_that_one_of_two_bodies_resolves(tmp_path, own, theirs):
+    """They were solved along nodes, and nobody was told: the edge lies where both bodies have it."""
+    body = 'material = {name = "pzt-4"}\nmesh = {type = "half-space", contact_width = "5 mm", divisions = 8}\n'
+    rest = '[indenter]\nname = "flat-punch"\nradius = "1 mm"\n[[steps]]\napproach = "1 um"\n'
+    path = tmp_path / "case.toml"
+
+    def formulation(edges):
+        return f'formulation = {{name = "half-space", density = "bilinear", edges = "{edges}"}}\n'
+
+    def written(one, other):
+        path.write_text(f"{body}{formulation(one)}[counter_body]\n{body}{formulation(other)}{rest}", encoding="utf-8")
+        return load_case(path)
+
+    assert written(own, own).counter.formulation == HalfSpace(edges=own)
+    resolving, not_resolving = ("first", "counter") if own == "resolved" else ("counter", "first")
+    match = rf"counter_body\.formulation: .* {resolving} body resolves .* {not_resolving} body does not; .*edges"
+    with pytest.raises(CaseError, match=match):
+        written(own, theirs)
+
+
 def rough_case(force, rms_height=1e-6, **changes):
     n, period = 32, 2e-3
     mesh = half_space_mesh(0.01, period * (n - 1) / n, n - 1, 1, Quad4())

@@ -20,6 +20,7 @@ from meeframe.elements import Quad4, Quad8, Quad9, Tri3
 from meeframe.geometry import block_mesh, half_space_mesh, zone_frames
 from meeframe.materials import library_material, rotation_about
 from meeframe.testing import check_formulation, check_indentation
+from meeframe.testing.formulation import check_edges
 
 STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 AMPLITUDE = np.array([1.0, -0.7, 1.3, 0.8, -0.6]) / FieldScaling.of(STIFFNESS).factors
@@ -36,9 +37,17 @@ def random_load(system, seed=0):
     return np.random.default_rng(seed).normal(size=(len(system.points), 5)) * scale
 
 
-@pytest.mark.parametrize("formulation", [HalfSpace(), HalfSpace("constant", matrix_up_to=0)])
+@pytest.mark.parametrize(
+    "formulation", [HalfSpace(), HalfSpace("constant", matrix_up_to=0), HalfSpace(edges="resolved")]
+)
 def test_conformance(formulation):
     check_formulation(formulation, body((24, 21)), GaussianLoad(STIFFNESS, AMPLITUDE, 0.12), tolerance=1e-2)
+
+
+def test_the_kit_sees_edges_that_a_formulation_does_not_tell_of():
+    system = HalfSpace(edges="resolved").reduce(body((24, 21)))
+    with pytest.raises(AssertionError, match="resolves_edges and edges differ"):
+        check_edges(HalfSpace(), system)
 
 
 def test_closed_form_of_the_kit():
