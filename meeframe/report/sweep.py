@@ -23,6 +23,8 @@ DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_elect
 """What is shown if the study does not say."""
 _MARKERS: Final = "osD^vPX*"
 _EDGE: Final = "reaches_edge"
+_NAMED: Final = 20
+"""Lines under each other in a legend, as many as fit beside a picture."""
 _LISTED: Final = 40
 """Rows of the table on the terminal, at most."""
 
@@ -75,8 +77,9 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
     rows = plots or (SweepPlot(),)
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
-    grid = figure.subplots(len(rows), columns, squeeze=False)
-    for line, plot in zip(grid, rows, strict=True):
+    widest = 0.0
+    for row, plot in zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
+        line = row.subplots(1, columns, squeeze=False)[0]
         x, lines = plot.shown(sweep.axes)
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
@@ -85,7 +88,10 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
             axes.set_xlabel(_heading(x))
         for axes in line[len(plot.quantities) :]:
             axes.remove()
+        if plot.kind == "curves" and lines is not None:
+            widest = max(widest, _legend(row, line[0], lines))
         line[0].set_title(_fixed(sweep, plot, (x, lines)), fontsize=10)
+    figure.set_figwidth(figure.get_figwidth() + widest)
     figure.suptitle(sweep.title)
     return figure
 
@@ -137,10 +143,21 @@ def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None
         order = np.argsort(places)
         axes.plot(places[order], column[order], label=lines.labels[number] if lines else None, **style)
     _ticks(axes.xaxis, x) if labelled else axes.set(xscale=plot.scale)
-    if lines is not None:
-        axes.legend(title=lines.name, fontsize=7, title_fontsize=7)
     axes.set_ylabel(label)
     axes.grid(alpha=0.3)
+
+
+def _legend(row: Any, axes: Any, lines: SweepAxis) -> float:
+    """Name the lines beside the pictures of a row, where they cover none; the width of that in inches."""
+    legend = row.legend(
+        *axes.get_legend_handles_labels(),
+        title=lines.name,
+        fontsize=7,
+        title_fontsize=7,
+        loc="outside right upper",
+        ncols=math.ceil(len(lines.labels) / _NAMED),
+    )
+    return float(legend.get_window_extent().width / row.dpi)
 
 
 def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], values: Array, label: str) -> None:

@@ -31,6 +31,19 @@ def test_curves_have_prefixed_units(sweep):
     np.testing.assert_allclose(area.lines[1].get_ydata(), [2.0, np.nan, 6.0])
 
 
+def test_lines_are_named_beside_the_pictures(sweep):
+    """They were named on top of the points; a row with one picture has as much room as one with two."""
+    figure = sweep_figure(sweep, [SweepPlot(("max_pressure", "contact_area")), SweepPlot(("max_pressure",))])
+    figure.draw_without_rendering()
+    for row in figure.subfigs:
+        (legend,) = row.legends
+        assert [text.get_text() for text in legend.get_texts()] == ["10 um", "20 um"]
+        assert legend.get_window_extent().x0 > max(axes.get_window_extent().x1 for axes in row.axes)
+        assert legend.get_window_extent().x1 < figure.bbox.x1
+    above, _, below = figure.axes
+    assert below.get_window_extent().width == pytest.approx(above.get_window_extent().width, rel=0.1)
+
+
 def test_forces_along_an_axis_have_a_prefix(sweep):
     force = SweepAxis("steps[1].normal_force", ("5 N", "1 kN", "20 kN"), np.array([5.0, 1e3, 2e4]), "N")
     figure = sweep_figure(dataclasses.replace(sweep, axes=(force, sweep.axes[1])), [SweepPlot(("max_pressure",))])
