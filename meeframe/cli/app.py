@@ -7,7 +7,6 @@ import typer
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",  # joins the lines of a paragraph
     help="Three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
