@@ -34,7 +34,7 @@ def resolved_edges(
     """See ReducedSystem.edges. waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries."""
     distance, outward = _outline(grid, pressure, periodic)
     if rim is not None:
-        _enter_rim(grid, rim, pressure, distance, outward)
+        _enter_rim(grid, rim, pressure, distance, outward, periodic)
     at = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
     place = distance[at] - MEAN_OFF * (1.0 - fourfold(outward[at]))
@@ -60,7 +60,7 @@ def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]
     return distance, outward
 
 
-def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: Array) -> None:
+def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: Array, periodic: bool) -> None:
     """Enter the distance of nodes from the rim where the contact ends there.
 
     It ends before where the pressure fades before; a pressure that is singular at the rim rises towards it.
@@ -68,7 +68,8 @@ def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: 
     places = rim.distance / _spacing(grid, rim.outward)
     pressed = pressure > 0.0
     outermost = pressed & (places < 1.0)  # no other node lies between them and the rim
-    around = scipy.ndimage.binary_dilation(outermost[grid.nodes], np.ones((3, 3), bool))
+    beside = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
+    around = scipy.ndimage.binary_dilation(beside, np.ones((3, 3), bool))[1:-1, 1:-1]
     near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
     fades = (np.einsum("na,na->n", outward, rim.outward) > TOWARDS) & (distance < places)
     # nodes under the indenter without pressure have their edge elsewhere

@@ -75,6 +75,31 @@ def test_resolved_edges_cross_the_border_of_the_period(place: tuple[int, int]) -
     assert found == pytest.approx((charge, area), rel=1e-8)
 
 
+@dataclass(frozen=True)
+class PeriodicPunch(Indenter):
+    """A flat disc of a radius [m] in each period, the one in the middle centred at x, y [m]."""
+
+    x: float
+    y: float
+    radius: float
+
+    def height(self, x: Array, y: Array) -> Array:
+        near = [np.mod(along + PERIOD / 2.0, PERIOD) - PERIOD / 2.0 for along in (x - self.x, y - self.y)]
+        height: Array = np.where(near[0] ** 2 + near[1] ** 2 < self.radius**2, 0.0, np.inf)
+        return height
+
+
+@pytest.mark.parametrize(("place", "radius"), [((16, 0), 7.4), ((7, 9), 7.4), ((7, 9), 8.1)])
+def test_rims_cross_the_border_of_the_period(place: tuple[int, int], radius: float) -> None:
+    """Charge and area are those of the same punch in the middle of the zone, where it cuts the border and beside it."""
+    spacing = PERIOD / NODES
+    (charge, area), found = (
+        (totals.charge, totals.contact_area)
+        for totals in (conducting(PeriodicPunch(*(spacing * np.array(at)), radius * spacing)) for at in ((0, 0), place))
+    )
+    assert found == pytest.approx((charge, area), rel=1e-8)
+
+
 def conducting(indenter: Indenter) -> Resultants:
     mesh = half_space_mesh(8.0 * PERIOD, PERIOD * (1.0 - 1.0 / NODES), NODES - 1, 1, Quad4())
     case = Case(
