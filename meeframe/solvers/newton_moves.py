@@ -37,7 +37,7 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     flips = flips + (changed & moved.jump.any(axis=1))
     fresh = (flips > FLIPS) & ~moved.grazing
     if not fresh.any():
-        return flips, moved
+        return flips, _with_fitting_fractions(moved)
     closed, lift = moved.closed.copy(), moved.lift
     within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
     closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
@@ -57,6 +57,24 @@ def held_where_it_grazes(point: Point, moved: Point) -> Point:
     closed = np.where(near, point.closed, moved.closed)
     held = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing | near, moved.motion)
     return held if held.merit < moved.merit else moved
+
+
+def _with_fitting_fractions(moved: Point) -> Point:
+    """A moved point, or the same with the fractions between open and closed that go best with its fluxes and drives.
+
+    A step changes both at once, and what conducts is their product: of that the linearised equations know nothing.
+    """
+    some = moved.between & moved.jump.any(axis=1)
+    if not some.any():
+        return moved
+    unit = moved.equation.scales.displacement[POTENTIALS]
+    left = moved.residual[some][:, POTENTIALS]
+    slope = moved.jump[some] * moved.drive[some] / unit
+    closed, square = moved.closed.copy(), (slope**2).sum(axis=1)
+    change = np.divide((slope * left).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
+    closed[some] = np.clip(np.clip(closed[some], 0.0, 1.0) - change, 0.0, 1.0)
+    fitting = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing, moved.motion)
+    return fitting if fitting.merit < moved.merit else moved
 
 
 def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:

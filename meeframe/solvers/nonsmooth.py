@@ -241,6 +241,11 @@ class Point:
         return np.asarray(self.equation.r * (self.equation.lifted * self.jump * self.drive).sum(axis=1))
 
     @property
+    def between(self) -> Mask:
+        """Grazing nodes (n,) that are neither open nor closed."""
+        return np.asarray(self.grazing & (self.switch > 0.0) & (self.switch < 1.0))
+
+    @property
     def merit(self) -> float:
         """Root of the mean square of the residual over the nodes and that of the balance; inf if it is not finite."""
         square = (self.residual**2).sum() / max(self.equation.count, 1) + (self.balance**2).sum()
@@ -259,7 +264,7 @@ class Point:
         """
         equation, scales = self.equation, self.equation.scales
         law = equation.problem.contact_law
-        between = self.grazing & (self.switch > 0.0) & (self.switch < 1.0)
+        between = self.between
         # a fraction that stays at its end moves no flux, which is then a statement on the node itself
         stays = (self.residual[:, CLOSED] == 0.0) & ~between
         moves = between | (self.grazing & ~stays & (self.closed >= 0.0) & (self.closed <= 1.0))
