@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from meeframe.case.counter import CounterBody, check_alike, check_match
 from meeframe.case.frames import frames_along
 from meeframe.case.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.case.outlook import check_solver, doubts, undeformed
+from meeframe.case.outlook import check_solver, doubts, idle_potentials, undeformed
 from meeframe.case.restart import Restart, check_same_zone
 from meeframe.case.step import Step, check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.core.body import Body, BoundaryCondition
@@ -117,7 +117,8 @@ class Case:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may come out wrong, in words: what the formulations know, and an indenter that touches nothing.
+        """What may come out wrong, in words: what the formulations know, an indenter that touches nothing, or whose
+        potential changes nothing.
 
         Nothing that stops a run.
         """
@@ -128,7 +129,8 @@ class Case:
     def doubts(self) -> tuple[str, ...]:
         """Of the warnings, those that are none of the formulations'."""
         with faults_of_plugins():
-            return tuple(doubts(undeformed(self)))
+            mechanism = undeformed(self)
+            return (*doubts(mechanism), *idle_potentials(mechanism))
 
     @property
     def n_increments(self) -> int:

@@ -104,6 +104,21 @@ def doubts(mechanism: Mechanism) -> Iterator[str]:
     )
 
 
+def idle_potentials(mechanism: Mechanism) -> Iterator[str]:
+    """That potentials of the indenter change nothing, as the contact insulates, in words."""
+    case = mechanism.case
+    laws = {"electric": (case.electric_law, "V"), "magnetic": (case.magnetic_law, "A")}
+    for column, (name, (law, unit)) in enumerate(laws.items()):
+        if conducts(law):
+            continue
+        largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(mechanism))
+        if largest > 0.0:
+            yield (
+                f"{name}_potential of {largest:.3g} {unit} changes nothing: the contact insulates, unless "
+                f"[conductivity.{name}] names a law that conducts"
+            )
+
+
 def _approach(increment: Increment) -> float:
     return float(increment.base[COLUMNS["approach"]][0])
 

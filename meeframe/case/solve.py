@@ -16,7 +16,7 @@ from meeframe.case.cohesion import remark_on_snapping
 from meeframe.case.conduction import check_conduction
 from meeframe.case.history import Converged, ramped
 from meeframe.case.mechanism import Increment, Mechanism, beginning, regions, slip_of, touching
-from meeframe.case.outlook import doubts
+from meeframe.case.outlook import doubts, idle_potentials
 from meeframe.case.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.case.restart import check_same_body
 from meeframe.case.systems import checked
@@ -262,7 +262,7 @@ def _told(
         said += remarks_on_end(zone, result, case.contact_law, arrivals)
         said += remark_on_snapping(mechanism.system, case.contact_law, result)
     if warns:
-        said += [*warnings_of(bodies_of(case)), *doubted]
+        said += [*warnings_of(bodies_of(case)), *doubted, *idle_potentials(mechanism)]
     return replace(_saying(result, said), reaches_edge=sides > 0)
 
 

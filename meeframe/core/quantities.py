@@ -103,7 +103,8 @@ class Quantity:
             # angles have no dimension either; a pure number is a slope or its angle, and friction is the slope
             if one.dimensionality == quantity.dimensionality and (unit or quantity.unitless):
                 return float(quantity.magnitude / one.magnitude)
-        raise ValueError(f"has the wrong unit; expected {self.expected}")
+        what = "has no unit" if quantity.unitless else "has the wrong unit"
+        raise ValueError(f"{what}; expected {self.expected}")
 
     def _prefixed(self, text: str) -> float | None:
         """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""

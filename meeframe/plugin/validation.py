@@ -218,9 +218,10 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
 
 
 def choices(name: str, names: Collection[str]) -> str:
-    """'did you mean ...? allowed: ...' for a name that is not among those allowed."""
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    """'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like one."""
+    close = [other for other in names if str(name) in other.split("-")]
+    close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
+    hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 
 

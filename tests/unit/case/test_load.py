@@ -214,6 +214,7 @@ WRONG = {
         [("batio3-cofe2o4", "unobtainium")],
         "material: unknown material 'unobtainium'; the library has",
     ),
+    "a word of some names": ([('"sphere"', '"punch"')], "did you mean 'flat-punch' or 'rectangular-punch'? allowed: "),
     "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
     "unknown law": (
         [("[indenter]", '[contact]\nlaw = "shear-limited"\n\n[indenter]')],

@@ -165,6 +165,21 @@ def test_an_indenter_that_overlaps_the_whole_zone_is_warned_of(write_case, regis
     assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
 
 
+IDLE = "{}_potential of {} changes nothing: the contact insulates, unless [conductivity.{}] names a law that conducts"
+
+
+def test_potentials_that_an_insulating_contact_does_not_see_are_warned_of(case):
+    """That of the indenter, and one that a load step gives it."""
+    volts = replace(case, potentials=(-3e4, 0.0))
+    assert volts.warnings == (IDLE.format("electric", "3e+04 V", "electric"),)
+    assert not replace(volts, electric_law=StepConductivity(np.inf)).warnings
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(magnetic_potential=20.0))
+    amperes = replace(case, steps=steps, electric_law=StepConductivity(np.inf))
+    told = IDLE.format("magnetic", "20 A", "magnetic")
+    assert amperes.warnings == (told,)
+    assert [told in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
+
+
 @dataclass(frozen=True)
 class Endless(Formulation):
     """One whose contact zone is a period of an endless surface."""

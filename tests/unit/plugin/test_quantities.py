@@ -157,6 +157,12 @@ def test_units_of_another_dimension(given):
         LENGTH.validate_python(given)
 
 
+@pytest.mark.parametrize("given", ["5", "inf", "30 %"])
+def test_texts_without_a_unit(given):
+    with pytest.raises(ValidationError, match="has no unit; expected a number in m or a text with such a unit"):
+        LENGTH.validate_python(given)
+
+
 @pytest.mark.parametrize("given", ["17 deg", "95 deg", "-5 deg", "inf deg", "1 rad", "1 sr"])
 def test_angles_are_no_pure_numbers(given):
     """A friction coefficient is the slope: 17 degrees were taken as 0.297, and are 0.306."""
