@@ -38,7 +38,7 @@ main()
 
 
 def python(*arguments):
-    return subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    return subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, timeout=900)
 
 
 def test_the_module_of_the_console_script_runs(case_file):
@@ -90,9 +90,9 @@ def long(n):
     return total
 
 long(1)
-threading.Timer(0.05, os.kill, [os.getpid(), signal.{signal}]).start()
 try:
     with exit_status():
+        threading.Timer(0.05, os.kill, [os.getpid(), signal.{signal}]).start()
         long(20_000_000)
         time.sleep(20)
 except typer.Exit as ended:

@@ -32,7 +32,7 @@ print("loaded:", *{".".join(name.split(".")[:parts]) for name in sys.modules for
 
 def python(*arguments, **variables):
     command = [sys.executable, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=os.environ | variables)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900, env=os.environ | variables)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

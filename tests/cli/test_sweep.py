@@ -20,6 +20,11 @@ from meeframe.cli import app
 
 PLUGIN = Path(__file__).with_name("slow_springs.py")
 DEPTHS = np.linspace(1e-5, 4e-5, 8)
+FREE = 4  # points of eight before the rest is held up; workers that ask at the same time solve one more
+PATIENCE = 240  # seconds until a test gives up; what it waits for takes a few
+
+# Dask's, where a disk, or the machine, halts for a second
+pytestmark = pytest.mark.filterwarnings("ignore:Creating scratch directories is taking")
 
 GRID = """
 title = "springs"
@@ -53,19 +58,29 @@ case = "case.toml"
 
 @pytest.fixture
 def study(write_case, tmp_path):
-    """Writes a study of the springs beside their case; gives its path."""
+    """Writes a study of the springs beside their case; gives its path.
 
-    def write(text, pause=0.0):
+    free: so many points are solved, the others held up until the file is gone that is written here."""
+
+    def write(text, free=None):
+        if free is not None:
+            (tmp_path / "held").touch()
         log = json.dumps(str(tmp_path / "log"))
         write_case(
             ('name = "winkler"', f'name = "springs"\nlog = {log}'),
-            ("[[steps]]", f'[solver]\nname = "slow"\nlog = {log}\npause = {pause}\n\n[[steps]]'),
+            ("[[steps]]", f'[solver]\nname = "slow"\nlog = {log}\nfree = {free or 0}\n\n[[steps]]'),
         )
         path = tmp_path / "sweep.toml"
         path.write_text(text, encoding="utf-8")
         return path
 
     return write
+
+
+@pytest.fixture
+def go_on(tmp_path):
+    """Nothing is held up any more."""
+    return (tmp_path / "held").unlink
 
 
 @pytest.fixture
@@ -244,7 +259,7 @@ def started(*arguments, told=os.devnull):
 
 
 def wait_for(condition, process):
-    end = time.monotonic() + 240
+    end = time.monotonic() + PATIENCE
     while not condition():
         assert process.poll() is None
         assert time.monotonic() < end
@@ -277,8 +292,8 @@ MAIN = (
 
 
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
-def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
+    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
@@ -289,9 +304,10 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death, 
             os.killpg(process.pid, death)  # as from the terminal: to its workers too
         else:
             process.send_signal(death)
-        status = process.wait(timeout=60)
-    psutil.wait_procs(children, timeout=60)
+        status = process.wait(timeout=PATIENCE)
+    psutil.wait_procs(children, timeout=PATIENCE)
     before, solved = files(out), log("solved")
+    go_on()
     assert 2 <= len(before) < len(DEPTHS)
     assert not (out / "sweep.h5").exists()
     if death is not signal.SIGKILL:
@@ -306,7 +322,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, death, 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
-    out, file, told = tmp_path / "out", study(LINE), tmp_path / "told"
+    out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
@@ -317,8 +333,8 @@ def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatc
             os.killpg(process.pid, end)
         else:
             process.send_signal(end)
-        status = process.wait(timeout=60)
-    psutil.wait_procs(children, timeout=60)
+        status = process.wait(timeout=PATIENCE)
+    psutil.wait_procs(children, timeout=PATIENCE)
     assert not any(child.is_running() for child in children)
     assert status == 130, told.read_text()
     assert told.read_text().splitlines()[-1] == (
@@ -342,16 +358,17 @@ def assert_nothing_twice(out, log, before, solved):
     assert len(log("reduced")) == 1, "nor the reduced system"
 
 
-def test_it_survives_the_death_of_its_workers(study, tmp_path, log):
-    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
+    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
-        wait_for(lambda: files(out), process)
+        wait_for(lambda: len(files(out)) >= FREE, process)  # the others are held up
         before, solved = files(out), log("solved")
         workers = workers_of(process)
         assert len(workers) == 2
         for worker in workers:
             worker.kill()
-        status = process.wait(timeout=240)
+        go_on()
+        status = process.wait(timeout=PATIENCE)
     assert status == 0, told.read_text()
     assert_nothing_twice(out, log, before, solved)
     assert_as_uninterrupted(file, out, tmp_path)
@@ -437,8 +454,8 @@ def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, wor
     assert told == [f"warning: {plugin}, line 14: UserWarning: of a step"]
 
 
-def test_one_at_a_time_writes_a_folder(study, tmp_path):
-    out, file = tmp_path / "out", study(LINE, pause=0.3)
+def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
+    out, file = tmp_path / "out", study(LINE, free=FREE)
     with started("-m", "meeframe", *command(file, out, "--workers", 2)) as process:
         wait_for(lambda: files(out), process)
         for options in ((), ("--overwrite",)):
@@ -450,13 +467,14 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path):
         workers = process.children(recursive=True)
         process.kill()
         process.wait()
+    go_on()
     assert_done(sweep(file, out))  # at once: neither the dead nor what is left of its workers keeps others out
-    psutil.wait_procs(workers, timeout=60)
+    psutil.wait_procs(workers, timeout=PATIENCE)
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log):
-    out, file, told = tmp_path / "out", study(LINE, pause=0.3), tmp_path / "told"
+def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log, go_on):
+    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     place = tmp_path / "scheduler.json"
     cluster = ("--scheduler-file", place, "--no-dashboard")
     with (
@@ -468,11 +486,12 @@ def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log):
         with started("-m", "meeframe", *command(file, out, "--scheduler", address), told=told) as process:
             wait_for(lambda: len(files(out)) >= 2, process)
             scheduler.kill()
-            status = process.wait(timeout=120)
+            status = process.wait(timeout=PATIENCE)
     assert status == 2, told.read_text()
     assert f"error: scheduler {address} was lost" in told.read_text()
     assert "Traceback" not in told.read_text()
     before, solved = files(out), log("solved")
+    go_on()
     assert 2 <= len(before) < len(DEPTHS)
     assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
