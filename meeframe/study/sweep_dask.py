@@ -39,6 +39,8 @@ AHEAD: Final = 2
 """Points handed out for each thread of the cluster."""
 _WAIT: Final = "10s"
 """For a scheduler to answer."""
+_END: Final = "30s"
+"""For local processes to end: Dask kills those that compute after four seconds, and waits five more."""
 _WARNINGS: Final = "meeframe-warnings"
 """Topic of events by which workers pass on what code there warns of."""
 _BLAS_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -204,7 +206,9 @@ class Cluster(Pool):
             if not running:
                 return
             future = next(finished)
-            yield running.pop(future), self._outcome(future)
+            point, outcome = running.pop(future), self._outcome(future)
+            future.release()  # or it is solved again if its worker dies while others are waited for
+            yield point, outcome
 
     def _submitted(self, client: Any, points: Sequence[Point], folder: str) -> Iterator[tuple[Any, Point]]:
         """Points handed out one after the other, group by group, each with its future."""
@@ -306,4 +310,4 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
 def _close(place: Any) -> None:
     """End local processes; those that do not listen end with this one."""
     with suppress(TimeoutError, OSError):
-        place.close(timeout=_WAIT)
+        place.close(timeout=_END)
