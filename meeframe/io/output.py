@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import get_native_id
 from typing import Final
 
 from meeframe.core.errors import ResultError
@@ -83,7 +84,7 @@ def replacing(target: Path) -> Iterator[Path]:
 
     Whatever happens, the target holds either its old content or its new one. Raises ResultError if writing fails.
     """
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{get_native_id()}{target.suffix}")
     try:
         yield temporary
         os.replace(temporary, target)

@@ -116,7 +116,7 @@ def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
         (folder / POINTS).mkdir(exist_ok=True)
         # of a process that was killed while it wrote
         for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
-            leftover.unlink()
+            leftover.unlink(missing_ok=True)  # by a worker of it that ends just now
         for leftover in folder.glob(f"{POINTS}/.*"):
             shutil.rmtree(leftover)
         for key in (held or set()) - wanted:
