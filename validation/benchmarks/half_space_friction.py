@@ -63,7 +63,7 @@ def mindlin(system: ReducedSystem) -> ContactProblem:
     return dragged(system, RADIUS, EXACT.hertz.force, IsotropicCoulomb(MU))
 
 
-def timed(problem: ContactProblem, solver: Solver) -> tuple[ContactSolution, Record]:
+def timed(problem: ContactProblem, solver: Solver, tolerance: float = TOLERANCE) -> tuple[ContactSolution, Record]:
     """Solution with its times [s], steps and products on the finest grid."""
     counted = Counted.of(problem.system)
     problem = ContactProblem(
@@ -77,7 +77,7 @@ def timed(problem: ContactProblem, solver: Solver) -> tuple[ContactSolution, Rec
         problem.freedoms,
     )
     start, processor = perf_counter(), process_time()
-    solution = solve(problem, solver, Limits(tolerance=TOLERANCE))
+    solution = solve(problem, solver, Limits(tolerance=tolerance))
     record = {"seconds": perf_counter() - start, "processor": process_time() - processor}
     record |= {"iterations": solution.iterations, "products": len(counted.products)}
     return solution, record | {"residual": solution.residual, "status": str(solution.status)}
