@@ -23,6 +23,12 @@ DEFAULT: Final = ("normal_force", "contact_area", "max_pressure", "max_abs_elect
 """What is shown if the study does not say."""
 _MARKERS: Final = "osD^vPX*"
 _EDGE: Final = "reaches_edge"
+_LETTERS: Final = 42
+"""Of labels beside each other below a picture, ..."""
+_BETWEEN: Final = 2
+"""... each with so many blanks."""
+_WRITTEN: Final = 20
+"""Labels along a picture, and letters of each, at most."""
 _NAMED: Final = 20
 """Lines under each other in a legend, as many as fit beside a picture."""
 _LISTED: Final = 40
@@ -179,17 +185,27 @@ def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], 
 def _places(axis: SweepAxis) -> tuple[Array, bool]:
     """Where the values of an axis are drawn, and whether their labels have to say what they are."""
     if axis.values is None or not np.isfinite(axis.values).all():
-        return np.arange(len(axis.labels), dtype=float), True
+        return np.arange(1.0, len(axis.labels) + 1.0), True
     return _scaled(axis.values, axis.unit)[0], False
 
 
 def _ticks(own: Any, axis: SweepAxis) -> None:
-    own.set_ticks(np.arange(len(axis.labels)), axis.labels)
+    """Labels beside each other where they fit, else upright, else numbers."""
+    if _numbered(axis):
+        own.get_major_locator().set_params(integer=True)
+        return
+    across = own.axis_name == "x" and sum(len(label) + _BETWEEN for label in axis.labels) > _LETTERS
+    own.set_ticks(_places(axis)[0], axis.labels, rotation="vertical" if across else "horizontal")
+
+
+def _numbered(axis: SweepAxis) -> bool:
+    """Whether there are too many labels, or too long ones, to be written along a picture."""
+    return max(len(axis.labels), *map(len, axis.labels)) > _WRITTEN
 
 
 def _heading(axis: SweepAxis) -> str:
-    if _places(axis)[1] or axis.values is None:
-        return axis.name
+    if axis.values is None or _places(axis)[1]:
+        return f"{axis.name}, numbered in order" if _numbered(axis) else axis.name
     return f"{axis.name} {_scaled(axis.values, axis.unit)[1]}".rstrip() if axis.unit else axis.name
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -42,6 +43,32 @@ def test_lines_are_named_beside_the_pictures(sweep):
         assert legend.get_window_extent().x1 < figure.bbox.x1
     above, _, below = figure.axes
     assert below.get_window_extent().width == pytest.approx(above.get_window_extent().width, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("labels", "upright", "heading"),
+    [
+        (["EMII", "EMCI", "EIMCI"], False, "point"),
+        ([f"isotropic-coulomb {number}" for number in range(6)], True, "point"),
+        ([f"contact.law.mu = {number}, condition = EMCI" for number in range(6)], False, "point, numbered in order"),
+        ([str(number) for number in range(60)], False, "point, numbered in order"),
+    ],
+)
+def test_labels_below_a_picture_do_not_cover_each_other(labels, upright, heading):
+    """Those of the study on docs/sweep.md, 65 letters each, were written on top of each other."""
+    texts, area = np.full(len(labels), "converged"), {"contact_area": np.arange(1.0, len(labels) + 1.0)}
+    points = SweepResult("", (SweepAxis("point", tuple(labels)),), area, {"contact_area": "m^2"}, *[texts] * 3)
+    figure = sweep_figure(points, [SweepPlot(("contact_area",))])
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.get_xlabel() == heading
+    told = [label for label in axes.get_xticklabels() if label.get_text() in labels]
+    assert ([label.get_text() for label in told] == labels) == (heading == "point")
+    assert {label.get_rotation() for label in told} <= {90.0 if upright else 0.0}
+    low, high = axes.get_xlim()
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if low <= label.get_position()[0] <= high]
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), area["contact_area"])
 
 
 def test_forces_along_an_axis_have_a_prefix(sweep):
