@@ -13,12 +13,11 @@ from meeframe.testing.matrix_free import MatrixFree
 
 XI = np.array([[2.0, 0.3, 0.1], [0.3, -1.5, 0.2], [0.1, 0.2, -1.0]])
 SYSTEM = half_space_system(XI, 1.0, 5)
-RANDOM = np.random.default_rng(5)
-OWN = RANDOM.random((25, 5, 5))
+OWN = np.random.default_rng(5).random((25, 5, 5))
 
 
 def test_matrix_and_operator_agree():
-    load = RANDOM.random((25, 5))
+    load = np.random.default_rng(6).random((25, 5))
     system = edged(SYSTEM, OWN)
     expected = SYSTEM.apply(load) + np.einsum("nij,nj->ni", OWN, load)
     assert system.apply(load) == pytest.approx(expected)

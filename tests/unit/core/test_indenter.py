@@ -40,7 +40,7 @@ def test_approach_and_translations_shift():
 
 
 def test_resultants_are_forces_moments_and_charges():
-    load = RANDOM.normal(size=(20, 5))
+    load = np.random.default_rng(4).normal(size=(20, 5))
     totals = np.einsum("kni,ni->k", motion_measures(MODES, WEIGHTS), load)
     forces = WEIGHTS[:, None] * in_global_axes(load)
     force, moment = forces.sum(axis=0), np.cross(POINTS - REFERENCE, forces).sum(axis=0)
