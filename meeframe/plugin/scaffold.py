@@ -14,8 +14,8 @@ from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import choices
 
-_BLOCK: Final = {"height": "120 mm", "approach": "20 um", "translation": "4 um"}
-_LAYER: Final = {"height": "0.5 mm", "approach": "1 um", "translation": "0.2 um"}
+_HALF_SPACE: Final = {"approach": "20 um", "translation": "4 um"}
+_LAYER: Final = {"approach": "1 um", "translation": "0.2 um"}
 """Of the example: the contact of the example of a formulation, for thin layers, is some four times as wide as that."""
 
 
@@ -69,7 +69,7 @@ def _words(kind: Kind, name: str) -> dict[str, str]:
         "module": f"{PROJECT}_{name.replace('-', '_')}",
         "solver": name if kind is Kind.SOLVER else "uzawa-bb",
         "version": metadata.version(PROJECT),
-        **(_LAYER if kind is Kind.FORMULATION else _BLOCK),
+        **(_LAYER if kind is Kind.FORMULATION else _HALF_SPACE),
     }
 
 
