@@ -359,9 +359,10 @@ def assert_nothing_twice(out, log, before, solved):
 
 
 def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
-    out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
+    out, file, told = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
     with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
-        wait_for(lambda: len(files(out)) >= FREE, process)  # the others are held up
+        wait_for(lambda: len(files(out)) >= 6, process)  # all are handed out, and the others held up
+        time.sleep(1)  # the scheduler is told in milliseconds that these are not wanted any more
         before, solved = files(out), log("solved")
         workers = workers_of(process)
         assert len(workers) == 2
