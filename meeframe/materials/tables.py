@@ -1,5 +1,6 @@
 """Materials as TOML tables: in case files, material files and the library."""
 
+import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,9 @@ def check_keys(table: Mapping[str, Any], allowed: set[str], what: str) -> None:
     """Refuse unknown keys with a MaterialError that lists the allowed ones."""
     unknown = sorted(table.keys() - allowed)
     if unknown:
-        raise MaterialError(f"unknown key {unknown[0]!r} in {what}; allowed: {', '.join(sorted(allowed))}")
+        near = difflib.get_close_matches(str(unknown[0]), sorted(allowed), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        raise MaterialError(f"unknown key {unknown[0]!r} in {what}; {hint}allowed: {', '.join(sorted(allowed))}")
 
 
 def _text(table: Mapping[str, Any], key: str, default: str) -> str:

@@ -118,7 +118,9 @@ def _check_memory(body: Body) -> None:
     needed = 8 * unknowns * (unknowns + loads)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
+        other = "half-space" if body.mesh.semi_infinite else "hmatrix-bem"
         raise TooLargeError(
             f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
-            f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh"
+            f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
+            f"formulation {other!r}"
         )

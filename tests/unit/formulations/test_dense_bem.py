@@ -18,7 +18,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
 from meeframe.fundamental.tabulated import TabulatedKernel
-from meeframe.geometry import block_mesh, box_mesh
+from meeframe.geometry import block_mesh, box_mesh, half_space_mesh
 from meeframe.materials import library_material, rotation_about
 from meeframe.testing import check_formulation
 from meeframe.testing.manufactured import LinearField, prescribe, relative_errors
@@ -219,8 +219,11 @@ def test_what_does_not_fit_is_refused_before_anything_is_computed(monkeypatch):
     with pytest.raises(MaterialError, match="isotropic"):
         DenseBEM(Isotropic()).check(body)
     monkeypatch.setattr("os.sysconf", lambda _: 1000)
-    with pytest.raises(MeshError, match=r"this machine has 0\.001 GB: use a coarser mesh"):
+    told = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
+    with pytest.raises(MeshError, match=told.format("hmatrix-bem")):
         DenseBEM().check(body)
+    with pytest.raises(MeshError, match=told.format("half-space")):
+        DenseBEM().check(replace(body, mesh=half_space_mesh(1.0, 0.1, 12, 4, Quad4()), conditions=()))
 
 
 @pytest.mark.parametrize(

@@ -118,6 +118,10 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
     [
         ({}, "name.*components or file"),
         ({"name": "unobtainium"}, "'unobtainium'; the library has .*batio3.*isotropic"),
+        (
+            {"name": "isotropic", "poisson": 0.3},
+            r"'poisson' in .*; did you mean 'poisson_ratio'\? allowed",
+        ),
         ({"name": "BaTiO3"}, r"'BaTiO3'; did you mean 'batio3'\? the library has"),
         ({"name": "batio-3"}, r"'batio-3'; did you mean 'batio3'\? the library has"),
         ({"name": 3}, "unknown material 3"),
@@ -135,7 +139,10 @@ def test_rotation_entry(rotation: dict[str, object]) -> None:
         ({"name": "batio3", "rotation": 30}, "rotation is 30"),
         ({"name": "batio3", "rotation": {"axis": [0, 0], "angle": 1}}, r"rotation\.axis is \[0, 0\]"),
         ({"name": "batio3", "rotation": {"axis": [0, 0, 1]}}, r"rotation\.angle = None"),
-        ({"name": "batio3", "rotation": {"axis": [0, 0, 1], "angel": 1}}, "'angel' in rotation; allowed: angle"),
+        (
+            {"name": "batio3", "rotation": {"axis": [0, 0, 1], "angel": 1}},
+            r"'angel' in rotation; did you mean 'angle'\? allowed: angle",
+        ),
         ({"file": "absent.toml"}, "absent.toml: cannot be read: No such file"),
     ],
 )
