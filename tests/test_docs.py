@@ -1,11 +1,8 @@
 """README.md and docs/: commands, examples, links and names are right. Materials and case files have their own tests."""
 
 import importlib
-import json
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,37 +69,6 @@ def test_modules_and_objects_that_are_named_exist(page):
             importlib.import_module(name)
         except ModuleNotFoundError:
             assert hasattr(importlib.import_module(".".join(parts)), last), name
-
-
-BENCHMARKS = ROOT / "validation" / "benchmarks"
-
-
-def page_of_records(folder, before="pass") -> subprocess.CompletedProcess[str]:
-    """docs/performance.md as the records make it, in a process of its own: the benchmarks are scripts side by side."""
-    script = f"import sys, report; from pathlib import Path; folder = Path(sys.argv[1]); {before}"
-    script += "; print(report.page(folder), end='')"
-    return subprocess.run([sys.executable, "-c", script, folder], cwd=BENCHMARKS, capture_output=True, text=True)
-
-
-def test_performance_is_what_the_records_say(tmp_path):
-    done = page_of_records(tmp_path)
-    assert done.returncode == 0, done.stderr
-    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    assert page == done.stdout, "write it anew: python validation/benchmarks/report.py --page"
-    for picture in tmp_path.iterdir():
-        assert (ROOT / "docs" / "images" / picture.name).exists(), picture.name
-
-
-def test_a_part_with_an_old_record_says_so_on_the_page_of_the_others(tmp_path):
-    old = {"machine": {"cores": 2, "processor": "one", "load": 0.1}}
-    whole = json.loads((BENCHMARKS / "records" / "start_up.json").read_text(encoding="utf-8"))
-    for name, record in {"kernels": old, "start_up": whole}.items():
-        (tmp_path / f"{name}.json").write_text(json.dumps(record))
-    done = page_of_records(tmp_path, "report.RECORDS = folder")
-    assert done.returncode == 0, done.stderr
-    assert "To be measured again" in done.stdout.partition("## Start-up")[0]
-    assert "To be measured again" not in done.stdout.partition("## Start-up")[2]
-    assert "kernels: its record has no" in done.stderr
 
 
 def test_why_to_trust_it_has_every_case():

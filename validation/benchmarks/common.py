@@ -10,10 +10,14 @@ import json
 import os
 import platform
 import statistics
+import subprocess
+import sys
 import tempfile
 import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +27,10 @@ from meeframe.case.threads import limited
 
 Record = dict[str, Any]
 WIDTH = 119
+ROOT = Path(__file__).parents[2]
+PACKAGES = {"numpy": "numpy", "scipy": "scipy", "numba": "numba"}
+PACKAGES |= {"tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "bempp-cl": "bempp_cl"}
+"""Whose versions a record keeps, and the modules by which a measurement that used them is known."""
 threads = limited
 """with threads(2): as many threads of everything that has some."""
 
@@ -51,14 +59,42 @@ def slope(x: Sequence[float], y: Sequence[float]) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
-def machine() -> Record:
-    """What a measurement depends on: processor, cores, load average of the last minute."""
+def circumstances() -> Record:
+    """What a measurement depends on: day (UTC), commit, processor, cores, load average of the last minute.
+
+    A commit ends with + where files of meeframe or plugins differ from it.
+    """
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
         names = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line]
         model = names[0] if names else model
-    return {"processor": model, "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+    changed = _git("status", "--porcelain", "--", "meeframe", "plugins")
+    return {
+        "date": datetime.now(UTC).date().isoformat(),
+        "commit": _git("rev-parse", "--short", "HEAD") + "+" * bool(changed),
+        "processor": model,
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
+    }
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(("git", *words), cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def versions() -> dict[str, str]:
+    """Of the packages that this process has used."""
+    return {name: version(name) for name, module in PACKAGES.items() if module in sys.modules}
+
+
+def told(name: str, where: Record) -> str:
+    """The paragraph of the page on how the record of a part was measured."""
+    codes = ", ".join(f"{code} {number}" for code, number in where["versions"].items())
+    return prose(
+        f"`validation/benchmarks/{name}.py`, {where['date']}, commit {where['commit']}, on {where['cores']} cores of"
+        f" {where['processor']}; load average when it began: {where['load']:.1f}; {codes}."
+    )
 
 
 def prose(text: str) -> str:
@@ -74,6 +110,11 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def verdict(met: bool) -> str:
     """A word for a demand."""
     return "met" if met else "**not met**"
+
+
+def demands(rows: Sequence[tuple[str, str, bool]]) -> str:
+    """A table of what is demanded, what was found and whether that meets it."""
+    return table(["demand", "found", "verdict"], [[asked, found, verdict(met)] for asked, found, met in rows])
 
 
 def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> None:
@@ -102,7 +143,9 @@ def command_line(
     parser.add_argument("--quick", action="store_true", help="small sizes, as the tests do")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the record to this file")
     chosen = parser.parse_args(arguments)
-    record = {"machine": machine(), "quick": chosen.quick} | measure(chosen.quick)
+    began = circumstances()
+    measured = measure(chosen.quick)
+    record = {"machine": began | {"versions": versions()}, "quick": chosen.quick} | measured
     if chosen.json:
         chosen.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     with tempfile.TemporaryDirectory() as scratch:

@@ -8,7 +8,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
-from common import Record, command_line, loglog, prose, slope, table, threads, verdict
+from common import Record, command_line, demands, loglog, prose, slope, table, threads
 from meeframe_halfspace import HalfSpace
 
 from meeframe.core.body import Body
@@ -33,8 +33,9 @@ and tangential directions hardly know of each other and the closed form holds.""
 PERIOD = 4.0 * EXACT.hertz.contact_radius
 TOLERANCE = 1e-10
 SIZES, QUICK = (64, 128, 256, 512), (32, 64)
-CAPS = {"Condat": (128, 3_000), "PolonskyKeerTan": (128, 3_000), "Kato": (64, 2_000)}
-"""Largest grid and number of iterations of the other code's solvers: more would take minutes."""
+OTHERS = (("Condat", 10_000, 256), ("PolonskyKeerTan", 300, 256), ("PolonskyKeerTan", 3_000, 128), ("Kato", 10_000, 64))
+"""Solvers of Tamaas, iterations at most and the largest grid: more would take minutes."""
+OURS = "meeframe"
 MOST_RESIDUAL, NEARLY_CONSTANT = 1e-8, 1.5
 
 
@@ -117,7 +118,7 @@ def theirs(kind: str, n: int, cap: int, problem: ContactProblem, expected: Array
     pressure = EXACT.hertz.force / PERIOD**2
     start, processor = perf_counter(), process_time()
     solver.solve([SHARE * MU * pressure, 0.0, pressure])
-    record = {"seconds": perf_counter() - start, "processor": process_time() - processor, "cap": cap}
+    record = {"seconds": perf_counter() - start, "processor": process_time() - processor}
     load = np.zeros((n * n, 5))
     load[order, :3] = np.array(model.traction).reshape(-1, 3) * [1.0, 1.0, -1.0]
     violated = residual(problem, fitted(problem, load))
@@ -144,18 +145,19 @@ def measure(quick: bool) -> Record:
         ours(sizes[0], False)  # compiled, loaded
         for n in sizes:
             record["free"][str(n)] = ours(n, False)[0]
-            if n > max(largest for largest, _ in CAPS.values()):
+            if n > max(largest for _, _, largest in OTHERS):
                 continue
             one, problem, expected = ours(n, True)
-            row = record["periodic"][str(n)] = {"meeframe": one | {"difference": 0.0}}
-            for kind, (largest, cap) in CAPS.items():
+            row = record["periodic"][str(n)] = {OURS: one | {"difference": 0.0}}
+            for kind, most, largest in OTHERS:
+                cap = min(most, 1000) if quick else most
                 if n <= largest:
-                    row[f"Tamaas, {kind}"] = theirs(kind, n, 1000 if quick else cap, problem, expected)
+                    row[f"Tamaas, {kind}, {cap} iterations"] = theirs(kind, n, cap, problem, expected)
     return record
 
 
 def section(record: Record, pictures: Path) -> str:
-    """Tables, verdicts, a picture."""
+    """What was done and found, tables, a picture."""
     free = record["free"]
     sizes = [int(n) for n in free]
     seconds, products = ([row[name] for row in free.values()] for name in ("processor", "products"))
@@ -165,30 +167,48 @@ def section(record: Record, pictures: Path) -> str:
         curves[f"{code}, periodic"] = (list(rows), list(rows.values()))
     loglog(pictures / "half_space_friction.png", "nodes along a side", "processor time [s]", curves)
     tight = max(row["residual"] for row in free.values())
+    best = min(one["residual"] for row in record["periodic"].values() for code, one in row.items() if code != OURS)
     growth = max(products) / products[0]
     return "\n\n".join(
         [
             prose(
-                "Cattaneo and Mindlin's sphere, T = 0.5 mu P, both forces prescribed at once, nearly incompressible;"
-                " one thread, processor time, each solution once. `newton` from the solutions on coarser grids; steps"
-                " and products with the compliance on the finest grid. The traction's error is the root mean square"
-                " one against the closed form, which is that of the grid where the iteration has converged."
+                "A sphere is pressed on a half space and dragged along it with half the force at which it would slide"
+                " (Cattaneo and Mindlin's contact): rims slip, the middle sticks. meeframe is to find the tractions on"
+                " every grid as exactly as asked, with hardly more work per node on fine grids, where Tamaas's solvers"
+                " do not."
+            ),
+            demands(
+                [
+                    (f"residual at most {MOST_RESIDUAL:g} on every grid", f"{tight:.0e}", tight <= MOST_RESIDUAL),
+                    ("where Tamaas does not reach it", f"{best:.0e} at best", best > MOST_RESIDUAL),
+                    (
+                        f"products nearly constant: at most {NEARLY_CONSTANT:g} times those of the coarsest grid",
+                        f"{growth:.2f}, slope {slope(sizes, products):.2f}",
+                        growth <= NEARLY_CONSTANT,
+                    ),
+                ]
+            ),
+            prose(
+                "Both forces are prescribed at once; nearly incompressible, one thread, processor time, each solution"
+                " once. `newton` from the solutions on coarser grids; steps and products with the compliance on the"
+                " finest grid. The traction's error is the root mean square one against the closed form, which is that"
+                " of the grid where the iteration has converged."
             ),
             table(
                 ["grid", "operator [s]", "solution [s]", "steps", "products", "residual", "forces off", "traction"],
                 [_free_row(n, row) for n, row in free.items()],
             ),
-            f"- Residual at most {MOST_RESIDUAL:g} on every grid: {tight:.0e}, {verdict(tight <= MOST_RESIDUAL)}.\n"
-            f"- Products nearly constant: at most {growth:.2f} times those of the coarsest grid (slope"
-            f" {slope(sizes, products):.2f}), {verdict(growth <= NEARLY_CONSTANT)}.",
             prose(
-                "The same on a periodic surface, of 4 contact radii, which is what Tamaas's frictional solvers do."
-                " Residuals of all codes are ours of their tractions, with the motion of the indenter that fits them"
-                " best. The closed form is for a free surface; the difference is the one to the converged solution on"
-                " the same grid. Condat's problem is another one: it couples slip with lifting."
+                "The same on a periodic surface, of 4 contact radii, which is what Tamaas's frictional solvers do; the"
+                " closed form is of a free surface and judges none of them. Residuals of all codes are ours of their"
+                " tractions, with the motion of the indenter that fits them best; the difference is the one to our"
+                " tractions on the same grid. PolonskyKeerTan never converges: after 300 iterations it stands still,"
+                " as the rows with more of them show, so that 300 are what it is charged. The issue found its forces"
+                " 50 % off, which is not seen here: they are exact, and what stays is the residual. Condat's problem is"
+                " another one: it couples slip with lifting."
             ),
             table(
-                ["grid", "code", "solution [s]", "residual", "forces off", "traction", "difference"],
+                ["grid", "code", "solution [s]", "residual", "forces off", "difference"],
                 [_code_row(n, code, one) for n, row in record["periodic"].items() for code, one in row.items()],
             ),
             "![Time over size](images/half_space_friction.png)",
@@ -210,9 +230,8 @@ def _free_row(n: str, row: Record) -> list[str]:
 
 
 def _code_row(n: str, code: str, one: Record) -> list[str]:
-    capped = f"{one['processor']:.2f}" + (f" (at most {one['cap']} iterations)" if "cap" in one else "")
-    errors = [f"{100 * one[name]:.2f} %" for name in ("traction", "difference")]
-    return [f"{n} x {n}", code, capped, f"{one['residual']:.0e}", f"{one['force']:.0e}", *errors]
+    found = [f"{one[name]:.0e}" for name in ("residual", "force")]
+    return [f"{n} x {n}", code, f"{one['processor']:.2f}", *found, f"{100 * one['difference']:.2f} %"]
 
 
 if __name__ == "__main__":

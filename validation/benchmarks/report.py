@@ -10,10 +10,10 @@ import importlib
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
-from common import Record, prose
+from common import prose, told
 
 HERE = Path(__file__).parent
 RECORDS = HERE / "records"
@@ -71,22 +71,18 @@ def page(pictures: Path) -> str:
             continue
         record = json.loads(record_file.read_text(encoding="utf-8"))
         module = importlib.import_module(name)
-        where = record["machine"]
         pieces += [
             f"## {module.TITLE}",
-            prose(
-                f"`validation/benchmarks/{name}.py`, on {where['cores']} cores of {where['processor']}; load average"
-                f" when it began: {where['load']:.1f}."
-            ),
-            _section(name, module, record, pictures),
+            _shown(name, told, name, record["machine"]),
+            _shown(name, module.section, record, pictures),
         ]
     return "\n\n".join(pieces) + "\n"
 
 
-def _section(name: str, module: ModuleType, record: Record, pictures: Path) -> str:
-    """What a part makes of its record; of one that lacks what it shows now, that it has to be measured again."""
+def _shown(name: str, write: Callable[..., str], *given: object) -> str:
+    """What is written of what a record gives; of one that lacks what it shows now, that it has to be measured again."""
     try:
-        return str(module.section(record, pictures))
+        return write(*given)
     except KeyError as missing:
         print(f"{name}: its record has no {missing}: measure it again", file=sys.stderr)
         return prose(f"To be measured again: the record is older than this part and has no `{missing.args[0]}`.")
