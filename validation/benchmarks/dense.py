@@ -8,15 +8,17 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from common import Record, command_line, loglog, prose, slope, table, verdict
+from common import Record, command_line, demands, loglog, prose, slope, table
 from main_job import CASE, whole_run
+from quadrature_effort import counted, effort
 
 TITLE = "Dense boundary elements"
 PICTURE = "dense_scaling.png"
 MESHES = ((8, 3, 2), (12, 5, 2), (16, 7, 2), (24, 8, 2), (32, 15, 4))
 """Divisions, rings and layers: 288 to 4,480 elements."""
+LARGE = 4400
+"""Elements for which there are demands."""
 LIMITS = {"seconds": 180.0, "memory_gb": 24.0}
-"""At 4,400 elements or more."""
 STAGES = ("assembly", "factorisation")
 
 
@@ -29,7 +31,7 @@ def measure(quick: bool) -> Record:
         for number, mesh in enumerate(MESHES[:2] if quick else MESHES):
             repeats = 1 if quick or mesh == MESHES[-1] else 3
             runs.append(_medians([_run(folder, mesh, f"{number}-{turn}") for turn in range(repeats)]))
-    return {"runs": runs}
+    return {"runs": runs, "quadrature": counted(CASE)}
 
 
 def _run(folder: Path, mesh: tuple[int, int, int], name: str) -> Record:
@@ -62,13 +64,21 @@ def _size(mesh: tuple[int, int, int]) -> tuple[int, int]:
 
 
 def _medians(runs: list[Record]) -> Record:
-    """Medians of the numbers that differ; the rest as in the first run."""
-    names = ("seconds", *STAGES)
-    return runs[0] | {name: statistics.median(run[name] for run in runs) for name in names} | {"repeats": len(runs)}
+    """Medians of times, the largest memory; the rest is the same in all runs."""
+    times = {name: statistics.median(run[name] for run in runs) for name in ("seconds", *STAGES)}
+    return runs[0] | times | {"memory_gb": max(run["memory_gb"] for run in runs), "repeats": len(runs)}
+
+
+def verdicts(record: Record) -> list[tuple[str, str, bool]]:
+    """Time and memory of the largest mesh."""
+    run = record["runs"][-1]
+    met = run["elements"] >= LARGE and all(run[name] <= limit for name, limit in LIMITS.items())
+    found = f"{run['elements']} elements: {run['seconds']:.0f} s, {run['memory_gb']:.1f} GB"
+    return [(f"dense, {LARGE} elements: {LIMITS['seconds']:g} s, {LIMITS['memory_gb']:g} GB", found, met)]
 
 
 def section(record: Record, pictures: Path) -> str:
-    """Table, picture, slopes and the demand."""
+    """Table, picture, slopes and the demand; where the integrals spend their points."""
     runs = record["runs"]
     heads = ("elements", "nodes", "whole run [s]", *(f"{stage} [s]" for stage in STAGES), "peak memory [GB]", "runs")
     rows = [
@@ -81,31 +91,24 @@ def section(record: Record, pictures: Path) -> str:
     ]
     elements = [run["elements"] for run in runs]
     shown = {name: (elements, [run[name] for run in runs]) for name in ("seconds", *STAGES)}
-    loglog(pictures / PICTURE, "elements", "time [s]", {"whole run": shown["seconds"], **{s: shown[s] for s in STAGES}})
+    curves = {"whole run": shown["seconds"], **{stage: shown[stage] for stage in STAGES}}
+    loglog(pictures / PICTURE, "elements", "time [s]", curves | {"limit": ([LARGE], [LIMITS["seconds"]])})
     slopes = ", ".join(f"{name} {slope(*shown[name]):.2f}" for name in STAGES)
     return "\n\n".join(
         [
             prose(
-                "`meeframe run` on the block of the main job and finer and coarser ones of the same generator, figures"
-                f" and fields included. All ended {' and '.join(sorted({run['status'] for run in runs}))}. Slopes"
-                f" against elements: {slopes}; assembly tends to 2, factorisation to 3."
+                "Every node of a mesh is bound to every other, so that matrices grow with the square of the nodes and"
+                " the time to factorise them with the cube. `meeframe run` on the block of the main job and finer and"
+                " coarser ones of the same generator, figures and fields included; medians, and the largest memory. All"
+                f" ended {' and '.join(sorted({run['status'] for run in runs}))}. Slopes against elements: {slopes};"
+                " assembly tends to 2, factorisation to 3."
             ),
+            demands(verdicts(record)),
             table(heads, rows),
             f"![time of dense boundary elements](images/{PICTURE})",
-            _demand(runs[-1]),
+            *effort(record["quadrature"]),
         ]
     )
-
-
-def _demand(run: Record) -> str:
-    """Whether the largest mesh keeps its limits."""
-    if run["elements"] < 4400:
-        return "4,400 elements: not measured here."
-    words = [
-        f"{run['seconds']:.0f} s of {LIMITS['seconds']:g} s: {verdict(run['seconds'] <= LIMITS['seconds'])}",
-        f"{run['memory_gb']:.1f} GB of {LIMITS['memory_gb']:g} GB: {verdict(run['memory_gb'] <= LIMITS['memory_gb'])}",
-    ]
-    return prose(f"At {run['elements']} elements {'; '.join(words)}.")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from common import Record, command_line, prose, table, users_environment, verdict
+from common import Record, command_line, demands, prose, table, users_environment
 
 TITLE = "Start-up"
 HELP = 0.4
@@ -75,10 +75,19 @@ def _cached(environment: dict[str, str]) -> Record:
     return counts | {"seconds": time.perf_counter() - start}
 
 
+def verdicts(record: Record) -> list[tuple[str, str, bool]]:
+    """Time of the help, and whether compiled kernels are found again."""
+    seconds, saved = record["seconds"]["meeframe --help"]["wall"], record["cache"]["second process"]["saved"]
+    compiled = f"{saved} compiled by the second process"
+    return [
+        (f"start-up: `meeframe --help` under {HELP} s", f"{seconds:.2f} s", seconds < HELP),
+        ("start-up: kernels are compiled once for all processes", compiled, saved == 0),
+    ]
+
+
 def section(record: Record, _pictures: Path) -> str:
     """The part of the page."""
     seconds, cache = record["seconds"], record["cache"]
-    met = seconds["meeframe --help"]["wall"] < HELP
     rows = [[name, f"{both['wall']:.2f}", f"{both['processor']:.2f}"] for name, both in seconds.items()]
     imports = [
         [name, ", ".join(f"{package} {cost:.2f}" for package, cost in found.items())]
@@ -90,19 +99,19 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                f"Whole processes, medians, in turns. Demanded: `meeframe --help` under {HELP} s: {verdict(met)}. "
+                "What a command costs before it does anything. Whole processes, medians, in turns. "
                 "`meeframe check` loads all that a case needs: kernels and plugins; what only some cases need, such as "
                 "units other than prefixed ones, what draws and what sweeps is loaded where it is used "
                 "(tests/cli/test_start_up.py)."
             ),
+            demands(verdicts(record)),
             table(("process", "seconds", "processor time [s]"), rows),
             "Packages that cost most to import, each with what it imports in turn [s]:",
             table(("process", "packages"), imports),
             prose(
                 "Compiled kernels are kept by numba beside their sources (`__pycache__`), in the user's cache folder "
                 "where that cannot be written, or in `NUMBA_CACHE_DIR`. Functions loaded and saved by `meeframe check` "
-                "with nothing compiled, of Python's modules neither, and then again: "
-                f"{verdict(cache['second process']['saved'] == 0)}, the second process compiles nothing."
+                "with nothing compiled, of Python's modules neither, and then again:"
             ),
             table(("process", "loaded", "saved", "seconds"), compiled),
         ]
