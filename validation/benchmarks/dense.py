@@ -92,7 +92,9 @@ def section(record: Record, pictures: Path) -> str:
     elements = [run["elements"] for run in runs]
     shown = {name: (elements, [run[name] for run in runs]) for name in ("seconds", *STAGES)}
     curves = {"whole run": shown["seconds"], **{stage: shown[stage] for stage in STAGES}}
-    loglog(pictures / PICTURE, "elements", "time [s]", curves | {"limit": ([LARGE], [LIMITS["seconds"]])})
+    loglog(
+        pictures / PICTURE, "elements", "time [s]", curves | {"limit of the whole run": ([LARGE], [LIMITS["seconds"]])}
+    )
     slopes = ", ".join(f"{name} {slope(*shown[name]):.2f}" for name in STAGES)
     return "\n\n".join(
         [

@@ -226,7 +226,9 @@ def section(record: Record, pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                f"{len(record['cases'])} cases on 16 x 16 nodes (both materials, four conditions, four conductivities"
+                "Contact and friction are found by iterations, of which there are several kinds; all are set the same"
+                " problems, and those that are slow in one of them, or do not end, are told from those that serve."
+                f" {len(record['cases'])} cases on 16 x 16 nodes (both materials, four conditions, four conductivities"
                 " over six decades, friction coefficients from 0 to 5, orthotropic by a factor of 10, dragged by 0, 0.5"
                 " and 2 approaches, prescribed forces and floating conductors), residual 1e-10, at most 10 000 steps,"
                 " one thread, processor time. Fraction of its cases that a solver solved within a factor of the best"

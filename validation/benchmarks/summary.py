@@ -15,7 +15,8 @@ GPU = ("GPU, optional: half spaces and kernels on a CUDA device", "not done: no 
 
 def head(parts: Iterable[tuple[str, ModuleType, Record]]) -> str:
     """The table of the parts that have demands: name, module, record."""
-    rows, older = [], []
+    rows: list[tuple[str, str, bool]] = []
+    older = []
     for name, module, record in parts:
         try:
             rows += OTHERS[name](record) if name in OTHERS else getattr(module, "verdicts", _none)(record)
