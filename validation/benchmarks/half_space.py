@@ -188,7 +188,7 @@ def section(record: Record, pictures: Path) -> str:
         demands(_demands(record)),
         prose(
             "Seconds of the processor, one thread unless it is said, and of the clock; medians of as many turns as are"
-            " listed. What comes before the solution, mesh and operators, is made. The residual is measured alike for"
+            " listed. `made` is what comes before the solution: mesh and operators. The residual is measured alike for"
             " all: the largest of min(p/p0, gap/depth), each code with the displacement of its own operator, and of"
             f" the error of the force. All are asked for {TOLERANCE:g}; ours ends at {OURS:g} by its own judge, whose"
             " scales are others. Our steps are those on the finest grid. On a periodic surface each code counts"
@@ -239,7 +239,7 @@ def _threads(record: Record) -> str:
     rows = [record[name][size] for name in JOBS]
     ratios = [row[TWO_THREADS]["clock"] / row[CODES[0]]["clock"] for row in rows]
     return (
-        f"Two threads gain next to nothing: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f} times"
+        f"Two threads gain little, if anything: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f} times"
         " as long by the clock as one. They share the products with the compliance alone, which are little more than"
         " half of a solution and a quarter faster at best ([measured](#products-by-two-threads)); the rest is passes"
         " over vectors, by one thread."
@@ -258,8 +258,8 @@ def _published(rows: Record) -> str:
         if size in PUBLISHED["Tamaas"]
     )
     return (
-        f"The figures of the issue, for a sphere on a machine of this kind in another run, are from the least size on"
-        f" {' and '.join(figures)}. Against the better of them ours would still be {', '.join(gains)} times faster."
+        f"The figures of the issue, for a sphere on a machine of this kind in another run, by size:"
+        f" {'; '.join(figures)}. Against the better of them ours would still be {', '.join(gains)} times faster."
     )
 
 

@@ -173,9 +173,10 @@ def section(record: Record, pictures: Path) -> str:
         [
             prose(
                 "A sphere is pressed on a half space and dragged along it with half the force at which it would slide"
-                " (Cattaneo and Mindlin's contact): rims slip, the middle sticks. meeframe is to find the tractions on"
-                " every grid as exactly as asked, with hardly more work per node on fine grids, where Tamaas's solvers"
-                " do not."
+                " (Cattaneo and Mindlin's contact): the rim slips, the middle sticks. Sought are the tractions, by"
+                " meeframe and by Tamaas's solvers with friction. Demanded is a residual on every grid that those do"
+                f" not reach, by hardly more products on fine grids than on coarse ones; ours is at most {tight:.0e},"
+                f" theirs at least {best:.0e}."
             ),
             demands(
                 [
