@@ -239,10 +239,10 @@ def _threads(record: Record) -> str:
     rows = [record[name][size] for name in JOBS]
     ratios = [row[TWO_THREADS]["clock"] / row[CODES[0]]["clock"] for row in rows]
     return (
-        f"Two threads gain little, if anything: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f} times"
-        " as long by the clock as one. They share the products with the compliance alone, which are little more than"
-        " half of a solution and a quarter faster at best ([measured](#products-by-two-threads)); the rest is passes"
-        " over vectors, by one thread."
+        f"Two threads gain little, if anything: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f}"
+        " times as long by the clock as one. They share the products with the compliance alone, which are little more"
+        " than half of a solution and a quarter faster at best ([measured](#products-by-two-threads)); the rest is"
+        " passes over vectors, by one thread."
     )
 
 
