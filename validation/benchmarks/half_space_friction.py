@@ -204,9 +204,9 @@ def section(record: Record, pictures: Path) -> str:
                 " closed form is of a free surface and judges none of them. Residuals of all codes are ours of their"
                 " tractions, with the motion of the indenter that fits them best; the difference is the one to our"
                 " tractions on the same grid. PolonskyKeerTan never converges: after 300 iterations it stands still,"
-                " as the rows with more of them show, so that 300 are what it is charged. The issue found its forces"
-                " 50 % off, which is not seen here: they are exact, and what stays is the residual. Condat's problem is"
-                " another one: it couples slip with lifting."
+                " as the rows with more of them show, so that 300 are what it is charged. In an earlier run its"
+                " forces were 50 % off, which is not seen here: they are exact, and what stays is the residual."
+                " Condat's problem is another one: it couples slip with lifting."
             ),
             table(
                 ["grid", "code", "solution [s]", "residual", "forces off", "difference"],

@@ -57,7 +57,7 @@ def sphere(name: str, condition: str, law: ContactLaw, cells: int = 16, drag: fl
 
 
 def reference(cells: int) -> ContactProblem:
-    """Table 1, insulated, mu = 0.6: the problem of the issue's times."""
+    """Table 1, insulated, mu = 0.6: the problem of the times demanded."""
     return sphere(MATERIALS[0], "EMII", IsotropicCoulomb(0.6), cells)
 
 

@@ -163,7 +163,7 @@ def speedups(row: dict) -> dict[str, float]:
 
 
 def failures(found: dict) -> list[str]:
-    """What of the issue's demands is not met, in words."""
+    """What of the demands is not met, in words."""
     missed = [f"auto: {row['case']}" for row in found["cases"] if not solved(row["runs"]["auto"])]
     for size, row in found["speed"].items():
         if row["runs"]["newton"]["iterations"] > MOST_STEPS:

@@ -34,7 +34,7 @@ EXACT, COUPLED = (0.0, True), (0.5, False)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The issue's grid of 32 x 32 cells for partial slip; coarser grids elsewhere; in full, boundary elements too."""
+    """A grid of 32 x 32 cells for partial slip; coarser grids elsewhere; in full, boundary elements too."""
     shares = (0.6,) if quick else (0.3, 0.6, 0.8, 0.9)
     slips = [found for body in ((EXACT,) if quick else (EXACT, COUPLED)) for found in cattaneo(*body, 32, shares)]
     for row, _ in slips:
@@ -56,7 +56,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _slip(name: str, row: SlipRow, load: float) -> Iterator[Check]:
-    """The bounds of the issue at 32 cells, in proportion at coarser ones."""
+    """The bounds stated beforehand for 32 cells, in proportion at coarser ones."""
     coarser = 32 / row.cells
     name = f"{name}, {row.cells} cells"
     yield _relative(f"{name}: load", row.load, load)
