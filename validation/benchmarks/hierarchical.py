@@ -251,8 +251,8 @@ def _growth(unknowns: list[int], curves: dict[str, Any], runs: list[Record]) -> 
         table(("", "all", *intervals), rows),
         prose(
             "One interval has few new layers and rings of elements, whole numbers of them, and the noise of two"
-            " times. The last ones are steeper than storage is: elimination and compliance, which multiply blocks by"
-            " blocks, grow faster than the blocks, and contact takes more steps of `uzawa`, the solver of the case"
+            " times. Time grows faster than storage: elimination and compliance, which multiply blocks by blocks, grow"
+            " faster than the blocks, and contact takes more steps of `uzawa`, the solver of the case"
             f" ({first['steps']} to {last['steps']}), each with a product. These stages are small at first and take a"
             f" larger part of the whole later ({_late(first):.0f} % at {first['unknowns']} unknowns,"
             f" {_late(last):.0f} % at {last['unknowns']})."
