@@ -130,7 +130,7 @@ def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequ
         axis.loglog(x, y, "o-", label=shown)
     axis.set(xlabel=xlabel, ylabel=ylabel)
     axis.grid(which="both", alpha=0.25)
-    axis.legend(fontsize=8)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7, columnspacing=1.0)
     figure.savefig(file, dpi=110)
     plt.close(figure)
 
