@@ -24,7 +24,8 @@ from meeframe.laws import Insulating, Signorini
 from meeframe.solvers import Limits, ProjectedCG, solve
 
 TITLE = "Half space by fast Fourier transforms, without friction"
-TIMES_FASTER = 6.0
+TIMES_FASTER, LARGE = 6.0, 512
+"""Demanded from so many nodes along an edge on."""
 RADIUS, CONTACT = 0.1, 3e-3
 """Of the sphere and of its contact [m]."""
 SLOPE, SHARE = 0.1, 0.04
@@ -173,6 +174,18 @@ def speedup(row: Record, parts: tuple[str, ...] = ("solved",)) -> float:
     return min(seconds[code] for code in CODES[1:]) / seconds[CODES[0]]
 
 
+def verdicts(record: Record) -> list[tuple[str, str, bool]]:
+    """How many times faster on large grids, operators included, job by job."""
+    asked = f"half space: {TIMES_FASTER:g} times faster than the better of {CODES[1]} and {CODES[2]}"
+    found = []
+    for name in JOBS:
+        rows = {size: row for size, row in record[name].items() if int(size) >= LARGE}
+        gains = {size: speedup(row, ("built", "solved")) for size, row in rows.items()}
+        told = ", ".join(f"{gain:.1f} times at {size} x {size}" for size, gain in gains.items())
+        found.append((f"{asked}, {name}", told, min(gains.values(), default=0.0) >= TIMES_FASTER))
+    return found
+
+
 def section(record: Record, pictures: Path) -> str:
     """What was done and found, tables and pictures of the jobs."""
     gains = {size: [speedup(record[name][size]) for name in JOBS] for size in record["sphere"]}
@@ -214,7 +227,7 @@ def _demands(record: Record) -> list[tuple[str, str, bool]]:
     found = []
     for name in JOBS:
         for size, row in record[name].items():
-            if int(size) >= 512:
+            if int(size) >= LARGE:
                 alone, whole = speedup(row), speedup(row, ("built", "solved"))
                 asked = f"{name}, {size} x {size}: at least {TIMES_FASTER:g} times faster than the better of the others"
                 found.append((asked, f"{alone:.1f}; operators included {whole:.1f}", whole >= TIMES_FASTER))

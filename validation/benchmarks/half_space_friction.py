@@ -156,6 +156,25 @@ def measure(quick: bool) -> Record:
     return record
 
 
+def verdicts(record: Record) -> list[tuple[str, str, bool]]:
+    """Residual and products on a free surface, over all grids."""
+    rows = record["free"]
+    residual, products = max(row["residual"] for row in rows.values()), [row["products"] for row in rows.values()]
+    sizes = f"{min(rows, key=int)} to {max(rows, key=int)} squared"
+    return [
+        (
+            f"half space with friction: residual {MOST_RESIDUAL:g}, {sizes}",
+            f"{residual:.0e}",
+            residual <= MOST_RESIDUAL,
+        ),
+        (
+            "half space with friction: iterations nearly constant with the grid",
+            f"products {', '.join(map(str, products))}",
+            max(products) / products[0] <= NEARLY_CONSTANT,
+        ),
+    ]
+
+
 def section(record: Record, pictures: Path) -> str:
     """What was done and found, tables, a picture."""
     free = record["free"]

@@ -73,7 +73,7 @@ def page(pictures: Path) -> str:
         for name, file in files.items()
         if file.exists()
     ]
-    pieces = [HEAD, summary.head(parts)]
+    pieces = [HEAD, summary.head((module, record) for _, module, record in parts)]
     for name, module, record in parts:
         pieces += [
             f"## {module.TITLE}",
