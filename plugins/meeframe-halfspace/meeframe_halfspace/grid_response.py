@@ -198,19 +198,21 @@ def _folded(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) 
     parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
     """
     (along, across), (px, py) = parities, padded
-    spectrum = _half_spectrum(_half_spectrum(quarter, along, px).T, across, py).T
-    if along == across == -1:
-        spectrum = -spectrum  # i times i
-    return np.concatenate([spectrum, across * spectrum[:, py // 2 - 1 : 0 : -1]], axis=1)
+    half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
+    spectrum, middle = np.empty((px // 2 + 1, py)), py // 2
+    sign = -1 if along == across == -1 else 1  # i times i
+    np.multiply(half, sign, out=spectrum[:, : middle + 1])
+    np.multiply(half[:, middle - 1 : 0 : -1], sign * across, out=spectrum[:, middle + 1 :])
+    return spectrum
 
 
-def _half_spectrum(half: Array, parity: int, padded: int) -> Array:
-    """Transform (padded // 2 + 1, k) of even or odd functions (n, k) along the first axis, without the factor i."""
-    whole = np.zeros((padded, half.shape[1]))
-    whole[: len(half)] = half
-    whole[padded - len(half) + 1 :] = parity * half[:0:-1]
-    spectrum = scipy.fft.rfft(whole, axis=0, overwrite_x=True, workers=numba.get_num_threads())
-    return np.asarray(spectrum.real if parity == 1 else spectrum.imag)
+def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
+    """Transform, padded // 2 + 1 along an axis, of even or odd functions from zero on, without the factor i."""
+    middle, workers = padded // 2, numba.get_num_threads()
+    if parity == 1:
+        return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
+    sines = scipy.fft.dst(half[1:] if axis == 0 else half[:, 1:], 1, middle - 1, axis, workers=workers)
+    return np.negative(np.pad(sines, [(1, 1) if axis == along else (0, 0) for along in range(2)]))
 
 
 def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:

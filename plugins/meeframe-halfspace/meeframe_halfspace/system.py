@@ -70,9 +70,8 @@ class HalfSpaceSystem(ReducedSystem):
         return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
 
     def diagonal_blocks(self) -> Array:
-        """Response of each node to its own load, (n, 5, 5)."""
-        blocks: Array = self.shares[:, None, None] * self._own
-        return blocks
+        """Response of each node to its own load, (n, 5, 5), one entry after another."""
+        return np.multiply.outer(self._own.T, self.shares).T
 
     @cached_property
     def _own(self) -> Array:
