@@ -109,6 +109,10 @@ class ReducedSystem(ABC):
         there is none, or if no node is asked for."""
         return None
 
+    def stencil(self, reach: int) -> "Stencil | None":
+        """What loads cause so many places around their nodes; None if nodes lie on no lattice, or on a smaller one."""
+        return None
+
     def kept(self) -> Mapping[str, AnyArray] | None:
         """Arrays of numbers, by name, of which Formulation.restored makes the same system again; None where there is a
         matrix, which is kept instead, or where the system is made so fast that it need not be kept."""
@@ -168,6 +172,19 @@ class Extension:
 
     extended: Callable[[Array], Array]
     gathered: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """Responses on a lattice, the same around all nodes inside it; to about six digits.
+
+    lattice: (nx, ny) the node at each place; periodic: whether it repeats itself; responses: (2 r + 1, 2 r + 1, 5, 5)
+    displacement of a node to the load of another, entry [r + i, r + j] if it stands (i, j) places from that.
+    """
+
+    lattice: Indices
+    periodic: bool
+    responses: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
 from meeframe.core.mesh import Indices
 
 TANGENTIAL: Final = frozenset((0, 1))
@@ -120,6 +120,15 @@ class TurnedSystem(ReducedSystem):
         there, kept = part.system, part.kept
         geometry = there.points, self.frames[kept], there.weights, there.cells, self.offset[kept]
         return Part(TurnedSystem(*geometry, there, self.cosine_sine[kept]), kept)
+
+    def stencil(self, reach: int) -> Stencil | None:
+        """That of the original, if all frames are turned alike."""
+        found = self.original.stencil(reach)
+        if found is None or np.ptp(self.cosine_sine, axis=0).any():
+            return None
+        blocks: Array = found.responses.reshape(-1, *found.responses.shape[2:])
+        responses = _rotated_blocks(blocks, np.broadcast_to(self.cosine_sine[0], (len(blocks), 2)))
+        return replace(found, responses=responses.reshape(found.responses.shape))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""

@@ -14,6 +14,7 @@ from meeframe.solvers.driver import Limits
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
 from meeframe.solvers.nested import nested_start, tensed
+from meeframe.solvers.newton_edge import relaxed_edge
 from meeframe.solvers.newton_krylov import Inverse
 from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton_part import Inset, has_parts, inset
@@ -113,6 +114,8 @@ class SemismoothNewton(Solver):
         held = prolonged is not None or (start is not None and attracts(problem.contact_law))
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
+        if prolonged is not None:
+            point = relaxed_edge(point)
         rise = 1.0 if prolonged is None else ROUGHENING
         flips = np.zeros(len(point.load))
         return _iterate(_Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets))

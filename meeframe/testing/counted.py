@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
 from meeframe.core.mesh import Indices
 
 
@@ -73,6 +73,10 @@ class Counted(ReducedSystem):
             return None
         counted = Counted.of(part.system)
         return replace(part, system=replace(counted, products=self.products))
+
+    def stencil(self, reach: int) -> Stencil | None:
+        """See ReducedSystem."""
+        return self.inner.stencil(reach) if self.helped else None
 
     def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
         """See ReducedSystem."""

@@ -25,12 +25,15 @@ BOUNDS: Final = {"float64": ROUND_OFF, "float32": 1e-5}
 """Of a displacement: that of a load in single precision may be found in single precision."""
 PARTS: Final = ((-0.2, 0.2), (-0.3, 0.5), (-1.0, -0.7), (-0.1, 0.1))
 """Of the zone's half widths, from where to where: parts that are asked for, one of them at a corner."""
+REACHES: Final = (1, 4)
+"""Of stencils, in places."""
 COARSELY: Final = 0.2
 """By how much a coarser division may respond otherwise to a smooth load, relative to the largest displacement."""
 
 
 def check_shortcuts(system: ReducedSystem) -> None:
-    """`response`, `block_response`, `approximate_inverse`, `extension`, `coarser` and `within` belong to `apply`.
+    """`response`, `block_response`, `approximate_inverse`, `extension`, `stencil`, `coarser` and `within` belong to
+    `apply`.
 
     Raises AssertionError.
     """
@@ -38,6 +41,7 @@ def check_shortcuts(system: ReducedSystem) -> None:
     check_block_response(system)
     check_inverse(system)
     check_extension(system)
+    check_stencil(system)
     coarse = system.coarser()
     if coarse is not None:
         check_coarser(system, coarse)
@@ -124,6 +128,32 @@ def check_extension(system: ReducedSystem) -> None:
         work = float((weights * extended) @ whole), float((weights[nodes] * values) @ gathered)
         error = abs(work[0] - work[1]) / float((weights * np.abs(extended)) @ np.abs(whole))
         require(error < SINGLE, "what extension gathers is not the adjoint of what it extends", error)
+
+
+def check_stencil(system: ReducedSystem) -> None:
+    """`stencil` is `apply` of unit loads inside the lattice, each of whose places has a node of its own."""
+    for reach in REACHES:
+        stencil = system.stencil(reach)
+        if stencil is None:
+            continue
+        lattice, size = stencil.lattice, np.array(stencil.lattice.shape)
+        fits = np.array_equal(np.sort(lattice.ravel()), np.arange(len(system.points))) and (size > 2 * reach).all()
+        require(bool(fits), "the lattice of a stencil has not each node once, or is too small for it", lattice.shape)
+        offsets = np.indices((2 * reach + 1, 2 * reach + 1)).reshape(2, -1).T - reach
+        unit = typical_load(system)
+        for place in (np.array([reach, reach]), size // 2, size - 1 - reach, np.array([0, 0])):
+            around = place + offsets
+            inside = ((around >= 0) & (around < size)).all(axis=1) | stencil.periodic
+            i, j = (around % size)[inside].T
+            if not stencil.periodic and not all(1 <= at < n - 1 for at, n in zip(place, size, strict=True)):
+                continue  # nodes on a border may have a smaller share of the load
+            for field in range(5):
+                load = np.zeros_like(system.offset)
+                load[lattice[tuple(place)], field] = unit[field]
+                expected = system.apply(load)[lattice[i, j]]
+                found = unit[field] * stencil.responses.reshape(-1, 5, 5)[inside, :, field]
+                error = worst(found * unit, expected * unit)
+                require(error < SINGLE, f"stencil to loads in field {field} at {tuple(place)} is not apply", error)
 
 
 def check_coarser(system: ReducedSystem, coarse: Coarsening) -> None:

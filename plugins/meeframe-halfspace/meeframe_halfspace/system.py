@@ -8,7 +8,7 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim
+from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
 from meeframe.core.mesh import Indices
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
@@ -120,6 +120,21 @@ class HalfSpaceSystem(ReducedSystem):
             return values if shares is None else values / shares[nodes]
 
         return Extension(extended, gathered)
+
+    def stencil(self, reach: int) -> Stencil | None:
+        """Responses to the load of a node in the middle of the grid."""
+        size = self.grid.size
+        if min(size) <= 2 * reach:
+            return None
+        middle, load = (size[0] // 2, size[1] // 2), np.zeros((1, *size), np.float32)
+        load[0, middle[0], middle[1]] = 1.0
+        around = tuple(slice(place - reach, place + reach + 1) for place in middle)
+        responses = np.empty((N_FIELDS, N_FIELDS, 2 * reach + 1, 2 * reach + 1))
+        for loaded in range(N_FIELDS):
+            responses[:, loaded] = self.convolution.response(load, [loaded], range(N_FIELDS))[:, *around]
+        return Stencil(
+            self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
+        )
 
     def coarser(self) -> Coarsening | None:
         """Every second node along both axes; None if the grid is too small for that."""

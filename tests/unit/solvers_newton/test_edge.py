@@ -1,0 +1,167 @@
+"""Relaxation of the edge of a contact that conducts: it finds what the laws say, and leaves solutions as they are."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+from meeframe_laws.conductivity import PowerLaw
+from scipy.spatial.distance import cdist
+
+import meeframe.solvers.newton as newton_module
+import meeframe.solvers.newton_edge as edge_module
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Status
+from meeframe.core.fields import Array
+from meeframe.core.law import ConductivityLaw
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.kernels.edge_relaxation import number_edge, relax_edge
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.materials import library_material
+from meeframe.solvers import Limits, SemismoothNewton, residual, solve
+from meeframe.solvers.newton_edge import relaxed_edge
+from meeframe.solvers.nonsmooth import Equation, Point
+from meeframe.solvers.residual import evaluate
+from meeframe.testing.counted import Counted
+from meeframe.testing.half_space import indentation_problem
+
+WIDTH, RADIUS, MU = 7e-3, 0.1, 0.3
+PERFECT = StepConductivity(np.inf)
+
+
+def conducting(
+    n: int, contact: float, law: Any = None, flux: ConductivityLaw = PERFECT, material: str = "orthotropic-mee"
+) -> ContactProblem:
+    """A sphere pressed on n x n nodes; contact: radius [widths] of the overlap."""
+    mesh = half_space_mesh(10.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
+    system = HalfSpace(matrix_up_to=0).reduce(Body(library_material(material).stiffness, mesh, (), "contact"))
+    height = ((system.points[:, :2] - [1e-4, 2e-4]) ** 2).sum(axis=1) / (2.0 * RADIUS)
+    depth = (contact * WIDTH) ** 2 / RADIUS
+    problem = indentation_problem(system, height, depth, law or Signorini(), (np.inf, np.inf), (5.0, 1.0))
+    return replace(problem, electric_law=flux, magnetic_law=flux)
+
+
+def at_solution(problem: ContactProblem) -> Point:
+    """The equation at the solution, nodes in between grazing."""
+    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-11))
+    assert solution.status is Status.CONVERGED, solution.message
+    state = solution.state
+    return at(problem, state.load, state.closed)
+
+
+def at(problem: ContactProblem, load: Array, closed: Array) -> Point:
+    return Equation.of(problem).at(load, closed, (closed > 0.0) & (closed < 1.0), np.zeros(0))
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("reach", [1, 2, 3])
+def test_the_edge_is_what_is_near_nodes_of_the_other_kind(reach: int, periodic: bool) -> None:
+    pressed = np.random.default_rng(reach).random((17, 23)) < 0.04
+    number = np.full(pressed.shape, 99)
+    count = number_edge(pressed, reach, periodic, number)
+    places = np.argwhere(np.ones_like(pressed)).astype(float)
+    images = [np.array([i * 17.0, j * 23.0]) for i in (-1, 0, 1) for j in (-1, 0, 1)] if periodic else [np.zeros(2)]
+    distance = np.min([cdist(places, places + image) for image in images], axis=0)
+    kind = pressed.ravel()
+    expected = ((distance <= reach) & (kind[:, None] != kind)).any(axis=1)
+    assert 0 < count < pressed.size
+    assert np.array_equal(number.ravel() >= 0, expected)
+    assert np.array_equal(number.ravel()[expected], np.arange(count))
+
+
+@pytest.mark.parametrize("material", ["orthotropic-mee", "batio3-cofe2o4"])
+def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str) -> None:
+    """Projected Gauss-Seidel converges without friction; the judge finds the laws satisfied. Single precision."""
+    problem = conducting(49, 0.1, material=material)
+    system, reach, middle = problem.system, 24, 24
+    stencil = system.stencil(reach)
+    assert stencil is not None
+    number = np.full(stencil.lattice.shape, -1)
+    inside = np.hypot(*(np.indices(number.shape) - middle)) <= 11.0
+    number[inside] = np.arange(inside.sum())
+    places, nodes = np.argwhere(inside), stencil.lattice[inside]
+    point = at(problem, np.zeros_like(system.offset), np.zeros(len(problem.gap)))
+    load, ahead, closed = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
+    load, shut = np.ascontiguousarray(load), np.ones((len(nodes), 2))
+    slips = np.zeros(len(nodes), bool)
+    relax_edge(number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, closed, 300)
+    whole, fraction = point.load.copy(), np.zeros(len(problem.gap))
+    whole[nodes], fraction[nodes] = load, closed
+    assert 50 < (load[:, 2] < 0.0).sum() < len(nodes)
+    assert residual(problem, evaluate(problem, Iterate(whole, fraction))) < 1e-5
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["frictionless", "friction"])
+def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the precision of the stencil, which would not be taken in the solver's place."""
+    problem = replace(conducting(80, 0.3, law), translation=np.tile([2e-7, 0.0], (6400, 1)))
+    point = at_solution(problem)
+    between = (point.closed > 0.0) & (point.closed < 1.0)
+    assert between.any()
+    assert relaxed_edge(point) is point
+    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
+    relaxed = relaxed_edge(point)
+    assert relaxed is not point
+    assert np.abs(relaxed.closed - point.closed).max() < 1e-4
+    assert np.array_equal(relaxed.closed > 0.0, point.closed > 0.0)
+    scale = np.maximum(np.abs(point.load).max(axis=0), 1e-300)
+    assert (np.abs(relaxed.load - point.load) / scale).max() < 1e-4
+    assert relaxed.violation < 1e-5
+
+
+def test_an_edge_that_was_changed_is_found_again() -> None:
+    """Open nodes at the edge are closed and closed ones opened, with loads of the wrong kind."""
+    problem = conducting(80, 0.3)
+    point = at_solution(problem)
+    pressed, stencil = point.load[:, 2] < 0.0, problem.system.stencil(1)
+    assert stencil is not None
+    number = np.empty(stencil.lattice.shape, np.int64)
+    number_edge(pressed[stencil.lattice], 1, False, number)
+    rim = np.zeros(len(pressed), bool)
+    rim[stencil.lattice[number >= 0]] = np.random.default_rng(5).random((number >= 0).sum()) < 0.3
+    load, closed = point.load.copy(), point.closed.copy()
+    load[rim & pressed] = 0.0
+    load[rim & ~pressed, 2] = 0.2 * point.load[:, 2].min()
+    closed[rim] = ~pressed[rim]
+    changed = at(problem, load, closed)
+    relaxed = relaxed_edge(changed)
+    assert rim.sum() > 20
+    assert relaxed.merit < changed.merit
+    unlike = [((one.closed > 0.0) != (point.closed > 0.0)).sum() for one in (changed, relaxed)]
+    assert unlike[1] <= 0.2 * unlike[0]
+
+
+def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+    def products(problem: ContactProblem) -> int:
+        counted = Counted.of(problem.system)
+        solution = solve(replace(problem, system=counted), SemismoothNewton(), Limits(tolerance=1e-8))
+        assert solution.status is Status.CONVERGED
+        return len(counted.products)
+
+    problems = [conducting(n, 0.3, IsotropicCoulomb(MU)) for n in (81, 96, 113, 129)]
+    fewer = sum(products(problem) for problem in problems)
+    monkeypatch.setattr(newton_module, "relaxed_edge", lambda point: point)
+    assert fewer < 0.9 * sum(products(problem) for problem in problems)
+
+
+@pytest.mark.parametrize("flux", [Insulating(), PowerLaw(1e-3, 1e8, 0.5)], ids=["insulated", "growing"])
+def test_nothing_is_done_where_conduction_does_not_jump(flux: ConductivityLaw) -> None:
+    problem = conducting(40, 0.3, flux=flux)
+    load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
+    point = at(problem, load, (load[:, 2] < 0.0).astype(float))
+    assert relaxed_edge(point) is point
+
+
+def test_nothing_is_done_on_no_lattice_or_without_contact() -> None:
+    problem = conducting(40, 0.3)
+    load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
+    closed = (load[:, 2] < 0.0).astype(float)
+    unhelped = replace(problem, system=Counted.of(problem.system, helped=False))
+    for given, state in (
+        (unhelped, ContactState(load, load, closed)),
+        (problem, ContactState(0 * load, load, 0 * closed)),
+    ):
+        point = at(given, state.load, state.closed)
+        assert relaxed_edge(point) is point
