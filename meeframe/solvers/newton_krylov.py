@@ -40,12 +40,11 @@ class Inverse:
     responses: Array
 
     @classmethod
-    def of(cls, rows: Rows, before: "Inverse | None") -> "Inverse":
-        """Of rows, that of those before if it serves."""
+    def of(cls, rows: Rows, columns: Array, before: "Inverse | None") -> "Inverse":
+        """Of rows, that of those before if it serves; columns: (m, r c) what motions add to the right-hand side."""
         if before is not None and before.rows.like(rows):
             return before
         precondition = preconditioner(rows)
-        columns = rows.lifted(rows.equation.modes)
         responses = np.empty_like(columns)
         for response, column in zip(responses, columns, strict=True):
             response[:] = precondition(column)
@@ -61,72 +60,99 @@ def krylov_step(
     that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
     """
     rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
-    right = _right(rows, blocks, given, tolerance)
-    if not (rows.a.finite and rows.b.finite and np.isfinite(right).all()):
+    right = rows.chosen(-blocks.residual).astype(rows.precision)
+    if not (np.isfinite(given).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
         raise LinAlgError("equations of what is no number")
-    multiplication, inverse = rows.multiplication(), Inverse.of(rows, before)
+    multiplication, columns = rows.multiplication(), rows.lifted(equation.modes)
+    inverse = Inverse.of(rows, columns, before)
     precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
     weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
     size = len(right)
 
-    def multiply(values: Array) -> Array:
-        loads, amounts = values[:size], values[size:]
-        left = multiplication(loads) - amounts @ border.columns
-        return np.concatenate([left, weight * (border.totals @ loads)])
+    def bordered(product: Linear) -> Linear:
+        def multiply(values: Array) -> Array:
+            loads, amounts = values[:size], values[size:]
+            left = product(loads) - (border.motions @ amounts) @ columns
+            return np.concatenate([left, weight * border.resultants(loads)])
+
+        return multiply
 
     def solve(values: Array) -> Array:
         loads = precondition(values[:size])
-        amounts = (values[size:] / weight - border.totals @ loads) / border.stiffness
-        return np.concatenate([loads + amounts @ border.responses, amounts])
+        amounts = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+        return np.concatenate([loads + (border.motions @ amounts) @ inverse.responses, amounts])
 
+    counts = _counts(rows, given, tolerance * float(np.linalg.norm(right)))
+    image = (lambda loads: rows.image(blocks, given, loads)) if counts else multiplication
     whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
-    found, _ = gmres(multiply, solve, whole, tolerance)
+    found = _solution(bordered(multiplication), bordered(image), solve, whole, tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
         amounts *= blocks.farthest / farthest
-        moved = (amounts @ rows.lifted(equation.modes)).astype(rows.precision)
-        found, _ = gmres(multiplication, precondition, right + moved, tolerance)
+        moved = (amounts @ columns).astype(rows.precision)
+        found = _solution(multiplication, image, precondition, right + moved, tolerance)
     return rows.step(found[:size], given), amounts, inverse
 
 
-def _right(rows: Rows, blocks: Blocks, given: Array, tolerance: float) -> Array:
-    """Right-hand side (r c,) with what is given of the step (n, 6), where that counts."""
-    right = rows.chosen(-blocks.residual)
+def _counts(rows: Rows, given: Array, asked: float) -> bool:
+    """Whether what is given of the step (n, 6) counts beside what is asked for."""
     units = np.append(rows.equation.scales.load, 1.0)
-    if np.linalg.norm(given / units) > UNNOTICED * tolerance * np.linalg.norm(right):
-        right -= rows.image(blocks, given)
-    return right.astype(rows.precision)
+    return float(np.linalg.norm(given / units)) > UNNOTICED * asked
+
+
+def _solution(multiply: Linear, image: Linear, precondition: Linear, right: Array, tolerance: float) -> Array:
+    """Unknowns (k,) of a right-hand side (k,); image: of unknowns with what is given beside them, multiply: without it.
+
+    The product that what is given costs serves a first guess, too.
+    """
+    if image is multiply:
+        return gmres(multiply, precondition, right, tolerance)[0]
+    first = precondition(right)
+    left = right - image(first)
+    before, after = (float(np.linalg.norm(part)) for part in (right, left))
+    if after <= tolerance * before:
+        return first
+    return first + gmres(multiply, precondition, left, tolerance * before / after)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class _Border:
-    """The q combinations of motions that something resists, as columns and rows of the equations.
+    """The q combinations of motions that something resists, and of resultants that they change.
 
-    motions: (m, q) amounts in them; columns: (q, r c) what they add to the right-hand side; responses: (q, r c) loads
-    that they roughly cause; totals: (q, r c) resultants of loads, combined likewise, and stiffness: (q,) those of the
-    responses; left: (m, q) the combinations of resultants.
+    motions: (m, q) amounts in them; left: (m, q) resultants in them, of loads by totals: see Rows.combined; stiffness:
+    (q,) of the contact against them, roughly.
     """
 
     motions: Array
-    columns: Array
-    responses: Array
-    totals: Array
-    stiffness: Array
     left: Array
+    totals: list[dict[int, Array]]
+    stiffness: Array
 
     @classmethod
     def of(cls, rows: Rows, responses: Array) -> "_Border":
         """Of rows; responses: (m, r c) roughly to each motion."""
-        columns = rows.lifted(rows.equation.modes)
         totals = rows.combined(rows.equation.measures)
-        left, stiffness, right = np.linalg.svd(totals @ responses.T)
+        matrix = np.array([_resultants(totals, response) for response in responses]).T
+        left, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
         smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)
         resisted = stiffness > smallest * stiffness.max(initial=0.0)
-        right, left = right[resisted], left[:, resisted]
-        return cls(right.T, right @ columns, right @ responses, left.T @ totals, stiffness[resisted], left)
+        return cls(right[resisted].T, left[:, resisted], totals, stiffness[resisted])
+
+    def resultants(self, loads: Array) -> Array:
+        """Combinations (q,) of the resultants of loads (r c,)."""
+        return self.turned(_resultants(self.totals, loads))
 
     def turned(self, resultants: Array) -> Array:
         """Combinations (q,) of resultants (m,)."""
         return np.asarray(self.left.T @ resultants)
+
+
+def _resultants(totals: list[dict[int, Array]], loads: Array) -> Array:
+    """Resultants (m,) of loads (r c,)."""
+    resultants = np.zeros(len(totals), loads.dtype)
+    for number, total in enumerate(totals):
+        for place, part in total.items():
+            resultants[number] += part @ loads[place * len(part) : (place + 1) * len(part)]
+    return resultants

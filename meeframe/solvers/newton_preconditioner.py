@@ -19,7 +19,7 @@ from meeframe.core.mesh import Indices
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton_rows import TANGENTIAL, Rows
-from meeframe.solvers.node_blocks import NodeBlocks, turned
+from meeframe.solvers.node_blocks import NodeBlocks
 from meeframe.solvers.nonsmooth import CLOSED
 from meeframe.solvers.normal_modes import NORMAL
 
@@ -57,9 +57,9 @@ def preconditioner(rows: Rows) -> Linear:
     fading = np.array([a.entry(last, column)[between] for column in range(last + 1)], rows.precision)
     jumps = np.zeros(coupled.shape, rows.precision)
     jumps[:, between] = [-a.entry(row, last)[between] for row in range(last + 1)]
-    responses = _responses_nearby(solve, jumps, rows, between)
+    touched, responses = _responses_nearby(solve, jumps, rows, between)
     places = np.arange(jumps.size).reshape(jumps.shape)[:, between]
-    among = responses[places.ravel()].toarray().reshape(*places.shape, len(between))
+    among = responses[np.searchsorted(touched, places.ravel())].toarray().reshape(*places.shape, len(between))
     matrix = np.einsum("jg,jgk->gk", fading, among)
     inverse = np.linalg.pinv(matrix, rcond=len(matrix) * float(np.finfo(matrix.dtype).eps))
 
@@ -68,15 +68,16 @@ def preconditioner(rows: Rows) -> Linear:
         rest[pressure, between], rest[last, between] = rest[last, between], rest[pressure, between]
         found = solve(rest)
         closed = inverse @ (rest[last, between] - (fading * found[:, between]).sum(axis=0))
-        found += (responses @ closed).reshape(found.shape)
+        found.ravel()[touched] += responses @ closed
         found[last, between] = closed
         return found.ravel()
 
     return precondition
 
 
-def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> Any:
-    """Unknowns (r c, g), sparse, that right-hand sides (r, c) of single nodes (g,) cause near these.
+def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -> tuple[Indices, Any]:
+    """Unknowns that right-hand sides (r, c) of single nodes (g,) cause near these: which of the (r c,), (t,) in order,
+    and what, (t, g) sparse.
 
     Nodes far from each other share a solution: however many there are, a few will do.
     """
@@ -84,7 +85,7 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -
     points, reach = system.points[rows.nodes], NEARBY * np.sqrt(system.weights.max())
     group = np.full(len(nodes), -1)
     for number, others in enumerate(scipy.spatial.cKDTree(points[nodes]).query_ball_point(points[nodes], 2.0 * reach)):
-        group[number] = np.setdiff1d(np.arange(len(others)), group[others])[0]
+        group[number] = min(set(range(len(others))) - set(group[others].tolist()))
     tree = scipy.spatial.cKDTree(points, balanced_tree=False, compact_nodes=False)  # asked for few nodes alone
     nearby = tree.query_ball_point(points[nodes], reach)
     own, cause = np.concatenate(nearby), np.repeat(np.arange(len(nodes)), [len(numbers) for numbers in nearby])
@@ -96,50 +97,46 @@ def _responses_nearby(solve: Linear, jumps: Array, rows: Rows, nodes: Indices) -
         values[:, pairs] = solve(alone)[:, own[pairs]]
     places = np.arange(len(jumps))[:, None] * len(points) + own
     columns = np.broadcast_to(cause, places.shape)
-    return scipy.sparse.csr_array((values.ravel(), (places.ravel(), columns.ravel())), (jumps.size, len(nodes)))
+    touched, which = np.unique(places, return_inverse=True)
+    found = values.ravel(), (which.ravel(), columns.ravel())
+    return touched, scipy.sparse.csr_array(found, (len(touched), len(nodes)))
 
 
 def _solution_of_loads(rows: Rows) -> Linear:
     """Roughly the unknowns (r, c) of right-hand sides (r, c): first of the rows that ask for displacements, then of the
     others, node by node; tangential ones along and across the direction in which a node slips."""
     inverse, loaded = rows.equation.inverse, rows.equation.loaded
-    turn = _Turn.of(rows)
-    rows, own_response = replace(rows, a=turn.blocks(rows.a), b=turn.blocks(rows.b)), _own_response(rows)
+    turn, own_response = _Turn.of(rows), _own_response(rows)
+    rows = replace(rows, a=turn.there(rows.a), b=turn.there(rows.b))
     loads = slice(len(rows.fields))
     asking = _asking(rows, own_response) if inverse else np.zeros_like(rows.coupled[loads])
-    known = [(place, loaded.index(field)) for place, field in enumerate(rows.fields) if field in loaded]
-    ask = _asked(rows, own_response, asking).astype(rows.precision)
-    answering = (asking / rows.units[loads, None]).astype(rows.precision)
-    apart = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
-    own, by_loads, by_displacement = (blocks.astype(rows.precision) for blocks in apart)
+    ask = _asked(rows, own_response, asking)
+    own, by_loads, by_displacement = _apart(rows, own_response, rows.coupled[loads] & ~asking, asking)
+    answering = NodeBlocks.of({(i, i): part / rows.units[i] for i, part in enumerate(asking)}, asking.shape)
+    # what is asked for, and what right-hand sides and answers say of the unknowns: each in one map, turns and units too
+    maps = ask, own.plus(by_displacement.after(ask)), answering.plus(by_loads.after(answering))
+    ask_for, by_right, by_answer = (turn.back(blocks).products(rows.precision) for blocks in maps)
+    number = np.array([loaded.index(field) if field in loaded else -1 for field in rows.fields], np.intp)
+    ask_for = replace(ask_for, rows=number[ask_for.rows], shape=(len(loaded), len(rows.nodes)))
+    by_answer = replace(by_answer, columns=number[by_answer.columns])
     asked = np.zeros((len(loaded), len(rows.equation.blocks)), rows.precision)
-    beside = _beside(rows, asking) if inverse else {}
+    beside = {number[place]: found for place, found in _beside(rows, asking).items()} if inverse else {}
 
     def solve(right: Array) -> Array:
-        right = turn.there(right.copy())
-        found, rest = np.zeros_like(right), own.times(right)
-        if inverse is not None:
-            displacement = ask.times(right)
-            by_displacement.add(displacement, rest)
-            displacement = turn.back(displacement)
-            for place, number in known:
-                if place in beside:
-                    there, extension = beside[place]
-                    asked[number] = extension.extended(displacement[place, there])
-                else:
-                    asked[number, rows.nodes] = displacement[place]
+        found = np.zeros_like(right)
+        by_right.add(right, found)
+        if inverse is not None and beside:
+            displacement, answer = ask_for.times(right), np.zeros(ask_for.shape, right.dtype)
+            for field, (there, extension) in beside.items():
+                asked[field] = extension.extended(displacement[field, there])
             load = inverse(asked.T).T
-            for place, number in known:
-                if place in beside:
-                    there, extension = beside[place]
-                    found[place, there] = extension.gathered(load[number])
-                else:
-                    found[place] = load[number].take(rows.nodes)
-            turn.there(found)
-            found[loads] *= answering
-        by_loads.add(found, rest)
-        found[loads] += rest
-        return turn.back(found)
+            for field, (there, extension) in beside.items():
+                answer[field, there] = extension.gathered(load[field])
+            by_answer.add(answer, found)
+        elif inverse is not None:
+            ask_for.spread(right, rows.nodes, asked)
+            by_answer.add_at(inverse(asked.T).T, rows.nodes, found)
+        return found
 
     return solve
 
@@ -178,9 +175,9 @@ class _Turn:
         if not askew.any():
             return cls(None)
         angle = 0.5 * np.arctan2(askew, a**2 + b**2 - c**2 - d**2) * rows.coupled[:2].all(axis=0)
-        return cls((np.cos(angle).astype(rows.precision), np.sin(angle).astype(rows.precision)))
+        return cls((np.cos(angle), np.sin(angle)))
 
-    def blocks(self, blocks: NodeBlocks) -> NodeBlocks:
+    def there(self, blocks: NodeBlocks) -> NodeBlocks:
         """Blocks of the nodes along the turned axes, without what round-off leaves between the two."""
         if self.angle is None:
             return blocks
@@ -190,18 +187,12 @@ class _Turn:
             entries[place] = np.where(np.abs(entries[place]) > least, entries[place], 0.0)
         return NodeBlocks.of(entries, blocks.shape)
 
-    def there(self, vectors: Array) -> Array:
-        """Vectors (r, c) along the turned axes, in their place."""
-        if self.angle is not None:
-            vectors[:2] = turned(vectors[0], vectors[1], *self.angle)
-        return vectors
-
-    def back(self, vectors: Array) -> Array:
-        """Vectors (r, c) along the axes before, in their place."""
-        if self.angle is not None:
-            cosine, sine = self.angle
-            vectors[:2] = turned(vectors[0], vectors[1], cosine, -sine)
-        return vectors
+    def back(self, blocks: NodeBlocks) -> NodeBlocks:
+        """Blocks along the axes before."""
+        if self.angle is None:
+            return blocks
+        cosine, sine = self.angle
+        return blocks.turned(cosine, -sine)
 
 
 def _asking(rows: Rows, own: NodeBlocks) -> Mask:
@@ -259,10 +250,11 @@ def _apart(rows: Rows, response: NodeBlocks, marked: Mask, asking: Mask) -> tupl
     places = {rows.asked.index(field): place for place, field in enumerate(rows.fields)}
     for row, column in np.ndindex(len(marked), len(marked)):
         if (marked[row] & marked[column]).any():
-            equations[row, column] += rows.a.entry(row, column)
+            if (row, column) in rows.a.entries:
+                equations[row, column] += rows.a.entries[row, column]
             for asked in range(len(rows.asked)):
-                if (row, asked) in rows.b.entries:
-                    moved = rows.b.entries[row, asked] * response.entry(asked, column)
+                if (row, asked) in rows.b.entries and (asked, column) in response.entries:
+                    moved = rows.b.entries[row, asked] * response.entries[asked, column]
                     equations[row, column] += np.where(asking[places[asked]], 0.0, moved) if asked in places else moved
     own = NodeBlocks.of(equations, marked.shape).inverses(marked)
     for (row, through), inverse in own.entries.items():

@@ -8,9 +8,10 @@ import numpy as np
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
+from meeframe.kernels.node_products import spread
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.node_blocks import NodeBlocks
+from meeframe.solvers.node_blocks import NodeBlocks, NodeProducts
 from meeframe.solvers.nonsmooth import CLOSED, Blocks, Equation
 
 TANGENTIAL: Final = (0, 1)
@@ -92,44 +93,53 @@ class Rows:
             step[self.nodes, component] += unit * part
         return step
 
-    def image(self, blocks: Blocks, step: Array) -> Array:
-        """Product (r c,) of the equations with a whole step (n, 6), which need not be coupled; blocks: of them all."""
+    def image(self, blocks: Blocks, given: Array, values: Array) -> Array:
+        """Product (r c,) of the equations with unknowns (r c,) and what is given of the step (n, 6) off them.
+
+        blocks: of all rows.
+        """
         if not self.nodes.size:  # all is open
             return np.zeros(0, self.precision)
-        load = step[:, :N_FIELDS].astype(self.precision, order="K", copy=False)
-        moved = self.equation.problem.system.response(load, self.asked)
-        image = self.of_displacement.times(moved.T.take(self.nodes, axis=1))
-        some = np.flatnonzero(step.T.take(self.nodes, axis=1).any(axis=0))
+        unknowns = values.reshape(self.coupled.shape)
+        load = given[:, :N_FIELDS].astype(self.precision, order="F")
+        for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
+            load[self.nodes, field] += unit * unknown
+        image = self.of_unknowns.times(unknowns)
+        self.of_displacement.add_at(self.equation.problem.system.response(load, self.asked).T, self.nodes, image)
+        some = np.flatnonzero(given.T.take(self.nodes, axis=1).any(axis=0))
         there = self.nodes[some]
         for (row, column), entry in blocks.a.entries.items():
             if row in self.components:
                 place = self.components.index(row)
-                own = entry.take(there) * step[there, column]
+                own = entry.take(there) * given[there, column]
                 image[place, some] += np.where(self.coupled[place, some], own, 0.0)
         return image.ravel()
 
     def multiplication(self) -> Linear:
         """Product (r c,) of the equations with unknowns (r c,)."""
-        a, b = self.a.astype(self.precision), self.of_displacement
+        a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
-        units = self.units[: len(fields)].tolist()
+        units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 
         def multiply(values: Array) -> Array:
             unknowns = values.reshape(self.coupled.shape)
-            for part, unit, unknown in zip(load, units, unknowns, strict=False):
-                part[self.nodes] = unit * unknown
-            moved = system.block_response(load.T, fields, self.asked).T.take(self.nodes, axis=1)
+            spread(unknowns, units, self.nodes, load)
             product = a.times(unknowns)
-            b.add(moved, product)
+            b.add_at(system.block_response(load.T, fields, self.asked).T, self.nodes, product)
             return product.ravel()
 
         return multiply
 
     @cached_property
-    def of_displacement(self) -> NodeBlocks:
-        """What displacements (f, c) add to the rows (r, c), in the precision of vectors."""
-        return self.b.astype(self.precision)
+    def of_unknowns(self) -> NodeProducts:
+        """What unknowns (r, c) add to the rows (r, c) of their own node."""
+        return self.a.products(self.precision)
+
+    @cached_property
+    def of_displacement(self) -> NodeProducts:
+        """What displacements (f, c) add to the rows (r, c)."""
+        return self.b.products(self.precision)
 
     def lifted(self, displacement: Array) -> Array:
         """What displacements (n, 5, m) of the indenter add to the right-hand side, (m, r c)."""
@@ -137,18 +147,22 @@ class Rows:
         lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
         for motion, of_motion in zip(motions, lifted, strict=True):
             moved = self._moved(motion, self.asked)
-            for (row, column), entry in self.of_displacement.entries.items():
+            of = self.of_displacement
+            for row, column, entry in zip(of.rows, of.columns, of.entries, strict=True):
                 if column in moved:
                     of_motion[row] += entry * moved[column]
         return lifted.reshape(len(motions), self.coupled.size)
 
-    def combined(self, measures: Array) -> Array:
-        """Measures (m, n, 5) of loads, of unknowns instead, (m, r c)."""
-        of_unknowns, units = np.zeros((len(measures), *self.coupled.shape), self.precision), self.units.tolist()
-        for measure, of_measure in zip(measures.transpose(0, 2, 1), of_unknowns, strict=True):
-            for place, part in self._moved(measure, self.fields).items():
-                of_measure[place] = units[place] * part * self.coupled[place]
-        return of_unknowns.reshape(len(measures), self.coupled.size)
+    def combined(self, measures: Array) -> list[dict[int, Array]]:
+        """Measures (m, n, 5) of loads, of unknowns instead: of each, what is not zero, (c,) by the row of unknowns."""
+        units = self.units.tolist()
+        return [
+            {
+                place: units[place] * part * self.coupled[place]
+                for place, part in self._moved(measure, self.fields).items()
+            }
+            for measure in measures.transpose(0, 2, 1)
+        ]
 
     def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
         """Those of the fields of a motion (5, n) at the nodes that it has, (c,) by their place. Most have one."""

@@ -71,8 +71,8 @@ def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array
 def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
     """(A + B C) step, (n, 6)."""
     moved = equation.problem.system.apply(step[:, :N_FIELDS])
-    product = blocks.a.times(step.T)
-    blocks.b.add(moved.T, product)
+    product = blocks.a.products(step.dtype).times(step.T)
+    blocks.b.products(step.dtype).add(moved.T, product)
     return product.T
 
 

@@ -9,10 +9,14 @@ import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe.core.mesh import Indices
+from meeframe.kernels.node_products import add_products, add_products_at, spread_products, turn
 from meeframe.solvers.conduction import Mask
 
 SINGULAR: Final = 1e12
 """Condition of a node's block from which on its pseudo-inverse is meant."""
+
+FEW: Final = 101
+"""One of so many nodes is looked at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +30,8 @@ class NodeBlocks:
     @classmethod
     def of(cls, entries: Mapping[tuple[int, int], Array], shape: tuple[int, int]) -> "NodeBlocks":
         """Of entries (c,) that may be zero."""
-        return cls({place: entry for place, entry in entries.items() if entry.any()}, shape)
+        # some say at once that they are not zero
+        return cls({place: entry for place, entry in entries.items() if entry[::FEW].any() or entry.any()}, shape)
 
     @property
     def finite(self) -> bool:
@@ -45,26 +50,36 @@ class NodeBlocks:
             matrices[:, row, column] = entry
         return matrices
 
-    def astype(self, precision: np.dtype[Any]) -> "NodeBlocks":
-        """Rounded to a precision."""
-        return NodeBlocks({place: entry.astype(precision) for place, entry in self.entries.items()}, self.shape)
+    def products(self, precision: np.dtype[Any]) -> "NodeProducts":
+        """With vectors of a precision."""
+        places = np.array(list(self.entries), np.intp).reshape(-1, 2).T
+        entries = np.empty((len(self.entries), self.shape[1]), precision)
+        for rounded, entry in zip(entries, self.entries.values(), strict=True):
+            rounded[:] = entry
+        return NodeProducts(places[0], places[1], entries, self.shape)
 
-    def add(self, vectors: Array, to: Array) -> None:
-        """Add the products with vectors (columns, c) to other ones (rows, c)."""
-        for (row, column), entry in self.entries.items():
-            to[row] += entry * vectors[column]
+    def after(self, other: "NodeBlocks") -> "NodeBlocks":
+        """Products (rows, columns) with other blocks, that come first."""
+        found = dict[tuple[int, int], Array]()
+        for (row, through), entry in self.entries.items():
+            for (there, column), first in other.entries.items():
+                if there == through:
+                    found[row, column] = found.get((row, column), 0.0) + entry * first
+        return NodeBlocks.of(found, self.shape)
 
-    def times(self, vectors: Array) -> Array:
-        """Products (rows, c) with vectors (columns, c)."""
-        product = np.zeros(self.shape, vectors.dtype)
-        self.add(vectors, product)
-        return product
+    def plus(self, other: "NodeBlocks") -> "NodeBlocks":
+        """Sums with other blocks."""
+        both = {
+            place: self.entries[place] + other.entries[place] for place in self.entries.keys() & other.entries.keys()
+        }
+        return NodeBlocks.of({**self.entries, **other.entries, **both}, self.shape)
 
     def changed(self, row: int, column: int, nodes: Indices, values: Array | float) -> "NodeBlocks":
         """The same with other values (k,) of an entry at k nodes."""
         entry = self.entry(row, column).copy()
         entry[nodes] = values
-        return NodeBlocks.of({**self.entries, (row, column): entry}, self.shape)
+        others = {place: other for place, other in self.entries.items() if place != (row, column)}
+        return NodeBlocks({**others, **NodeBlocks.of({(row, column): entry}, self.shape).entries}, self.shape)
 
     def exchanged(self, one: int, other: int, nodes: Indices) -> "NodeBlocks":
         """The same with two rows exchanged at k nodes (k,)."""
@@ -81,7 +96,7 @@ class NodeBlocks:
             for other in {place[1 - axis] for place in entries if place[axis] < 2}:
                 places = ((0, other), (1, other)) if axis == 0 else ((other, 0), (other, 1))
                 first, second = (entries.get(place, none) for place in places)
-                entries.update(zip(places, turned(first, second, cosine, sine), strict=True))
+                entries.update(zip(places, turn(first, second, cosine, sine), strict=True))
         return NodeBlocks.of(entries, self.shape)
 
     def inverses(self, which: Mask) -> "NodeBlocks":
@@ -109,9 +124,33 @@ class NodeBlocks:
         return NodeBlocks.of(found, self.shape)
 
 
-def turned(first: Array, second: Array, cosine: Array, sine: Array) -> tuple[Array, Array]:
-    """Two components along axes turned by an angle."""
-    return cosine * first + sine * second, cosine * second - sine * first
+@dataclass(frozen=True, eq=False)
+class NodeProducts:
+    """Blocks of c nodes with all that products need: rows and columns, (k,) each, of entries (k, c); shape: (rows, c)
+    of products."""
+
+    rows: Indices
+    columns: Indices
+    entries: Array
+    shape: tuple[int, int]
+
+    def add(self, vectors: Array, to: Array) -> None:
+        """Add the products with vectors (columns, c) to other ones (rows, c)."""
+        add_products(self.rows, self.columns, self.entries, vectors, to)
+
+    def add_at(self, vectors: Array, nodes: Indices, to: Array) -> None:
+        """Add the products with vectors (columns, n) of n nodes, of which these are c (c,), to other ones (rows, c)."""
+        add_products_at(self.rows, self.columns, self.entries, vectors, nodes, to)
+
+    def spread(self, vectors: Array, nodes: Indices, to: Array) -> None:
+        """Put the products with vectors (columns, c) where the c nodes are (c,) among the n of other ones (rows, n)."""
+        spread_products(self.rows, self.columns, self.entries, vectors, nodes, to)
+
+    def times(self, vectors: Array) -> Array:
+        """Products (rows, c) with vectors (columns, c)."""
+        product = np.zeros(self.shape, vectors.dtype)
+        self.add(vectors, product)
+        return product
 
 
 def _inverse(blocks: Array) -> Array:

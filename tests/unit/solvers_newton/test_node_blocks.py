@@ -27,11 +27,40 @@ def sparse(rows: int, columns: int) -> np.ndarray:
 @pytest.mark.parametrize(("precision", "error"), [(np.float64, 1e-14), (np.float32, 1e-5)])
 def test_products(precision: type, error: float) -> None:
     matrices, vectors = sparse(4, 5), RANDOM.normal(size=(5, NODES)).astype(precision)
-    blocks = held(matrices).astype(np.dtype(precision))
+    blocks = held(matrices).products(np.dtype(precision))
     assert len(blocks.entries) == matrices.any(axis=2).sum() < 20
     product = blocks.times(vectors)
     assert product.dtype == precision
     np.testing.assert_allclose(product, np.einsum("ijc,jc->ic", matrices, vectors), atol=error * 10.0)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2048, 5000])
+def test_products_at_some_of_many_nodes(count: int) -> None:
+    """However many parts they are worked on in."""
+    matrices, n = RANDOM.normal(size=(2, 3, count)), count + 100
+    nodes = np.sort(RANDOM.permutation(n)[:count])
+    blocks = held(matrices).products(np.dtype(float))
+    everywhere, product = RANDOM.normal(size=(3, n)), RANDOM.normal(size=(2, count))
+    expected = product + np.einsum("ijc,jc->ic", matrices, everywhere[:, nodes])
+    blocks.add_at(everywhere, nodes, product)
+    np.testing.assert_allclose(product, expected, atol=1e-13)
+    vectors, spread = RANDOM.normal(size=(3, count)), RANDOM.normal(size=(2, n))
+    expected = spread.copy()
+    expected[:, nodes] = np.einsum("ijc,jc->ic", matrices, vectors)
+    blocks.spread(vectors, nodes, spread)
+    np.testing.assert_allclose(spread, expected, atol=1e-13)
+
+
+def test_sums_and_products_of_blocks() -> None:
+    first, second = sparse(4, 4), sparse(4, 4)
+    np.testing.assert_array_equal(whole(held(first).plus(held(second)), 4), first + second)
+    expected = np.einsum("ijc,jkc->ikc", second, first)
+    np.testing.assert_allclose(whole(held(second).after(held(first)), 4), expected, atol=1e-13)
+
+
+def test_an_entry_of_a_single_node_is_there() -> None:
+    for node in range(NODES):
+        assert list(held(np.arange(NODES)[None, None] == node).entries) == [(0, 0)]
 
 
 def test_rows_are_exchanged_at_some_nodes_and_only_there() -> None:
