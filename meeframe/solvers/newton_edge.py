@@ -15,7 +15,8 @@ from meeframe.core.law import augmented_traction
 from meeframe.kernels.edge_relaxation import number_edge, relax_edge
 from meeframe.solvers.conduction import unloaded
 from meeframe.solvers.floating import POTENTIALS
-from meeframe.solvers.nonsmooth import LOWEST, Point
+from meeframe.solvers.nonsmooth import Point
+from meeframe.solvers.transmissivity import LOWEST
 
 WIDTH: Final = 2
 """Spacings from the edge on either side: farther in the loads follow from those of many nodes."""

@@ -35,19 +35,14 @@ from meeframe.core.law import (
     lawful_traction,
     traction_tangents,
 )
-from meeframe.solvers.conduction import Mask, follows_gap, resistances, unloaded
+from meeframe.solvers.conduction import Mask, follows_gap
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.node_blocks import NodeBlocks
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
+from meeframe.solvers.transmissivity import Transmissivity
 
 CLOSED: Final = 5
 """Row and column of the closed fraction; those before it are the fields of the load."""
-WIDTH: Final = 6e-6
-"""Of differences on a logarithmic scale of pressure."""
-LOWEST: Final = 1e-9
-"""Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
-NEAREST: Final = 1e-4
-"""Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
 FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
@@ -110,6 +105,11 @@ class Equation:
         """Magnitudes (5, 5) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
 
+    @cached_property
+    def transmissivity(self) -> Transmissivity:
+        """Of the contact."""
+        return Transmissivity(self.problem, self.scales, self.own)
+
     def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """The equation at a load (n, 5) and motion (m,) of the freedoms.
 
@@ -128,71 +128,27 @@ class Equation:
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
         closed = np.where(grazing, closed, trial[:, 2] < 0.0)
         pressing = contact_traction(law, load[:, 2], gap[:, 2])
-        alone = unloaded(ahead, load[:, POTENTIALS], self.own)
+        alone = self.transmissivity.unloaded(ahead, load[:, POTENTIALS])
         conducting = self.transmissivity(pressing, alone, 1.0)
-        jump = conducting - self.transmissivity(pressing, alone, 0.0)
+        jump = conducting - self.transmissivity.open(pressing, alone)
         transmissivity = conducting - (1.0 - np.clip(closed, 0.0, 1.0))[:, None] * jump
         flux = self.own * load[:, POTENTIALS]
-        drive = -alone[:, POTENTIALS]
+        drive = -(ahead[:, POTENTIALS] + flux)
         # how far the trial moves when the node alone opens or closes: only as near to zero as this can it graze
         switched = np.abs(self.lifted * jump * drive).sum(axis=1)
         sigma = self.r * switched + NARROWEST * self.scales.pressure
-        residual = np.zeros((CLOSED + 1, len(load))).T
-        residual[:, MECHANICAL] = (
-            load[:, MECHANICAL] - lawful_traction(law, trial, gap, (self.r, self.r))
-        ) / self.scales.pressure
-        residual[:, POTENTIALS] = (transmissivity * drive + flux) / self.scales.displacement[POTENTIALS]
         switch = closed - trial[:, 2] / sigma
-        residual[:, CLOSED] = np.where(grazing, closed - np.clip(switch, 0.0, 1.0), 0.0) * sigma / self.scales.pressure
+        residual = np.zeros((CLOSED + 1, len(load))).T
+        contact = load[:, MECHANICAL] - lawful_traction(law, trial, gap, (self.r, self.r))
+        np.divide(contact, self.scales.pressure, out=residual[:, MECHANICAL])
+        flux += transmissivity * drive
+        np.divide(flux, self.scales.displacement[POTENTIALS], out=residual[:, POTENTIALS])
+        at = np.flatnonzero(grazing)
+        off = closed[at] - np.clip(switch[at], 0.0, 1.0)
+        residual[at, CLOSED] = off * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (ahead, trial, transmissivity, jump, drive, sigma, switch, residual)
         return Point(self, load, closed, grazing, motion, *nodes, balance)
-
-    def transmissivity(self, pressing: Array, ahead: Array, closed: float) -> Array:
-        """T, (n, 2), at contact tractions (n,) and (n, 5) ahead if all nodes have one closed fraction."""
-        fraction = np.full_like(pressing, closed)
-        across = ahead if follows_gap(self.problem) else None
-        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
-
-    def transmissivity_slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
-        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
-
-        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
-        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one and
-        there is no matrix. With one the gradient steps to which the steepest slopes lead are cheap, and where a coarse
-        contact has several solutions they find the one with most of it.
-        """
-        least = -LOWEST * self.scales.pressure
-        slope = self._slope(np.minimum(pressing, least), ahead)
-        if not slope.any() or self.problem.system.dense() is not None:
-            return slope
-        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
-        return np.where(np.abs(there) < np.abs(slope), there, slope)
-
-    def _slope(self, here: Array, ahead: Array) -> Array:
-        more, less = (self.transmissivity(here * (1.0 + sign * WIDTH), ahead, 1.0) for sign in (1.0, -1.0))
-        return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
-
-    def transmissivity_across(self, pressing: Array, ahead: Array, closed: Array) -> tuple[Array, Array]:
-        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by central differences.
-
-        For conductivities that follow the gap or the drop. Widths are fractions of the gap and the drop themselves: a
-        breakdown happens within a small fraction of a drop that may be far below the others.
-        """
-        by_gap, by_drop = np.zeros((2, *self.own.shape))
-
-        def mixed(moved: Array) -> Array:
-            shut, apart = (self.transmissivity(pressing, moved, fraction) for fraction in (1.0, 0.0))
-            return np.asarray(closed[:, None] * shut + (1.0 - closed[:, None]) * apart)
-
-        size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
-        widths = WIDTH * np.maximum(size, NEAREST * self.scales.displacement)
-        for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
-            more, less = ahead.copy(), ahead.copy()
-            more[:, fields] += widths[:, fields]
-            less[:, fields] -= widths[:, fields]
-            slope += (mixed(more) - mixed(less)) / (2.0 * widths[:, fields])
-        return by_gap, by_drop
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,13 +241,13 @@ class Point:
         a[CLOSED, CLOSED] = np.where(between, 0.0, self.sigma / scales.pressure)
         b[CLOSED, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
         closed = np.clip(self.closed, 0.0, 1.0)
-        alone = unloaded(self.ahead, self.load[:, POTENTIALS], equation.own)
+        alone = equation.transmissivity.unloaded(self.ahead, self.load[:, POTENTIALS])
         answered = self.load[:, 2] - scales.pressure * self.residual[:, 2]
         ends = pressing, contact_traction(law, answered, self.ahead[:, 2])
-        slope = closed[:, None] * equation.transmissivity_slope(*ends, alone)
+        slope = closed[:, None] * equation.transmissivity.slope(*ends, alone)
         share, across = self.transmissivity, None
         if follows_gap(equation.problem):
-            across, dropping = equation.transmissivity_across(pressing, alone, closed)
+            across, dropping = equation.transmissivity.across(pressing, alone, closed)
             share = share - self.drive * dropping
         if attracts(law):
             pulled = slope * attraction_slope(law, self.ahead[:, 2])[:, None]
