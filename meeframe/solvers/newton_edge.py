@@ -1,9 +1,10 @@
-"""The edge of a contact that conducts, relaxed before Newton's method begins on a fine grid.
+"""Nodes at the edge of a contact that conducts, relaxed beside the steps of Newton's method.
 
 On a coarser grid another edge was found, and what is interpolated from it is wrong where nodes are open, closed or in
 between, which depends on how the edge runs between them. Newton's method finds that out node by node, one step after
 the other, each of which costs many products. Most of it depends on a few nodes around: these are asked in turns, as in
-projected Gauss-Seidel relaxation, each for the load with which it satisfies the laws beside the others.
+projected Gauss-Seidel relaxation, each for the load with which it satisfies the laws beside the others. So they are
+where a step has opened or closed a node, whose flux is then that of the other state.
 """
 
 from typing import Final
@@ -11,20 +12,25 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL
+from meeframe.core.formulation import ReducedSystem, Stencil
 from meeframe.core.law import augmented_traction
+from meeframe.core.once import once_for_each
 from meeframe.kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.solvers.conduction import unloaded
+from meeframe.solvers.conduction import Mask, unloaded
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.nonsmooth import Point
 from meeframe.solvers.transmissivity import LOWEST
 
-WIDTH: Final = 2
-"""Spacings from the edge on either side: farther in the loads follow from those of many nodes."""
 REACH: Final = 4
 """Places around a node where its load counts: as good as 16 of them."""
-SWEEPS: Final = 6
+WIDTH, SWEEPS = 2, 6
+"""Spacings from the edge on either side, and how often to and fro: farther in loads follow from those of many nodes."""
+SWITCHED_WIDTH, SWITCHED_SWEEPS = 4, 20
+"""The same around nodes that a step has switched, which are few."""
 ROUGHER: Final = 4.0
-"""So much more the laws may be violated: nodes beside the edge have not followed yet."""
+"""So much more the laws may be violated at first: nodes beside the edge have not followed yet."""
+BEHIND: Final = 0.1
+"""Of the largest violation that of a flux is more than so much where it has not followed its node."""
 AT_ONCE: Final = 0.5
 """Of the largest jump of conduction that of a contact without pressure is more than so much, or it grows."""
 
@@ -32,40 +38,47 @@ AT_ONCE: Final = 0.5
 def relaxed_edge(point: Point) -> Point:
     """A point with the nodes around the edge relaxed, those left in between grazing; the same point where conduction
     does not jump at the edge, where nodes lie on no lattice, or if it does not help."""
+    relaxed = _relaxed(point, point.load[:, 2] < 0.0, WIDTH, SWEEPS) if point.jump.any() else point
+    return relaxed if relaxed.merit < ROUGHER * point.merit else point
+
+
+def relaxed_where_switched(before: Point, moved: Point) -> Point:
+    """A moved point with the nodes relaxed that have opened or closed, with those around; the same point if their
+    fluxes are not far from those of their new state, or if it does not help."""
+    behind = np.abs(moved.residual[:, POTENTIALS]).max(axis=1) > BEHIND * moved.violation
+    switched = behind & ((moved.closed > 0.0) != (before.closed > 0.0)) & moved.jump.any(axis=1)
+    relaxed = _relaxed(moved, switched, SWITCHED_WIDTH, SWITCHED_SWEEPS) if switched.any() else moved
+    return relaxed if relaxed.merit < moved.merit else moved
+
+
+def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
+    """A point with the nodes relaxed that are near others of another kind (n,); the same if there is nothing to do."""
     equation, problem = point.equation, point.equation.problem
-    stencil = problem.system.stencil(REACH) if _jumps_at_edge(point) else None
+    stencil = _stencil(problem.system) if _jumps_at_edge(point) else None
     if stencil is None:
         return point
-    pressed, number = point.load[stencil.lattice, 2] < 0.0, np.empty(stencil.lattice.shape, np.int64)
-    count = number_edge(pressed, WIDTH, stencil.periodic, number)
-    places = np.argwhere(number >= 0)
-    nodes = stencil.lattice[number >= 0]
-    if not count:
+    number = np.empty(stencil.lattice.shape, np.int64)
+    if not number_edge(kind[stencil.lattice], width, stencil.periodic, number):
         return point
+    places, nodes = np.argwhere(number >= 0), stencil.lattice[number >= 0]
     law, lengths = problem.contact_law, (equation.r, equation.r)
-    trial = augmented_traction(law, point.load[:, MECHANICAL], point.ahead[:, MECHANICAL], lengths)[nodes]
     load, ahead, closed = (np.ascontiguousarray(part[nodes]) for part in (point.load, point.ahead, point.closed))
+    trial = augmented_traction(law, load[:, MECHANICAL], ahead[:, MECHANICAL], lengths)
+    slips = (law.project(trial) != trial)[:, :2].any(axis=1)
     closed = np.clip(closed, 0.0, 1.0)
-    conducting = point.transmissivity[nodes] + (1.0 - closed)[:, None] * point.jump[nodes]
-    relax_edge(
-        number,
-        places,
-        stencil.periodic,
-        stencil.responses,
-        conducting,
-        conducting - point.jump[nodes],
-        (law.project(trial) != trial)[:, :2].any(axis=1),
-        load,
-        ahead,
-        closed,
-        SWEEPS,
-    )
+    shut = point.transmissivity[nodes] + (1.0 - closed)[:, None] * point.jump[nodes]
+    apart = shut - point.jump[nodes]
+    relax_edge(number, places, stencil.periodic, stencil.responses, shut, apart, slips, load, ahead, closed, sweeps)
     load[:, MECHANICAL] = law.project(load[:, MECHANICAL])
     whole, fraction, grazing = point.load.copy(order="K"), point.closed.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, closed
     grazing[nodes] |= (closed > 0.0) & (closed < 1.0)
-    relaxed = equation.at(whole, fraction, grazing, point.motion)
-    return relaxed if relaxed.merit < ROUGHER * point.merit else point
+    return equation.at(whole, fraction, grazing, point.motion)
+
+
+@once_for_each
+def _stencil(system: ReducedSystem) -> Stencil | None:
+    return system.stencil(REACH)
 
 
 def _jumps_at_edge(point: Point) -> bool:

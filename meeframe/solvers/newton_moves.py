@@ -8,6 +8,7 @@ from meeframe.core.contact import ContactProblem, contact_gap
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
 from meeframe.core.law import attraction, attracts
 from meeframe.solvers.floating import POTENTIALS
+from meeframe.solvers.newton_edge import relaxed_where_switched
 from meeframe.solvers.newton_steps import Step
 from meeframe.solvers.nonsmooth import CLOSED, Point
 
@@ -36,12 +37,14 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     changed = (moved.closed > 0.0) != (point.closed > 0.0)
     flips = flips + (changed & moved.jump.any(axis=1))
     fresh = (flips > FLIPS) & ~moved.grazing
-    if not fresh.any():
-        return flips, _with_fitting_fractions(moved)
-    closed, lift = moved.closed.copy(), moved.lift
-    within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
-    closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
-    return flips, equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
+    if fresh.any():
+        closed, lift = moved.closed.copy(), moved.lift
+        within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
+        closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
+        moved = equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
+    else:
+        moved = _with_fitting_fractions(moved)
+    return flips, relaxed_where_switched(point, moved)
 
 
 def held_where_it_grazes(point: Point, moved: Point) -> Point:
