@@ -199,7 +199,7 @@ def _tolerance(fall: float, violation: float) -> float:
 
     Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
     """
-    return float(np.clip(max(0.9 * fall**1.3, ENOUGH / violation), TIGHTEST, LOOSEST))
+    return float(np.clip(max(0.9 * fall**1.5, ENOUGH / violation), TIGHTEST, LOOSEST))
 
 
 def _matrixless(problem: ContactProblem) -> bool:
