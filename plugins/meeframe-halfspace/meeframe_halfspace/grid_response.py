@@ -211,8 +211,11 @@ def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
     middle, workers = padded // 2, numba.get_num_threads()
     if parity == 1:
         return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
-    sines = scipy.fft.dst(half[1:] if axis == 0 else half[:, 1:], 1, middle - 1, axis, workers=workers)
-    return np.negative(np.pad(sines, [(1, 1) if axis == along else (0, 0) for along in range(2)]))
+    inside = half[1:] if axis == 0 else half[:, 1:]
+    sides = [(1, 1) if axis == along else (0, 0) for along in range(2)]
+    if not inside.size:  # one row of nodes, at zero
+        return np.zeros((middle + 1, half.shape[1]) if axis == 0 else (half.shape[0], middle + 1))
+    return np.negative(np.pad(scipy.fft.dst(inside, 1, middle - 1, axis, workers=workers), sides))
 
 
 def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:
