@@ -30,12 +30,12 @@ PATIENCE: Final = 2
 """A step must come below the largest merit of so many states."""
 FALL: Final = 0.99
 """So far below, as a fraction."""
-LOOSEST: Final = 0.03
+LOOSEST: Final = 0.06
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
 ENOUGH: Final = 0.2 * Limits().tolerance
 """Violation of the laws that linear equations need not leave less of: who asks for more has another step."""
-COARSE: Final = 1e-3
+COARSE: Final = 5e-4
 """Merit at which a coarser problem is left: the two differ by more."""
 COARSE_STEPS: Final = 1, 40
 """At least and at most."""
