@@ -30,7 +30,7 @@ PATIENCE: Final = 2
 """A step must come below the largest merit of so many states."""
 FALL: Final = 0.99
 """So far below, as a fraction."""
-LOOSEST: Final = 0.06
+LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
 ENOUGH: Final = 0.2 * Limits().tolerance
