@@ -109,8 +109,9 @@ class ReducedSystem(ABC):
         there is none, or if no node is asked for."""
         return None
 
-    def stencil(self, reach: int) -> "Stencil | None":
-        """What loads cause so many places around their nodes; None if nodes lie on no lattice, or on a smaller one."""
+    def stencil(self, reach: int, fields: Sequence[int]) -> "Stencil | None":
+        """What loads in some fields cause in these, so many places around their nodes; None if nodes lie on no lattice,
+        or on one that is smaller."""
         return None
 
     def kept(self) -> Mapping[str, AnyArray] | None:
@@ -179,7 +180,8 @@ class Stencil:
     """Responses on a lattice, the same around all nodes inside it; to about six digits.
 
     lattice: (nx, ny) the node at each place; periodic: whether it repeats itself; responses: (2 r + 1, 2 r + 1, 5, 5)
-    displacement of a node to the load of another, entry [r + i, r + j] if it stands (i, j) places from that.
+    displacement of a node to the load of another, entry [r + i, r + j] if it stands (i, j) places from that; zero in
+    fields that were not asked for.
     """
 
     lattice: Indices

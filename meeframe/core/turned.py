@@ -121,9 +121,9 @@ class TurnedSystem(ReducedSystem):
         geometry = there.points, self.frames[kept], there.weights, there.cells, self.offset[kept]
         return Part(TurnedSystem(*geometry, there, self.cosine_sine[kept]), kept)
 
-    def stencil(self, reach: int) -> Stencil | None:
+    def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
         """That of the original, if all frames are turned alike."""
-        found = self.original.stencil(reach)
+        found = self.original.stencil(reach, _with_both_tangential(fields))
         if found is None or np.ptp(self.cosine_sine, axis=0).any():
             return None
         blocks: Array = found.responses.reshape(-1, *found.responses.shape[2:])

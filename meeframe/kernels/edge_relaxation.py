@@ -18,30 +18,47 @@ def number_edge(pressed, reach, periodic, number):
     number: (nx, ny) their numbers, -1 elsewhere; one row after the other.
     """
     nx, ny = pressed.shape
+    number[:] = -1
+    for i in range(nx):
+        for j in range(ny):
+            # the nearest one of the other kind has a neighbour of this kind
+            if not (
+                _differs(pressed, i, j, i - 1, j, periodic)
+                or _differs(pressed, i, j, i + 1, j, periodic)
+                or _differs(pressed, i, j, i, j - 1, periodic)
+                or _differs(pressed, i, j, i, j + 1, periodic)
+            ):
+                continue
+            for di in range(-reach, reach + 1):
+                for dj in range(-reach, reach + 1):
+                    near = di * di + dj * dj <= reach * reach
+                    if near and _differs(pressed, i, j, i + di, j + dj, periodic):
+                        number[(i + di) % nx, (j + dj) % ny] = 0
     count = 0
     for i in range(nx):
         for j in range(ny):
-            number[i, j] = -1
-            for di in range(-reach, reach + 1):
-                for dj in range(-reach, reach + 1):
-                    k, m = i + di, j + dj
-                    if periodic:
-                        k, m = k % nx, m % ny
-                    inside = 0 <= k < nx and 0 <= m < ny and di * di + dj * dj <= reach * reach
-                    if number[i, j] < 0 and inside and pressed[k, m] != pressed[i, j]:
-                        number[i, j] = count
-                        count += 1
+            if number[i, j] == 0:
+                number[i, j] = count
+                count += 1
     return count
 
 
 @njit(cache=True, nogil=True)
+def _differs(pressed, i, j, k, m, periodic):
+    """Whether there is a node (k, m), and of another kind than (i, j)."""
+    nx, ny = pressed.shape
+    inside = periodic or (0 <= k < nx and 0 <= m < ny)
+    return inside and pressed[k % nx, m % ny] != pressed[i, j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def relax_edge(number, places, periodic, responses, conducting, insulating, slips, load, ahead, closed, sweeps):
     """Sweeps to and fro over m nodes, each of which is given the load at which it satisfies the laws beside the others.
 
     number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, 5, 5) of a
     node to the load of another, by the places from that to this one; conducting, insulating: (m, 2) transmissivities
     when closed and open; slips: (m,) whose tangential load follows the pressure; load (m, 5), ahead (m, 5) of the
-    indenter over the body and closed (m,) are changed.
+    indenter over the body, but for its tangential part, and closed (m,) are changed.
     """
     nx, ny = number.shape
     reach = responses.shape[0] // 2
@@ -78,12 +95,12 @@ def relax_edge(number, places, periodic, responses, conducting, insulating, slip
                         k, m = k % nx, m % ny
                     if 0 <= k < nx and 0 <= m < ny and number[k, m] >= 0:
                         other, response = ahead[number[k, m]], responses[reach + di, reach + dj]
-                        for row in range(5):
+                        for row in range(2, 5):  # nobody asks for the others
                             for column in range(5):
                                 other[row] -= response[row, column] * change[column]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def alone(rest, own, conducting, insulating, opened, found):
     """Pressure, fluxes and closed fraction, found (4,), of a node ahead by `rest` (3,) without them.
 
@@ -116,12 +133,10 @@ def alone(rest, own, conducting, insulating, opened, found):
                 low, apart = fraction, gap
             else:
                 high, shut = fraction, gap
-            if shut == apart:
-                break
         found[1], found[2], found[3] = electric, magnetic, fraction
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fluxes(rest, own, transmissivity, pressure):
     """Both fluxes of a node under a pressure: own flux = T (drop without this flux)."""
     first = transmissivity[0] * (rest[1] - own[3, 2] * pressure)

@@ -13,10 +13,10 @@ import numpy as np
 
 from meeframe.core.fields import MECHANICAL
 from meeframe.core.formulation import ReducedSystem, Stencil
-from meeframe.core.law import augmented_traction
+from meeframe.core.law import ContactLaw, attracts
 from meeframe.core.once import once_for_each
 from meeframe.kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.solvers.conduction import Mask, unloaded
+from meeframe.solvers.conduction import Mask, follows_gap
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.nonsmooth import Point
 from meeframe.solvers.transmissivity import LOWEST
@@ -24,15 +24,18 @@ from meeframe.solvers.transmissivity import LOWEST
 REACH: Final = 4
 """Places around a node where its load counts: as good as 16 of them."""
 WIDTH, SWEEPS = 2, 6
-"""Spacings from the edge on either side, and how often to and fro: farther in loads follow from those of many nodes."""
+"""Spacings from the edge on either side, and sweeps, to and fro in turn: farther in loads follow from those of many
+nodes."""
 SWITCHED_WIDTH, SWITCHED_SWEEPS = 4, 20
 """The same around nodes that a step has switched, which are few."""
 ROUGHER: Final = 4.0
 """So much more the laws may be violated at first: nodes beside the edge have not followed yet."""
 BEHIND: Final = 0.1
-"""Of the largest violation that of a flux is more than so much where it has not followed its node."""
+"""Of the largest violation the residual of a flux is more than so much where it has not followed its node."""
 AT_ONCE: Final = 0.5
 """Of the largest jump of conduction that of a contact without pressure is more than so much, or it grows."""
+ROUND_OFF: Final = 1e-12
+"""Of a traction: what sticks is projected on itself but for so much."""
 
 
 def relaxed_edge(point: Point) -> Point:
@@ -54,31 +57,34 @@ def relaxed_where_switched(before: Point, moved: Point) -> Point:
 def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     """A point with the nodes relaxed that are near others of another kind (n,); the same if there is nothing to do."""
     equation, problem = point.equation, point.equation.problem
-    stencil = _stencil(problem.system) if _jumps_at_edge(point) else None
-    if stencil is None:
+    law = problem.contact_law
+    plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not follows_gap(problem)
+    stencil = _stencil(problem.system, tuple(equation.loaded)) if plain else None
+    if stencil is None or not _jumps_at_edge(point):
         return point
     number = np.empty(stencil.lattice.shape, np.int64)
     if not number_edge(kind[stencil.lattice], width, stencil.periodic, number):
         return point
     places, nodes = np.argwhere(number >= 0), stencil.lattice[number >= 0]
-    law, lengths = problem.contact_law, (equation.r, equation.r)
+    # laws are asked at all nodes: each may have its own
+    trial = point.trial[:, :2]
+    off = np.abs(law.project(point.trial)[:, :2] - trial).max(axis=1)
+    slips = (off > ROUND_OFF * np.abs(trial).max(axis=1))[nodes]
     load, ahead, closed = (np.ascontiguousarray(part[nodes]) for part in (point.load, point.ahead, point.closed))
-    trial = augmented_traction(law, load[:, MECHANICAL], ahead[:, MECHANICAL], lengths)
-    slips = (law.project(trial) != trial)[:, :2].any(axis=1)
     closed = np.clip(closed, 0.0, 1.0)
     shut = point.transmissivity[nodes] + (1.0 - closed)[:, None] * point.jump[nodes]
     apart = shut - point.jump[nodes]
     relax_edge(number, places, stencil.periodic, stencil.responses, shut, apart, slips, load, ahead, closed, sweeps)
-    load[:, MECHANICAL] = law.project(load[:, MECHANICAL])
     whole, fraction, grazing = point.load.copy(order="K"), point.closed.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, closed
+    whole[nodes, MECHANICAL] = law.project(whole[:, MECHANICAL])[nodes]
     grazing[nodes] |= (closed > 0.0) & (closed < 1.0)
     return equation.at(whole, fraction, grazing, point.motion)
 
 
 @once_for_each
-def _stencil(system: ReducedSystem) -> Stencil | None:
-    return system.stencil(REACH)
+def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
+    return system.stencil(REACH, fields)
 
 
 def _jumps_at_edge(point: Point) -> bool:
@@ -88,6 +94,5 @@ def _jumps_at_edge(point: Point) -> bool:
     if largest == 0.0:
         return False
     touching = np.full(len(point.load), -LOWEST * equation.scales.pressure)
-    alone = unloaded(point.ahead, point.load[:, POTENTIALS], equation.own)
-    ends = (equation.transmissivity(touching, alone, closed) for closed in (1.0, 0.0))
-    return bool(np.abs(np.subtract(*ends)).max() > AT_ONCE * largest)
+    jump = equation.transmissivity(touching, point.ahead, 1.0) - equation.transmissivity.open(touching, point.ahead)
+    return bool(np.abs(jump).max() > AT_ONCE * largest)

@@ -6,6 +6,7 @@ that says whether it is good is not.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,8 @@ ROUND_OFF: Final = 10.0
 """So many times the round-off of a vector its products with others are off."""
 SINGLE: Final = 3e-5
 """Tolerance from which on single precision serves."""
+LEAST_BESIDE: Final = 1e-3
+"""Of what is given of a step: a right-hand side far below it is not solved to so much less."""
 UNNOTICED: Final = 0.1
 """Of what may be left of the residual: what is given of a step by less changes nothing elsewhere."""
 
@@ -83,10 +86,12 @@ def krylov_step(
         amounts = (values[size:] / weight - border.resultants(loads)) / border.stiffness
         return np.concatenate([loads + (border.motions @ amounts) @ inverse.responses, amounts])
 
-    counts = _counts(rows, given, tolerance * float(np.linalg.norm(right)))
-    image = (lambda loads: rows.image(blocks, given, loads)) if counts else multiplication
+    product = bordered(multiplication)
+    image: Linear | None = None
+    if _counts(rows, given, tolerance * float(np.linalg.norm(right))):
+        image = partial(rows.image, blocks, given)
     whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
-    found = _solution(bordered(multiplication), bordered(image), solve, whole, tolerance)
+    found = _solution(product, bordered(image) if image else None, solve, whole, tolerance)
     amounts = (border.motions @ found[size:]).astype(float)
     farthest = float(np.abs(amounts).max(initial=0.0))
     if farthest > blocks.farthest:
@@ -102,19 +107,20 @@ def _counts(rows: Rows, given: Array, asked: float) -> bool:
     return float(np.linalg.norm(given / units)) > UNNOTICED * asked
 
 
-def _solution(multiply: Linear, image: Linear, precondition: Linear, right: Array, tolerance: float) -> Array:
-    """Unknowns (k,) of a right-hand side (k,); image: of unknowns with what is given beside them, multiply: without it.
+def _solution(multiply: Linear, image: Linear | None, precondition: Linear, right: Array, tolerance: float) -> Array:
+    """Unknowns (k,) of a right-hand side (k,), of which that fraction may be left.
 
-    The product that what is given costs serves a first guess, too.
+    image: of unknowns with what is given beside them, None if it does not count; multiply: without it. The product that
+    what is given costs serves a first guess, too.
     """
-    if image is multiply:
+    if image is None:
         return gmres(multiply, precondition, right, tolerance)[0]
     first = precondition(right)
     left = right - image(first)
     before, after = (float(np.linalg.norm(part)) for part in (right, left))
     if after <= tolerance * before:
         return first
-    return first + gmres(multiply, precondition, left, tolerance * before / after)[0]
+    return first + gmres(multiply, precondition, left, tolerance * max(before / after, LEAST_BESIDE))[0]
 
 
 @dataclass(frozen=True, eq=False)

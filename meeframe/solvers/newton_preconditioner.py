@@ -152,7 +152,10 @@ def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Extension]]:
         there = np.flatnonzero(some)
         if alike:
             found[place] = found[alike[0]]
-        elif there.size and (extension := rows.equation.problem.system.extension(rows.nodes[there])):
+        elif there.size:
+            extension = rows.equation.problem.system.extension(rows.nodes[there])
+            if extension is None:  # for all or none
+                return {}
             found[place] = there, extension
     return found
 

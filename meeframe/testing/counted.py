@@ -12,8 +12,8 @@ from meeframe.core.mesh import Indices
 @final
 @dataclass(frozen=True, eq=False)
 class Counted(ReducedSystem):
-    """A reduced system that counts its products; without approximate inverse, coarser division and parts if not
-    `helped`.
+    """A reduced system that counts its products; without approximate inverse, extension, stencil, coarser division
+    and parts if not `helped`.
 
     products: one entry for each.
     """
@@ -74,9 +74,9 @@ class Counted(ReducedSystem):
         counted = Counted.of(part.system)
         return replace(part, system=replace(counted, products=self.products))
 
-    def stencil(self, reach: int) -> Stencil | None:
+    def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
         """See ReducedSystem."""
-        return self.inner.stencil(reach) if self.helped else None
+        return self.inner.stencil(reach, fields) if self.helped else None
 
     def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
         """See ReducedSystem."""

@@ -121,7 +121,7 @@ class HalfSpaceSystem(ReducedSystem):
 
         return Extension(extended, gathered)
 
-    def stencil(self, reach: int) -> Stencil | None:
+    def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
         """Responses to the load of a node in the middle of the grid."""
         size = self.grid.size
         if min(size) <= 2 * reach:
@@ -129,9 +129,9 @@ class HalfSpaceSystem(ReducedSystem):
         middle, load = (size[0] // 2, size[1] // 2), np.zeros((1, *size), np.float32)
         load[0, middle[0], middle[1]] = 1.0
         around = tuple(slice(place - reach, place + reach + 1) for place in middle)
-        responses = np.empty((N_FIELDS, N_FIELDS, 2 * reach + 1, 2 * reach + 1))
-        for loaded in range(N_FIELDS):
-            responses[:, loaded] = self.convolution.response(load, [loaded], range(N_FIELDS))[:, *around]
+        responses = np.zeros((N_FIELDS, N_FIELDS, 2 * reach + 1, 2 * reach + 1))
+        for loaded in fields:
+            responses[list(fields), loaded] = self.convolution.response(load, [loaded], fields)[:, *around]
         return Stencil(
             self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
         )

@@ -1,6 +1,6 @@
 """Relaxation of the edge of a contact that conducts: it finds what the laws say, and leaves solutions as they are."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,10 @@ from meeframe.core.law import ConductivityLaw
 from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import library_material
 from meeframe.solvers import Limits, SemismoothNewton, residual, solve
-from meeframe.solvers.newton_edge import relaxed_edge
+from meeframe.solvers.newton_edge import relaxed_edge, relaxed_where_switched
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.solvers.residual import evaluate
 from meeframe.testing.counted import Counted
@@ -77,7 +77,7 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str) ->
     """Projected Gauss-Seidel converges without friction; the judge finds the laws satisfied. Single precision."""
     problem = conducting(49, 0.1, material=material)
     system, reach, middle = problem.system, 24, 24
-    stencil = system.stencil(reach)
+    stencil = system.stencil(reach, range(5))
     assert stencil is not None
     number = np.full(stencil.lattice.shape, -1)
     inside = np.hypot(*(np.indices(number.shape) - middle)) <= 11.0
@@ -116,7 +116,7 @@ def test_an_edge_that_was_changed_is_found_again() -> None:
     """Open nodes at the edge are closed and closed ones opened, with loads of the wrong kind."""
     problem = conducting(80, 0.3)
     point = at_solution(problem)
-    pressed, stencil = point.load[:, 2] < 0.0, problem.system.stencil(1)
+    pressed, stencil = point.load[:, 2] < 0.0, problem.system.stencil(1, [2])
     assert stencil is not None
     number = np.empty(stencil.lattice.shape, np.int64)
     number_edge(pressed[stencil.lattice], 1, False, number)
@@ -148,14 +148,16 @@ def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("flux", [Insulating(), PowerLaw(1e-3, 1e8, 0.5)], ids=["insulated", "growing"])
-def test_nothing_is_done_where_conduction_does_not_jump(flux: ConductivityLaw) -> None:
+def test_nothing_is_done_where_conduction_does_not_jump(flux: ConductivityLaw, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     problem = conducting(40, 0.3, flux=flux)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     point = at(problem, load, (load[:, 2] < 0.0).astype(float))
     assert relaxed_edge(point) is point
 
 
-def test_nothing_is_done_on_no_lattice_or_without_contact() -> None:
+def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     problem = conducting(40, 0.3)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     closed = (load[:, 2] < 0.0).astype(float)
@@ -166,3 +168,71 @@ def test_nothing_is_done_on_no_lattice_or_without_contact() -> None:
     ):
         point = at(given, state.load, state.closed)
         assert relaxed_edge(point) is point
+
+
+@dataclass(frozen=True)
+class EachItsOwn(IsotropicCoulomb):
+    """Friction with a coefficient of each node: what is said of some of them alone fits no law."""
+
+    mus: Array | None = None
+
+    def project(self, trial: Array) -> Array:
+        assert self.mus is not None
+        bound = -self.mus * np.minimum(trial[:, 2], 0.0)
+        size = np.hypot(trial[:, 0], trial[:, 1])
+        share = np.minimum(1.0, np.divide(bound, size, out=np.ones_like(size), where=size > 0.0))
+        return np.column_stack([share * trial[:, 0], share * trial[:, 1], np.minimum(trial[:, 2], 0.0)])
+
+
+def switched(point: Point) -> Point:
+    """The point with a closed node of little pressure opened, whose flux has not followed."""
+    held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
+    node = np.flatnonzero(held)[point.load[held, 2].argmax()]
+    load, closed, grazing = point.load.copy(), point.closed.copy(), point.grazing.copy()
+    load[node, :3], closed[node], grazing[node] = 0.0, 0.0, True
+    return point.equation.at(load, closed, grazing, point.motion)
+
+
+def test_a_node_that_a_step_has_switched_is_found_again() -> None:
+    """One whose flux has followed is let alone."""
+    point = at_solution(conducting(80, 0.3))
+    moved = switched(point)
+    found = relaxed_where_switched(point, moved)
+    assert found.merit < 0.2 * moved.merit
+    assert np.array_equal(found.closed > 0.0, point.closed > 0.0)
+    assert relaxed_where_switched(moved, moved) is moved
+    followed = replace(moved, residual=moved.residual * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    assert relaxed_where_switched(point, followed) is followed
+
+
+def test_laws_of_each_node_are_asked_at_all_of_them() -> None:
+    """The same as with one law."""
+    problem, found = conducting(80, 0.3, IsotropicCoulomb(MU)), list[Point]()
+    solved = at_solution(problem)
+    for law in (problem.contact_law, EachItsOwn(MU, mus=np.full(6400, MU))):
+        equation = Equation.of(replace(problem, contact_law=law))
+        point = equation.beside(solved.load, solved.ahead, solved.closed, solved.grazing, solved.motion)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(edge_module, "ROUGHER", np.inf)
+            found.append(relaxed_edge(switched(point)))
+    assert np.array_equal(found[0].closed, found[1].closed)
+    np.testing.assert_allclose(found[0].load, found[1].load, atol=1e-12 * np.abs(found[0].load).max())
+
+
+def test_what_sticks_is_known_along_turned_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the law gives tractions back but for round-off."""
+    law, slips = OrthotropicCoulomb(5.0, 9.0, 0.4), list[Array]()
+    problem = replace(conducting(80, 0.3, law), translation=np.tile([1e-7, 5e-8], (6400, 1)))
+    point = at_solution(problem)
+    original = edge_module.relax_edge
+
+    def watched(*given: Any) -> None:
+        slips.append(given[6][given[7][:, 2] < 0.0])
+        original(*given)
+
+    monkeypatch.setattr(edge_module, "relax_edge", watched)
+    relaxed_edge(point)
+    projected = law.project(point.trial)
+    exactly = (projected != point.trial)[:, :2].any(axis=1)
+    assert slips[0].mean() < 0.5
+    assert exactly[point.load[:, 2] < 0.0].mean() > 0.5
