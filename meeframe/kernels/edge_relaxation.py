@@ -7,6 +7,8 @@ part, and of their loads only what these cause a few places around: everything e
 import numpy as np
 from numba import njit
 
+SETTLED = 1e-3
+"""Of the work of the first sweeps: one that does less is the last."""
 FRACTION_STEPS = 3
 """Secant steps for a closed fraction: the gap is nearly linear in it."""
 
@@ -64,7 +66,9 @@ def relax_edge(number, places, periodic, responses, conducting, insulating, slip
     reach = responses.shape[0] // 2
     own = responses[reach, reach]
     rest, change, found = np.empty(3), np.empty(5), np.empty(4)
+    first = 0.0
     for sweep in range(sweeps):
+        work = 0.0
         for turn in range(len(places)):
             node = turn if sweep % 2 == 0 else len(places) - 1 - turn
             mine = load[node]
@@ -82,12 +86,13 @@ def relax_edge(number, places, periodic, responses, conducting, insulating, slip
             elif slips[node] and mine[2] < 0.0:
                 part = found[0] / mine[2] - 1.0
             change[0], change[1] = part * mine[0], part * mine[1]
-            moved = False
+            done = 0.0
             for field in range(5):
                 mine[field] += change[field]
-                moved |= change[field] != 0.0
-            if not moved:
+                done += own[field, field] * change[field] ** 2
+            if done == 0.0:
                 continue
+            work += done
             for di in range(-reach, reach + 1):
                 for dj in range(-reach, reach + 1):
                     k, m = places[node, 0] + di, places[node, 1] + dj
@@ -95,9 +100,13 @@ def relax_edge(number, places, periodic, responses, conducting, insulating, slip
                         k, m = k % nx, m % ny
                     if 0 <= k < nx and 0 <= m < ny and number[k, m] >= 0:
                         other, response = ahead[number[k, m]], responses[reach + di, reach + dj]
-                        for row in range(2, 5):  # nobody asks for the others
-                            for column in range(5):
-                                other[row] -= response[row, column] * change[column]
+                        for column in range(5):
+                            if change[column] != 0.0:
+                                for row in range(2, 5):  # nobody asks for the others
+                                    other[row] -= response[row, column] * change[column]
+        first = max(first, work)
+        if work <= SETTLED * first:
+            break
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -26,7 +26,7 @@ REACH: Final = 4
 WIDTH, SWEEPS = 2, 6
 """Spacings from the edge on either side, and sweeps, to and fro in turn: farther in loads follow from those of many
 nodes."""
-SWITCHED_WIDTH, SWITCHED_SWEEPS = 4, 20
+SWITCHED_WIDTH, SWITCHED_SWEEPS = 3, 12
 """The same around nodes that a step has switched, which are few."""
 ROUGHER: Final = 4.0
 """So much more the laws may be violated at first: nodes beside the edge have not followed yet."""
