@@ -7,8 +7,6 @@ part, and of their loads only what these cause a few places around: everything e
 import numpy as np
 from numba import njit
 
-SETTLED = 1e-3
-"""Of the work of the first sweeps: one that does less is the last."""
 FRACTION_STEPS = 3
 """Secant steps for a closed fraction: the gap is nearly linear in it."""
 
@@ -54,13 +52,16 @@ def _differs(pressed, i, j, k, m, periodic):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def relax_edge(number, places, periodic, responses, conducting, insulating, slips, load, ahead, closed, sweeps):
+def relax_edge(
+    number, places, periodic, responses, conducting, insulating, slips, load, ahead, closed, sweeps, settled
+):
     """Sweeps to and fro over m nodes, each of which is given the load at which it satisfies the laws beside the others.
 
     number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, 5, 5) of a
     node to the load of another, by the places from that to this one; conducting, insulating: (m, 2) transmissivities
     when closed and open; slips: (m,) whose tangential load follows the pressure; load (m, 5), ahead (m, 5) of the
-    indenter over the body, but for its tangential part, and closed (m,) are changed.
+    indenter over the body, but for its tangential part, and closed (m,) are changed; settled: a sweep that does no more
+    of the work of the greatest one is the last.
     """
     nx, ny = number.shape
     reach = responses.shape[0] // 2
@@ -105,7 +106,7 @@ def relax_edge(number, places, periodic, responses, conducting, insulating, slip
                                 for row in range(2, 5):  # nobody asks for the others
                                     other[row] -= response[row, column] * change[column]
         first = max(first, work)
-        if work <= SETTLED * first:
+        if work <= settled * first:
             break
 
 

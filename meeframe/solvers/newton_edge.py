@@ -28,6 +28,8 @@ WIDTH, SWEEPS = 2, 6
 nodes."""
 SWITCHED_WIDTH, SWITCHED_SWEEPS = 3, 12
 """The same around nodes that a step has switched, which are few."""
+SETTLED: Final = 1e-3
+"""Of the work of the first sweeps: one that does less is the last."""
 ROUGHER: Final = 4.0
 """So much more the laws may be violated at first: nodes beside the edge have not followed yet."""
 BEHIND: Final = 0.1
@@ -74,7 +76,9 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     closed = np.clip(closed, 0.0, 1.0)
     shut = point.transmissivity[nodes] + (1.0 - closed)[:, None] * point.jump[nodes]
     apart = shut - point.jump[nodes]
-    relax_edge(number, places, stencil.periodic, stencil.responses, shut, apart, slips, load, ahead, closed, sweeps)
+    relax_edge(
+        number, places, stencil.periodic, stencil.responses, shut, apart, slips, load, ahead, closed, sweeps, SETTLED
+    )
     whole, fraction, grazing = point.load.copy(order="K"), point.closed.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, closed
     whole[nodes, MECHANICAL] = law.project(whole[:, MECHANICAL])[nodes]

@@ -87,7 +87,7 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str) ->
     load, ahead, closed = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
     load, shut = np.ascontiguousarray(load), np.ones((len(nodes), 2))
     slips = np.zeros(len(nodes), bool)
-    relax_edge(number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, closed, 300)
+    relax_edge(number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, closed, 300, 0.0)
     whole, fraction = point.load.copy(), np.zeros(len(problem.gap))
     whole[nodes], fraction[nodes] = load, closed
     assert 50 < (load[:, 2] < 0.0).sum() < len(nodes)
