@@ -43,7 +43,7 @@ ROUND_OFF: Final = 1e-12
 def relaxed_edge(point: Point) -> Point:
     """A point with the nodes around the edge relaxed, those left in between grazing; the same point where conduction
     does not jump at the edge, where nodes lie on no lattice, or if it does not help."""
-    relaxed = _relaxed(point, point.load[:, 2] < 0.0, WIDTH, SWEEPS) if point.jump.any() else point
+    relaxed = _relaxed(point, point.load[:, 2] < 0.0, WIDTH, SWEEPS)
     return relaxed if relaxed.merit < ROUGHER * point.merit else point
 
 
@@ -51,7 +51,7 @@ def relaxed_where_switched(before: Point, moved: Point) -> Point:
     """A moved point with the nodes relaxed that have opened or closed, with those around; the same point if their
     fluxes are not far from those of their new state, or if it does not help."""
     behind = np.abs(moved.residual[:, POTENTIALS]).max(axis=1) > BEHIND * moved.violation
-    switched = behind & ((moved.closed > 0.0) != (before.closed > 0.0)) & moved.jump.any(axis=1)
+    switched = behind & moved.switched(before)
     relaxed = _relaxed(moved, switched, SWITCHED_WIDTH, SWITCHED_SWEEPS) if switched.any() else moved
     return relaxed if relaxed.merit < moved.merit else moved
 
@@ -61,7 +61,7 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     equation, problem = point.equation, point.equation.problem
     law = problem.contact_law
     plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not follows_gap(problem)
-    stencil = _stencil(problem.system, tuple(equation.loaded)) if plain else None
+    stencil = _stencil(problem.system, tuple(equation.loaded)) if plain and point.jump.any() else None
     if stencil is None or not _jumps_at_edge(point):
         return point
     number = np.empty(stencil.lattice.shape, np.int64)
@@ -94,9 +94,7 @@ def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
 def _jumps_at_edge(point: Point) -> bool:
     """Whether contact begins to conduct at once: where the conductivity grows from zero with the pressure it does not
     matter which of two neighbours is pressed."""
-    equation, largest = point.equation, np.abs(point.jump).max(initial=0.0)
-    if largest == 0.0:
-        return False
+    equation, largest = point.equation, np.abs(point.jump).max()
     touching = np.full(len(point.load), -LOWEST * equation.scales.pressure)
     jump = equation.transmissivity(touching, point.ahead, 1.0) - equation.transmissivity.open(touching, point.ahead)
     return bool(np.abs(jump).max() > AT_ONCE * largest)

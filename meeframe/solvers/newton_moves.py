@@ -34,8 +34,7 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     closed = point.closed + fraction * step.local[:, CLOSED]
     closed[np.abs(closed) < ROUND_OFF] = 0.0
     moved = equation.at(load, closed, point.grazing, motion)
-    changed = (moved.closed > 0.0) != (point.closed > 0.0)
-    flips = flips + (changed & moved.jump.any(axis=1))
+    flips = flips + moved.switched(point)
     fresh = (flips > FLIPS) & ~moved.grazing
     if fresh.any():
         closed, lift = moved.closed.copy(), moved.lift
@@ -53,8 +52,7 @@ def held_where_it_grazes(point: Point, moved: Point) -> Point:
     Their conduction stays for the time being: it would jump, and the fluxes with it. Only nodes whose trial is as near
     to zero as their own switching moves it can graze.
     """
-    switched = ((moved.closed > 0.0) != (point.closed > 0.0)) & moved.jump.any(axis=1) & ~moved.grazing
-    near = switched & (np.abs(moved.trial[:, 2]) < moved.sigma)
+    near = moved.switched(point) & ~moved.grazing & (np.abs(moved.trial[:, 2]) < moved.sigma)
     if not near.any():
         return moved
     closed = np.where(near, point.closed, moved.closed)

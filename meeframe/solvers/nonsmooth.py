@@ -201,6 +201,10 @@ class Point:
         """Grazing nodes (n,) that are neither open nor closed."""
         return np.asarray(self.grazing & (self.switch > 0.0) & (self.switch < 1.0))
 
+    def switched(self, before: "Point") -> Mask:
+        """Nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
+        return np.asarray(((self.closed > 0.0) != (before.closed > 0.0)) & self.jump.any(axis=1))
+
     @property
     def merit(self) -> float:
         """Root of the mean square of the residual over the nodes and that of the balance; inf if it is not finite."""
