@@ -47,8 +47,11 @@ def number_edge(pressed, reach, periodic, number):
 def _differs(pressed, i, j, k, m, periodic):
     """Whether there is a node (k, m), and of another kind than (i, j)."""
     nx, ny = pressed.shape
-    inside = periodic or (0 <= k < nx and 0 <= m < ny)
-    return inside and pressed[k % nx, m % ny] != pressed[i, j]
+    if not (0 <= k < nx and 0 <= m < ny):
+        if not periodic:
+            return False
+        k, m = k % nx, m % ny
+    return pressed[k, m] != pressed[i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

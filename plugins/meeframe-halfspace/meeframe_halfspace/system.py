@@ -71,7 +71,10 @@ class HalfSpaceSystem(ReducedSystem):
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5), one entry after another."""
-        return np.multiply.outer(self._own.T, self.shares).T
+        blocks = np.zeros((N_FIELDS, N_FIELDS, len(self.shares)))  # much of it stays zero, and costs nothing
+        for place in np.argwhere(self._own.T):
+            np.multiply(self._own.T[*place], self.shares, out=blocks[*place])
+        return blocks.T
 
     @cached_property
     def _own(self) -> Array:
@@ -122,16 +125,17 @@ class HalfSpaceSystem(ReducedSystem):
         return Extension(extended, gathered)
 
     def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
-        """Responses to the load of a node in the middle of the grid."""
-        size = self.grid.size
-        if min(size) <= 2 * reach:
+        """Responses to the load of a node in the middle of the grid, or of the smallest part that has them all."""
+        if min(self.grid.size) <= 2 * reach:
             return None
-        middle, load = (size[0] // 2, size[1] // 2), np.zeros((1, *size), np.float32)
-        load[0, middle[0], middle[1]] = 1.0
+        part = self.grid_response.within((2 * reach + 1, 2 * reach + 1))
+        convolution = self.convolution if part is None else convolution_of(part)
+        middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
+        load[0, *middle] = 1.0
         around = tuple(slice(place - reach, place + reach + 1) for place in middle)
         responses = np.zeros((N_FIELDS, N_FIELDS, 2 * reach + 1, 2 * reach + 1))
         for loaded in fields:
-            responses[list(fields), loaded] = self.convolution.response(load, [loaded], fields)[:, *around]
+            responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
         return Stencil(
             self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
         )
