@@ -73,7 +73,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 def own_response(problem: ContactProblem) -> Array:
     """Response of each node's two potentials to their own flux density, (n, 2)."""
     blocks = problem.system.diagonal_blocks()
-    own = np.stack([blocks[:, 3, 3], blocks[:, 4, 4]], axis=1)
+    own = np.array([blocks[:, 3, 3], blocks[:, 4, 4]]).T  # one after the other
     own.setflags(write=False)  # the judge uses it, too
     return own
 

@@ -18,6 +18,7 @@ from meeframe.solvers.newton_edge import relaxed_edge
 from meeframe.solvers.newton_krylov import Inverse
 from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton_part import Inset, has_parts, inset
+from meeframe.solvers.newton_slip import relaxed_slip
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.solvers.reach import beyond_friction
@@ -33,8 +34,8 @@ FALL: Final = 0.99
 LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
-ENOUGH: Final = 0.2 * Limits().tolerance
-"""Violation of the laws that linear equations need not leave less of: who asks for more has another step."""
+ENOUGH: Final = 0.2
+"""Of the residual that is asked for: violation of the laws that linear equations need not leave less of."""
 COARSE: Final = 5e-4
 """Merit at which a coarser problem is left: the two differ by more."""
 COARSE_STEPS: Final = 1, 40
@@ -65,7 +66,7 @@ class _Memory:
     (n,) how often each node has opened or closed; fall: its merit over that before; burst: how many gradient steps are
     made the next time; leaps: full steps that may still take their place; inverse: of the last step; inset: the part of
     the zone whose equation it is, None if the whole; unseen: whether what is beside it has not been looked at; insets:
-    parts that may still be taken."""
+    parts that may still be taken; enough: violation of the laws with which one may be content."""
 
     point: Point
     merits: tuple[float, ...]
@@ -77,6 +78,7 @@ class _Memory:
     inset: Inset | None = None
     unseen: bool = True
     insets: int = 0
+    enough: float = ENOUGH * Limits().tolerance
 
 
 @final
@@ -115,10 +117,14 @@ class SemismoothNewton(Solver):
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
         if prolonged is not None:
-            point = relaxed_edge(point)
+            point = relaxed_slip(relaxed_edge(point))
         rise = 1.0 if prolonged is None else ROUGHENING
         flips = np.zeros(len(point.load))
         return _iterate(_Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets))
+
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
+        """See Solver."""
+        return replace(iterate, memory=replace(_memory(iterate), enough=ENOUGH * residual))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One Newton step, a fraction of it, or a burst of gradient steps; none from where no law is violated."""
@@ -126,7 +132,7 @@ class SemismoothNewton(Solver):
         point = memory.point
         if point.merit == 0.0:
             return iterate
-        tolerance = _tolerance(memory.fall, point.violation)
+        tolerance = _tolerance(memory.fall, memory.enough / point.violation)
         direction = newton_step(point.equation, point.linearise(), tolerance, memory.inverse)
         allowed = FALL * max(memory.merits)
         flips = memory.flips
@@ -162,7 +168,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
     """On the part of the zone around the contact, if there is one; on the whole if that has nothing left to say."""
     point, part = memory.point, memory.inset
     if part is not None:
-        return _on_whole(problem, memory, part) if point.violation <= ENOUGH else memory
+        return _on_whole(problem, memory, part) if point.violation <= memory.enough else memory
     if not memory.insets or not point.merit < NEAR:
         return memory
     part = inset(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
@@ -188,18 +194,18 @@ def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
     part has nothing left to say."""
     part, point = memory.inset, memory.point
     known = memory.unseen and point.merit < COARSE
-    if part is None or not (known or point.violation <= ENOUGH):
+    if part is None or not (known or point.violation <= memory.enough):
         return memory
     return _on_whole(problem, memory, part) if part.spilt(point) else replace(memory, unseen=False)
 
 
-def _tolerance(fall: float, violation: float) -> float:
+def _tolerance(fall: float, left: float) -> float:
     """Fraction of the residual that may be left of the linear equations, by the fall of the merit in the last step and
-    what is left to be done.
+    the fraction with which one may be content.
 
     Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2: as much as Newton's method itself seems to leave.
     """
-    return float(np.clip(max(0.9 * fall**1.5, ENOUGH / violation), TIGHTEST, LOOSEST))
+    return float(np.clip(max(0.9 * fall**1.5, left), TIGHTEST, LOOSEST))
 
 
 def _matrixless(problem: ContactProblem) -> bool:

@@ -33,14 +33,14 @@ def moved_by(point: Point, flips: Array, step: Step, fraction: float) -> tuple[A
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(point.load[:, POTENTIALS])] = 0.0
     closed = point.closed + fraction * step.local[:, CLOSED]
     closed[np.abs(closed) < ROUND_OFF] = 0.0
-    moved = equation.at(load, closed, point.grazing, motion)
+    moved = point.moved(load, closed, point.grazing, motion)
     flips = flips + moved.switched(point)
     fresh = (flips > FLIPS) & ~moved.grazing
     if fresh.any():
         closed, lift = moved.closed.copy(), moved.lift
         within = np.flatnonzero(fresh & (np.abs(moved.trial[:, 2]) < lift))
         closed[within] = np.clip(point.closed[within] - moved.trial[within, 2] / lift[within], 0.0, 1.0)
-        moved = equation.beside(load, moved.ahead, closed, moved.grazing | fresh, motion)
+        moved = moved.regrazed(closed, moved.grazing | fresh)
     else:
         moved = _with_fitting_fractions(moved)
     return flips, relaxed_where_switched(point, moved)
@@ -56,7 +56,7 @@ def held_where_it_grazes(point: Point, moved: Point) -> Point:
     if not near.any():
         return moved
     closed = np.where(near, point.closed, moved.closed)
-    held = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing | near, moved.motion)
+    held = moved.regrazed(closed, moved.grazing | near)
     return held if held.merit < moved.merit else moved
 
 
@@ -74,7 +74,7 @@ def _with_fitting_fractions(moved: Point) -> Point:
     closed, square = moved.closed.copy(), (slope**2).sum(axis=1)
     change = np.divide((slope * left).sum(axis=1), square, out=np.zeros_like(square), where=square > 0.0)
     closed[some] = np.clip(np.clip(closed[some], 0.0, 1.0) - change, 0.0, 1.0)
-    fitting = moved.equation.beside(moved.load, moved.ahead, closed, moved.grazing, moved.motion)
+    fitting = moved.regrazed(closed, moved.grazing)
     return fitting if fitting.merit < moved.merit else moved
 
 

@@ -232,14 +232,16 @@ def _own_response(rows: Rows) -> NodeBlocks:
 def _asked(rows: Rows, own: NodeBlocks, asking: Mask) -> NodeBlocks:
     """Displacements (l, c) in the fields of the loads that right-hand sides (r, c) of the rows (l, c) ask for: those
     that loads cause at their own node if they satisfy its rows alone."""
-    causes = [own.entry(rows.asked.index(field), place) for place, field in enumerate(rows.fields)]
-    equations = {
-        (row, place): rows.a.entry(row, place) + rows.b.entry(row, rows.asked.index(field)) * causes[place]
+    places = [rows.asked.index(field) for field in rows.fields]
+    causes = [own.entry(asked, place) for place, asked in enumerate(places)]
+    by_cause = {
+        (row, place): rows.b.entries[row, asked] * causes[place]
         for row in range(len(asking))
-        for place, field in enumerate(rows.fields)
-        if (asking[row] & asking[place]).any()
+        for place, asked in enumerate(places)
+        if (row, asked) in rows.b.entries
     }
-    found = NodeBlocks.of(equations, asking.shape).inverses(asking)
+    equations = rows.a.plus(NodeBlocks(by_cause, asking.shape))
+    found = equations.inverses(asking)
     return NodeBlocks({place: causes[place[0]] * entry for place, entry in found.entries.items()}, asking.shape)
 
 

@@ -18,7 +18,7 @@ of Uzawa's method would make; with r near the inverse of a node's own compliance
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -47,6 +47,8 @@ FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
+FAR: Final = 1e-6
+"""Violation of the laws above which what a change of the load causes is found in single precision, without a matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +193,37 @@ class Point:
     residual: Array
     balance: Array
 
+    def moved(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
+        """The equation at another load (n, 5) and motion (m,): as Equation.at, by what changes while the laws are far
+        from satisfied."""
+        equation, problem = self.equation, self.equation.problem
+        if problem.system.dense() is not None or self.violation < FAR:
+            return equation.at(load, closed, grazing, motion)
+        load = np.asfortranarray(load)
+        change: Array = load - self.load  # before it is rounded
+        ahead = self.ahead - problem.system.response(change.astype(np.float32), range(N_FIELDS))
+        for freedom, amount in zip(problem.freedoms, motion - self.motion, strict=True):
+            for field in freedom.moved:
+                ahead[:, field] += amount * freedom.mode[:, field]
+        return equation.beside(load, ahead, closed, grazing, motion)
+
+    def regrazed(self, closed: Array, grazing: Mask) -> "Point":
+        """The equation at the same load with other closed fractions (n,), of the nodes (n,) that graze."""
+        closed = np.where(grazing, closed, self.trial[:, 2] < 0.0)
+        some = np.flatnonzero((closed != self.closed) | (grazing != self.grazing))
+        scales, sigma, fraction = self.equation.scales, self.sigma[some], closed[some]
+        change = (np.clip(fraction, 0.0, 1.0) - np.clip(self.closed[some], 0.0, 1.0))[:, None] * self.jump[some]
+        transmissivity, switch, residual = (
+            part.copy(order="K") for part in (self.transmissivity, self.switch, self.residual)
+        )
+        transmissivity[some] += change
+        switch[some] = fraction - self.trial[some, 2] / sigma
+        residual[some, POTENTIALS] += change * self.drive[some] / scales.displacement[POTENTIALS]
+        off = np.where(grazing[some], fraction - np.clip(switch[some], 0.0, 1.0), 0.0)
+        residual[some, CLOSED] = off * sigma / scales.pressure
+        state = replace(self, closed=closed, grazing=grazing)
+        return replace(state, transmissivity=transmissivity, switch=switch, residual=residual)
+
     @property
     def lift(self) -> Array:
         """By how much a node's own closing raises its trial, (n,) [Pa]: it may graze where that is positive."""
@@ -233,9 +266,17 @@ class Point:
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
         residual[between, CLOSED] = equation.r * self.ahead[between, 2] / scales.pressure
-        by_trial, by_gap = traction_tangents(
-            law, self.trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between
-        )
+        trial = self.trial
+        # where a fraction is at an end, that says whether the node is pressed, not a trial that is hardly off zero
+        pressed, opened = (self.grazing & (self.switch >= 1.0), self.grazing & (self.switch <= 0.0))
+        pressed &= trial[:, 2] >= 0.0
+        opened &= trial[:, 2] < 0.0
+        if (pressed | opened).any() and not attracts(law):
+            residual[pressed, 2] = (self.load[pressed, 2] - trial[pressed, 2]) / scales.pressure
+            residual[opened, MECHANICAL] = self.load[opened, MECHANICAL] / scales.pressure
+            trial, least = trial.copy(order="K"), NARROWEST * scales.pressure
+            trial[pressed, 2], trial[opened, 2] = -least, least
+        by_trial, by_gap = traction_tangents(law, trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between)
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
         for i, j in np.ndindex(3, 3):
             a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)

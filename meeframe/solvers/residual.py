@@ -8,7 +8,7 @@ from meeframe.core.contact import ContactProblem, ContactState, Iterate, indente
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS
 from meeframe.core.law import ContactLaw, augmented_traction, conducts, contact_traction, lawful_traction
-from meeframe.solvers.conduction import conducting, own_response, resistances, switch, unloaded
+from meeframe.solvers.conduction import conducting, follows_gap, own_response, resistances, switch, unloaded
 from meeframe.solvers.nested import same_everywhere
 from meeframe.solvers.scales import Scales, largest, problem_scales
 
@@ -110,10 +110,11 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
     if not conducting(problem):
         insulated = zip(state.load.T[3:], compliance, potential, strict=True)
         return [largest(flux) * c / scale for flux, c, scale in insulated]
-    ahead = indenter_position(problem, state.motion) - state.displacement
+    ahead = indenter_position(problem, state.motion)
+    ahead -= state.displacement
     pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
     own = own_response(problem)
-    alone = unloaded(ahead, state.load[:, 3:], own)
+    alone = unloaded(ahead, state.load[:, 3:], own) if follows_gap(problem) else None
     resistance = resistances(problem, pressing, state.closed, own, alone)
     difference = -ahead[:, 3:]
     share = compliance / (compliance + resistance)

@@ -1,23 +1,32 @@
 """Problems shared by the tests of Newton's method and of the accelerated iterations."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 import numpy as np
 import pytest
+from meeframe_halfspace import HalfSpace
 
-from meeframe.core.contact import ContactProblem
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, Status
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.laws import Insulating, StepConductivity
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import library_material
+from meeframe.solvers import Limits, SemismoothNewton, newton, solve
+from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.testing.contact_cases import SphereCase
+from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 
 MATERIALS = {"transverse": library_material("batio3-cofe2o4"), "orthotropic": library_material("orthotropic-mee")}
+WIDTH, RADIUS = 7e-3, 0.1
+PERFECT = StepConductivity(np.inf)
 
 
 @final
@@ -53,5 +62,93 @@ def sphere() -> Callable[..., ContactProblem]:
         own = np.abs(np.diag(plain.problem().system.diagonal_blocks()[0]))[3:]
         laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
         return SphereCase(medium, law, *laws, **options).problem()
+
+    return make
+
+
+@final
+@dataclass(frozen=True)
+class EachItsOwn(IsotropicCoulomb):
+    """Friction with a coefficient of each node: what is said of some of them alone fits no law."""
+
+    mus: Array | None = None
+
+    def project(self, trial: Array) -> Array:
+        assert self.mus is not None
+        bound = -self.mus * np.minimum(trial[:, 2], 0.0)
+        size = np.hypot(trial[:, 0], trial[:, 1])
+        share = np.minimum(1.0, np.divide(bound, size, out=np.ones_like(size), where=size > 0.0))
+        return np.column_stack([share * trial[:, 0], share * trial[:, 1], np.minimum(trial[:, 2], 0.0)])
+
+    def tangent(self, trial: Array) -> Array:
+        return ContactLaw.tangent(self, trial)
+
+
+@pytest.fixture(scope="session")
+def each_its_own() -> type[ContactLaw]:
+    return EachItsOwn
+
+
+@pytest.fixture(scope="session")
+def conducting() -> Callable[..., ContactProblem]:
+    """Maker of problems of a sphere pressed on n x n nodes without a matrix; contact: radius [widths] of the overlap;
+    dragged: translation [m]."""
+
+    def make(
+        n: int,
+        contact: float,
+        law: ContactLaw | None = None,
+        flux: ConductivityLaw = PERFECT,
+        material: str = "orthotropic-mee",
+        dragged: tuple[float, float] = (0.0, 0.0),
+    ) -> ContactProblem:
+        mesh = half_space_mesh(10.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
+        system = HalfSpace(matrix_up_to=0).reduce(Body(library_material(material).stiffness, mesh, (), "contact"))
+        height = ((system.points[:, :2] - [1e-4, 2e-4]) ** 2).sum(axis=1) / (2.0 * RADIUS)
+        depth, given = (contact * WIDTH) ** 2 / RADIUS, ((np.inf, np.inf), (5.0, 1.0), dragged)
+        problem = indentation_problem(system, height, depth, law or Signorini(), *given)
+        return replace(problem, electric_law=flux, magnetic_law=flux)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def at() -> Callable[[ContactProblem, Array, Array], Point]:
+    """The equation at a load and closed fractions, nodes in between grazing."""
+
+    def make(problem: ContactProblem, load: Array, closed: Array) -> Point:
+        return Equation.of(problem).at(load, closed, (closed > 0.0) & (closed < 1.0), np.zeros(0))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def at_solution(at: Callable[..., Point]) -> Callable[[ContactProblem], Point]:
+    """The equation at the solution, nodes in between grazing."""
+
+    def make(problem: ContactProblem) -> Point:
+        solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-11))
+        assert solution.status is Status.CONVERGED, solution.message
+        return at(problem, solution.state.load, solution.state.closed)
+
+    return make
+
+
+@pytest.fixture
+def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], Point]:
+    """The equation at the solution on the coarser grid, on the part of the zone that the solver takes, its edge relaxed
+    but not what is between stick and slip."""
+
+    def make(problem: ContactProblem) -> Point:
+        seen = list[Point]()
+
+        def kept(point: Point) -> Point:
+            seen.append(point)
+            return point
+
+        with monkeypatch.context() as without:
+            without.setattr(newton, "relaxed_slip", kept)
+            SemismoothNewton().init(problem, None)
+        return seen[-1]
 
     return make

@@ -1,59 +1,28 @@
 """Relaxation of the edge of a contact that conducts: it finds what the laws say, and leaves solutions as they are."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from meeframe_halfspace import HalfSpace
 from meeframe_laws.conductivity import PowerLaw
 from scipy.spatial.distance import cdist
 
 import meeframe.solvers.newton as newton_module
 import meeframe.solvers.newton_edge as edge_module
 import meeframe.solvers.newton_moves as moves_module
-from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Status
 from meeframe.core.fields import Array
 from meeframe.core.law import ConductivityLaw
-from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.kernels.edge_relaxation import number_edge, relax_edge
-from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers import Limits, SemismoothNewton, residual, solve
 from meeframe.solvers.newton_edge import relaxed_edge, relaxed_where_switched
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.solvers.residual import evaluate
 from meeframe.testing.counted import Counted
-from meeframe.testing.half_space import indentation_problem
 
-WIDTH, RADIUS, MU = 7e-3, 0.1, 0.3
-PERFECT = StepConductivity(np.inf)
-
-
-def conducting(
-    n: int, contact: float, law: Any = None, flux: ConductivityLaw = PERFECT, material: str = "orthotropic-mee"
-) -> ContactProblem:
-    """A sphere pressed on n x n nodes; contact: radius [widths] of the overlap."""
-    mesh = half_space_mesh(10.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
-    system = HalfSpace(matrix_up_to=0).reduce(Body(library_material(material).stiffness, mesh, (), "contact"))
-    height = ((system.points[:, :2] - [1e-4, 2e-4]) ** 2).sum(axis=1) / (2.0 * RADIUS)
-    depth = (contact * WIDTH) ** 2 / RADIUS
-    problem = indentation_problem(system, height, depth, law or Signorini(), (np.inf, np.inf), (5.0, 1.0))
-    return replace(problem, electric_law=flux, magnetic_law=flux)
-
-
-def at_solution(problem: ContactProblem) -> Point:
-    """The equation at the solution, nodes in between grazing."""
-    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-11))
-    assert solution.status is Status.CONVERGED, solution.message
-    state = solution.state
-    return at(problem, state.load, state.closed)
-
-
-def at(problem: ContactProblem, load: Array, closed: Array) -> Point:
-    return Equation.of(problem).at(load, closed, (closed > 0.0) & (closed < 1.0), np.zeros(0))
+MU = 0.3
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -73,7 +42,7 @@ def test_the_edge_is_what_is_near_nodes_of_the_other_kind(reach: int, periodic: 
 
 
 @pytest.mark.parametrize("material", ["orthotropic-mee", "batio3-cofe2o4"])
-def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str) -> None:
+def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str, conducting, at) -> None:
     """Projected Gauss-Seidel converges without friction; the judge finds the laws satisfied. Single precision."""
     problem = conducting(49, 0.1, material=material)
     system, reach, middle = problem.system, 24, 24
@@ -95,7 +64,7 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str) ->
 
 
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["frictionless", "friction"])
-def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch, conducting, at_solution) -> None:
     """To the precision of the stencil, which would not be taken in the solver's place."""
     problem = replace(conducting(80, 0.3, law), translation=np.tile([2e-7, 0.0], (6400, 1)))
     point = at_solution(problem)
@@ -112,7 +81,7 @@ def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch) 
     assert relaxed.violation < 1e-5
 
 
-def test_an_edge_that_was_changed_is_found_again() -> None:
+def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) -> None:
     """Open nodes at the edge are closed and closed ones opened, with loads of the wrong kind."""
     problem = conducting(80, 0.3)
     point = at_solution(problem)
@@ -134,7 +103,7 @@ def test_an_edge_that_was_changed_is_found_again() -> None:
     assert unlike[1] <= 0.2 * unlike[0]
 
 
-def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPatch, conducting) -> None:
     def steps(problem: ContactProblem) -> int:
         solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))
         assert solution.status is Status.CONVERGED
@@ -148,7 +117,9 @@ def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("flux", [Insulating(), PowerLaw(1e-3, 1e8, 0.5)], ids=["insulated", "growing"])
-def test_nothing_is_done_where_conduction_does_not_jump(flux: ConductivityLaw, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_done_where_conduction_does_not_jump(
+    flux: ConductivityLaw, monkeypatch: pytest.MonkeyPatch, conducting, at
+) -> None:
     monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     problem = conducting(40, 0.3, flux=flux)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
@@ -156,7 +127,7 @@ def test_nothing_is_done_where_conduction_does_not_jump(flux: ConductivityLaw, m
     assert relaxed_edge(point) is point
 
 
-def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.MonkeyPatch, conducting, at) -> None:
     monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     problem = conducting(40, 0.3)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
@@ -170,20 +141,6 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
         assert relaxed_edge(point) is point
 
 
-@dataclass(frozen=True)
-class EachItsOwn(IsotropicCoulomb):
-    """Friction with a coefficient of each node: what is said of some of them alone fits no law."""
-
-    mus: Array | None = None
-
-    def project(self, trial: Array) -> Array:
-        assert self.mus is not None
-        bound = -self.mus * np.minimum(trial[:, 2], 0.0)
-        size = np.hypot(trial[:, 0], trial[:, 1])
-        share = np.minimum(1.0, np.divide(bound, size, out=np.ones_like(size), where=size > 0.0))
-        return np.column_stack([share * trial[:, 0], share * trial[:, 1], np.minimum(trial[:, 2], 0.0)])
-
-
 def switched(point: Point) -> Point:
     """The point with a closed node of little pressure opened, whose flux has not followed."""
     held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
@@ -193,23 +150,25 @@ def switched(point: Point) -> Point:
     return point.equation.at(load, closed, grazing, point.motion)
 
 
-def test_a_node_that_a_step_has_switched_is_found_again() -> None:
-    """One whose flux has followed is let alone."""
+def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution) -> None:
+    """And one that grazes and is left behind; one that does neither, or whose flux has followed, is let alone."""
     point = at_solution(conducting(80, 0.3))
     moved = switched(point)
-    found = relaxed_where_switched(point, moved)
-    assert found.merit < 0.2 * moved.merit
-    assert np.array_equal(found.closed > 0.0, point.closed > 0.0)
-    assert relaxed_where_switched(moved, moved) is moved
-    followed = replace(moved, residual=moved.residual * [1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    for before in (point, moved):
+        found = relaxed_where_switched(before, moved)
+        assert found.merit < 0.2 * moved.merit
+        assert np.array_equal(found.closed > 0.0, point.closed > 0.0)
+    neither = replace(moved, grazing=np.zeros_like(moved.grazing))
+    assert relaxed_where_switched(neither, neither) is neither
+    followed = replace(moved, residual=moved.residual * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     assert relaxed_where_switched(point, followed) is followed
 
 
-def test_laws_of_each_node_are_asked_at_all_of_them() -> None:
+def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, each_its_own) -> None:
     """The same as with one law."""
     problem, found = conducting(80, 0.3, IsotropicCoulomb(MU)), list[Point]()
     solved = at_solution(problem)
-    for law in (problem.contact_law, EachItsOwn(MU, mus=np.full(6400, MU))):
+    for law in (problem.contact_law, each_its_own(MU, mus=np.full(6400, MU))):
         equation = Equation.of(replace(problem, contact_law=law))
         point = equation.beside(solved.load, solved.ahead, solved.closed, solved.grazing, solved.motion)
         with pytest.MonkeyPatch.context() as patch:
@@ -219,7 +178,7 @@ def test_laws_of_each_node_are_asked_at_all_of_them() -> None:
     np.testing.assert_allclose(found[0].load, found[1].load, atol=1e-12 * np.abs(found[0].load).max())
 
 
-def test_what_sticks_is_known_along_turned_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_sticks_is_known_along_turned_axes(monkeypatch: pytest.MonkeyPatch, conducting, at_solution) -> None:
     """Where the law gives tractions back but for round-off."""
     law, slips = OrthotropicCoulomb(5.0, 9.0, 0.4), list[Array]()
     problem = replace(conducting(80, 0.3, law), translation=np.tile([1e-7, 5e-8], (6400, 1)))

@@ -1,0 +1,63 @@
+"""Nodes around the boundary between two kinds of them, on a lattice: pressed and open, sticking and slipping."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.contact import ContactProblem
+from meeframe.core.formulation import ReducedSystem, Stencil
+from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.mesh import Indices
+from meeframe.core.once import once_for_each
+from meeframe.kernels.edge_relaxation import number_edge
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.nonsmooth import Point
+
+REACH: Final = 4
+"""Places around a node where its load counts: as good as 16 of them."""
+ROUND_OFF: Final = 1e-12
+"""Of a traction: what sticks is projected on itself but for so much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """m nodes beside such a boundary.
+
+    stencil: responses of nodes to each other; number: (nx, ny) of the nodes on the lattice, -1 elsewhere; places:
+    (m, 2) on it; nodes: (m,) their numbers in the zone.
+    """
+
+    stencil: Stencil
+    number: Indices
+    places: Indices
+    nodes: Indices
+
+    @classmethod
+    def of(cls, point: Point, kind: Mask, width: int) -> "Ring | None":
+        """Nodes within so many spacings of one of the other kind (n,); None if there are none, or no lattice."""
+        stencil = _stencil(point.equation.problem.system, tuple(point.equation.loaded))
+        if stencil is None:
+            return None
+        number = np.empty(stencil.lattice.shape, np.int64)
+        if not number_edge(kind[stencil.lattice], width, stencil.periodic, number):
+            return None
+        return cls(stencil, number, np.argwhere(number >= 0), stencil.lattice[number >= 0])
+
+
+@once_for_each
+def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
+    return system.stencil(REACH, fields)
+
+
+def plain(problem: ContactProblem) -> bool:
+    """Whether tractions are what the law's projection makes of them, whatever the gap is."""
+    law = problem.contact_law
+    return type(law).resolve is ContactLaw.resolve and not attracts(law)
+
+
+def slips(point: Point) -> Mask:
+    """Nodes (n,) whose friction is less than what would hold them, open ones among them."""
+    trial = point.trial[:, :2]
+    off = np.abs(point.equation.problem.contact_law.project(point.trial)[:, :2] - trial).max(axis=1)
+    return np.asarray(off > ROUND_OFF * np.abs(trial).max(axis=1))

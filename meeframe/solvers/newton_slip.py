@@ -1,0 +1,80 @@
+"""Nodes around the boundary between stick and slip, relaxed before the first step of Newton's method on a finer grid.
+
+Between the nodes of a coarser grid tractions are interpolated across that boundary, where they have a kink, and what
+the law makes of them there adds up: a step that cuts friction at these nodes moves all others. Newton's method finds
+the boundary node by node, one step after the other. Most of it depends on a few nodes around, whose friction is found
+here by gradient steps with their responses to each other alone.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.core.fields import Array
+from meeframe.kernels.stencil_products import stencil_products
+from meeframe.solvers.nested import same_everywhere
+from meeframe.solvers.newton_ring import Ring, plain, slips
+from meeframe.solvers.nonsmooth import Point
+
+WIDTH: Final = 4
+"""Spacings from the boundary on either side."""
+STEPS: Final = 20
+"""At most so many: a step costs a hundredth of a product on a fine grid."""
+SETTLED: Final = 1e-2
+"""Of the first change of tractions: a smaller one is the last."""
+FIRST: Final = 0.3
+"""Of the inverse of a node's own response: length of the first gradient step."""
+ROUGHER: Final = 4.0
+"""So much more the laws may be violated at first: nodes beside have not followed yet."""
+
+
+def relaxed_slip(point: Point) -> Point:
+    """A point with the friction relaxed around the boundary between stick and slip; the same where there is none, where
+    nodes lie on no lattice, or if it does not help.
+
+    Projected gradient steps with the lengths of Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141.
+    """
+    problem = point.equation.problem
+    law = problem.contact_law
+    if not plain(problem) or not {0, 1}.issubset(point.equation.loaded):
+        return point
+    ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
+    if ring is None:
+        return point
+    nodes, responses = ring.nodes, np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2])
+    whole, alike = point.load[:, :3].copy(order="K"), same_everywhere(law, len(point.load))
+
+    def projected(traction: Array) -> Array:
+        if alike:
+            return law.project(traction)[:, :2]
+        whole[nodes] = traction
+        return law.project(whole)[nodes, :2]
+
+    scaling = law.tangential_scaling()  # in its metric the law projects
+    metric = np.linalg.pinv(scaling)
+    traction, gap = whole[nodes], np.ascontiguousarray(point.ahead[nodes, :2])
+    middle = len(responses) // 2
+    length = FIRST / float(responses[middle, middle].diagonal().max())
+    moved, least = np.empty_like(gap), np.inf
+    for step in range(STEPS):
+        trial = traction.copy()
+        trial[:, :2] += length * gap @ scaling
+        change = projected(trial) - traction[:, :2]
+        size = float((change**2).sum())
+        if step == 0:
+            least = SETTLED**2 * size
+        if size <= least:
+            break
+        stencil_products(ring.number, ring.places, ring.stencil.periodic, responses, change, moved)
+        traction[:, :2] += change
+        gap -= moved
+        work = float((change * moved).sum())
+        if not work > 0.0:  # responses of those around alone need not resist all changes
+            break
+        length = float(((change @ metric) * change).sum()) / work
+    if least == 0.0:
+        return point
+    load = point.load.copy(order="K")
+    load[nodes, :2] = traction[:, :2]
+    relaxed = point.moved(load, point.closed, point.grazing, point.motion)
+    return relaxed if relaxed.merit < ROUGHER * point.merit else point

@@ -1,0 +1,153 @@
+"""Moved points against the equation at the same load, and what is linearised where fractions are at their ends."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meeframe.core.contact import AT_REST, Freedom
+from meeframe.core.law import ContactLaw
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.solvers.newton_steps import newton_step
+from meeframe.solvers.nonsmooth import FAR, Equation, Point
+
+MU = 0.3
+SINGLE = float(np.finfo(np.float32).eps)
+
+
+def moving(problem, fields=(0, 2, 3, 4)):
+    """With an indenter that may go along these fields, a tilt among them."""
+    found = []
+    for field in fields:
+        mode = np.zeros_like(problem.system.offset)
+        mode[:, field] = 1.0 + (100.0 * problem.system.points[:, 0] if field == 2 else 0.0)
+        found.append(Freedom(mode, problem.system.weights[:, None] * mode, 1.0))
+    return replace(problem, freedoms=tuple(found))
+
+
+def far_off(problem) -> Point:
+    """Loads as large as those of a contact, but any."""
+    equation, random = Equation.of(problem), np.random.default_rng(7)
+    n = len(problem.gap)
+    load = equation.scales.load * random.normal(size=(n, 5))
+    load[:, 2] = -np.abs(load[:, 2])
+    motion = equation.units * random.normal(size=len(equation.units))
+    return equation.at(load, np.zeros(n), np.zeros(n, bool), motion)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-4, 1e-8])
+def test_what_moves_is_known_to_single_precision_of_the_change(size: float, conducting) -> None:
+    """However small it is beside the load; the freedoms' part of it to the last digits."""
+    problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
+    point, random = far_off(problem), np.random.default_rng(1)
+    assert point.violation > FAR
+    n, units = len(point.load), point.equation.units
+    grazing, closed = np.arange(n) % 5 == 0, random.random(n)
+    change = size * point.equation.scales.load * random.normal(size=(n, 5))
+    motion = point.motion + size * units * random.normal(size=len(units))
+    moved, expected = (ask(point.load + change, closed, grazing, motion) for ask in (point.moved, point.equation.at))
+    caused = problem.system.apply(moved.load - point.load)
+    # fields of other units add to one: by as much as each causes there alone
+    parts = [np.abs(problem.system.apply(np.where(np.arange(5) == k, change, 0.0))).max(axis=0) for k in range(5)]
+    off, largest = np.abs(moved.ahead - expected.ahead).max(axis=0), np.sum(parts, axis=0)
+    round_off = 1e-13 * (np.abs(expected.ahead).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0))
+    assert (off <= 20.0 * SINGLE * largest + round_off).all()
+    if size > 1e-6:
+        assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
+    for name in ("load", "closed", "grazing", "motion", "balance"):
+        np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
+    allowed = 1e4 * SINGLE * size + 1e-10
+    np.testing.assert_allclose(
+        moved.residual, expected.residual, rtol=0, atol=allowed * np.abs(expected.residual).max()
+    )
+
+
+def test_motions_alone_are_exact(conducting) -> None:
+    problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
+    point = far_off(problem)
+    for k, unit in enumerate(point.equation.units):
+        motion = point.motion.copy()
+        motion[k] += 0.3 * unit
+        moved, expected = (
+            ask(point.load, point.closed, point.grazing, motion) for ask in (point.moved, point.equation.at)
+        )
+        scale = np.abs(expected.ahead).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0)
+        assert (np.abs(expected.ahead - point.ahead) > 1e-3 * scale).any()
+        assert (np.abs(moved.ahead - expected.ahead) <= 1e-13 * scale).all()
+
+
+def test_near_a_solution_and_with_a_matrix_all_digits_count(conducting, at_solution, sphere) -> None:
+    near = at_solution(conducting(64, 0.3, IsotropicCoulomb(MU)))
+    held = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
+    assert near.violation < FAR < held.violation
+    for point in (near, held):
+        load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
+        moved, expected = (
+            ask(load, point.closed, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
+        )
+        np.testing.assert_array_equal(moved.ahead, expected.ahead)
+        np.testing.assert_array_equal(moved.residual, expected.residual)
+
+
+def beyond(point: Point, node: int, end: float, share: float) -> Point:
+    """A solution whose node is taken to graze, its fraction just beyond an end, and its pressure such that its trial is
+    a share of sigma from zero, positive if it is open."""
+    equation, mask = point.equation, np.arange(len(point.load)) == node
+    load, closed = point.load.copy(), point.closed.copy()
+    closed[node] = end + (0.005 if end else -0.005)
+    for _ in range(3):  # the trial is linear in the node's own pressure
+        moved = equation.at(load, closed, mask, AT_REST)
+        off = share * moved.sigma[node] - moved.trial[node, 2]
+        load[node, 2] += off / (1.0 - equation.r * equation.blocks[node, 2, 2])
+    moved = equation.at(load, closed, mask, AT_REST)
+    assert moved.trial[node, 2] == pytest.approx(share * moved.sigma[node], rel=1e-6)
+    assert (moved.switch[node] - end) * (1.0 if end else -1.0) >= 0.0
+    return moved
+
+
+def solved_edge(problem, end: float) -> tuple[Point, int]:
+    """The solution, and of the nodes that are pressed, or open, the one nearest to the other, where that
+    makes a difference."""
+    equation = Equation.of(problem)
+    state = solve(problem, SemismoothNewton(), Limits(tolerance=1e-13)).state
+    point = equation.at(state.load, state.closed, np.zeros(len(state.load), bool), AT_REST)
+    assert point.violation < 1e-12
+    may = (point.closed == end) & (point.sigma > 1e-3 * equation.scales.pressure)
+    assert may.any()
+    return point, int(np.flatnonzero(may)[np.abs(point.trial[may, 2]).argmin()])
+
+
+@pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, sphere) -> None:
+    """Though the trial is hardly on the other side; without friction the equations are linear there."""
+    problem = sphere("orthotropic", law, (np.inf, np.inf), cells=12)
+    point, node = solved_edge(problem, end)
+    moved = beyond(point, node, end, 1e-3 if end else -1e-3)
+    step = newton_step(moved.equation, moved.linearise())
+    after = moved.equation.at(moved.load + step.local[:, :5], moved.closed + step.local[:, 5], moved.grazing, AT_REST)
+    before, left = (np.abs((each.load - point.load) / point.equation.scales.load).max() for each in (moved, after))
+    assert before > 1e-3
+    assert left <= (before**2 if law.tangential_scaling().any() else 1e-9 * before)
+
+
+@pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sphere) -> None:
+    """The derivative is that of the residual where the trial is on the side of the fraction."""
+    problem = sphere("orthotropic", law, (np.inf, np.inf), cells=12)
+    point, node = solved_edge(problem, end)
+    side = 1.0 if end else -1.0
+    here, there = beyond(point, node, end, 1e-9 * side), beyond(point, node, end, -1e-6 * side)
+    equation, random = point.equation, np.random.default_rng(4)
+    change = equation.scales.load * random.normal(size=(len(point.load), 5))
+    widths = np.array([1.0, -1.0]) * 1e-8 * point.sigma[node] / equation.scales.pressure
+    rows = [equation.at(there.load + h * change, there.closed, there.grazing, AT_REST) for h in widths]
+    assert len({bool(each.trial[node, 2] < 0.0) for each in (*rows, there)}) == 1
+    assert (here.trial[node, 2] < 0.0) != (there.trial[node, 2] < 0.0)
+    expected = (rows[0].residual - rows[1].residual)[node, :5] / np.ptp(widths)
+    blocks, caused = here.linearise(), problem.system.apply(change)
+    found = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=1e-12)

@@ -1,0 +1,267 @@
+"""Relaxation of friction between stick and slip: it finds what the laws say, and leaves solutions as they are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+import meeframe.solvers.newton as newton_module
+import meeframe.solvers.newton_slip as slip_module
+from meeframe.core.contact import ContactProblem, Status
+from meeframe.core.fields import Array
+from meeframe.core.formulation import Stencil
+from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.kernels.stencil_products import stencil_products
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.solvers.conduction import Mask
+from meeframe.solvers.newton_ring import Ring, plain, slips
+from meeframe.solvers.newton_slip import relaxed_slip
+from meeframe.solvers.nonsmooth import Point
+from meeframe.testing.counted import Counted
+
+MU, DRAGGED = 0.3, (3e-6, 1e-6)
+ISOTROPIC, TURNED = IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)
+
+
+def alone(stencil: Stencil, nodes: Array, load: Array, over: tuple[int, ...]) -> Array:
+    """What loads (m, k) of nodes (m,) cause at them, (m, k), by pairs: periods (0,) or (-1, 0, 1) along both axes."""
+    (nx, ny), reach, k = stencil.lattice.shape, len(stencil.responses) // 2, load.shape[1]
+    place = np.empty((stencil.lattice.max() + 1, 2), int)
+    place[stencil.lattice] = np.moveaxis(np.indices((nx, ny)), 0, -1)
+    found = np.zeros_like(load)
+    for i, j in product(over, over):
+        apart = place[nodes][:, None] - place[nodes][None, :] + [i * nx, j * ny]  # of one node (first) from a load
+        near = (np.abs(apart) <= reach).all(axis=2)
+        at, source = np.nonzero(near)
+        blocks = stencil.responses[*(apart[at, source] + reach).T][:, :k, :k]
+        np.add.at(found, at, np.einsum("pij,pj->pi", blocks, load[source]))
+    return found
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize(("shape", "width"), [((7, 13), 2), ((12, 6), 3), ((4, 9), 1), ((9, 4), 5)])
+def test_products_are_sums_over_pairs(shape: tuple[int, int], width: int, periodic: bool) -> None:
+    """Also where a period is shorter than the stencil, whose responses then count twice."""
+    random = np.random.default_rng(shape[0])
+    lattice = random.permutation(shape[0] * shape[1]).reshape(shape)
+    taking = random.random(shape) < 0.6
+    number = np.where(taking, np.cumsum(taking).reshape(shape) - 1, -1)
+    places, nodes = np.argwhere(taking), lattice[taking]
+    responses = random.normal(size=(5, 5, width, width))
+    load = random.normal(size=(len(nodes), width))
+    found = np.full_like(load, np.nan)
+    stencil_products(number, places, periodic, responses, load, found)
+    expected = alone(Stencil(lattice, periodic, responses), nodes, load, (-1, 0, 1) if periodic else (0,))
+    assert 0 < len(nodes) < lattice.size
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def ring_of(point: Point) -> Ring:
+    ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), slip_module.WIDTH)
+    assert ring is not None
+    return ring
+
+
+def off(point: Point, nodes: Array, gap: Array, tractions: Array) -> Array:
+    """By how much friction (m, 2) of tractions (m, 3) is off that which the law makes of it with gaps (m, 2) under the
+    pressures that there are."""
+    law, trial = point.equation.problem.contact_law, point.load[:, :3].copy()
+    trial[nodes] = tractions
+    trial[nodes, :2] += point.equation.r * gap @ law.tangential_scaling()
+    return np.asarray(law.project(trial)[nodes, :2] - tractions[:, :2])
+
+
+def left(point: Point, relaxed: Point) -> tuple[float, float]:
+    """Root of the mean square of what tractions around the boundary are off by, before and after: gaps follow from the
+    changes of those alone."""
+    ring = ring_of(point)
+    nodes, change = ring.nodes, (relaxed.load - point.load)[ring.nodes, :2]
+    gap = point.ahead[nodes, :2]
+    after = gap - alone(ring.stencil, nodes, change, (0,))
+    before = off(point, nodes, gap, point.load[nodes, :3])
+    return float(np.sqrt((before**2).mean())), float(
+        np.sqrt((off(point, nodes, after, relaxed.load[nodes, :3]) ** 2).mean())
+    )
+
+
+LAWS = [pytest.param(ISOTROPIC, id="isotropic"), pytest.param(TURNED, id="orthotropic")]
+IN_METRIC = [pytest.param(ISOTROPIC, id="isotropic"), pytest.param(TURNED, id="orthotropic")]
+
+
+@pytest.fixture
+def always(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is relaxed is taken, whether it helps or not."""
+    monkeypatch.setattr(slip_module, "ROUGHER", np.inf)
+
+
+@pytest.mark.parametrize("law", IN_METRIC)
+@pytest.mark.usefixtures("always")
+def test_a_solution_stays_what_it_is(law: ContactLaw, conducting, at_solution) -> None:
+    """What was found in double precision satisfies the laws around the boundary, too."""
+    point = at_solution(conducting(80, 0.3, law, dragged=DRAGGED))
+    relaxed = relaxed_slip(point)
+    sticking = (point.load[:, 2] < 0.0) & ~slips(point)
+    assert 100 < sticking.sum() < (point.load[:, 2] < 0.0).sum() - 100
+    np.testing.assert_allclose(relaxed.load, point.load, rtol=0, atol=1e-9 * np.abs(point.load[:, 2]).max())
+    assert relaxed.violation < 1e-9
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.usefixtures("always")
+def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, conducting, interpolated) -> None:
+    point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
+    relaxed, beside = relaxed_slip(point), np.zeros(len(point.load), bool)
+    beside[ring_of(point).nodes] = True
+    changed = (relaxed.load != point.load).any(axis=1)
+    assert 50 < changed.sum() <= beside.sum() < len(beside)
+    np.testing.assert_array_equal(relaxed.load[:, 2:], point.load[:, 2:])
+    np.testing.assert_array_equal(relaxed.load[~beside], point.load[~beside])
+    np.testing.assert_array_equal(relaxed.grazing, point.grazing)
+    np.testing.assert_array_equal(relaxed.closed[point.grazing], point.closed[point.grazing])
+    np.testing.assert_array_equal(relaxed.motion, point.motion)
+
+
+@pytest.mark.parametrize("law", IN_METRIC)
+@pytest.mark.usefixtures("always")
+def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated, monkeypatch) -> None:
+    """With the gaps that the nodes around cause: roughly after a few steps, and as closely as one likes after many."""
+    point = interpolated(conducting(81, 0.3, law, dragged=DRAGGED))
+    before, after = left(point, relaxed_slip(point))
+    assert after < 0.1 * before
+    monkeypatch.setattr(slip_module, "STEPS", 2000)
+    monkeypatch.setattr(slip_module, "SETTLED", 1e-9)
+    before, after = left(point, relaxed_slip(point))
+    assert after < 1e-6 * before
+
+
+@pytest.mark.usefixtures("always")
+def test_laws_of_each_node_are_asked_at_all_of_them(conducting, interpolated, each_its_own) -> None:
+    """The same as with one law where all are alike; where they are not, what these laws say."""
+    point, found = interpolated(conducting(81, 0.3, ISOTROPIC, dragged=DRAGGED)), list[Point]()
+    n = len(point.load)
+    mus = np.where(np.arange(n) % 2, 0.8 * MU, 1.2 * MU)
+    laws = [ISOTROPIC, *(each_its_own(MU, mus=each) for each in (np.full(n, MU), mus))]
+    for law in laws:
+        problem = replace(point.equation.problem, contact_law=law)
+        given = replace(point.equation, problem=problem).at(point.load, point.closed, point.grazing, point.motion)
+        found.append(relaxed_slip(given))
+        before, after = left(given, found[-1])
+        assert after < 0.1 * before
+    scale = np.abs(found[0].load[:, 2]).max()
+    np.testing.assert_allclose(found[1].load, found[0].load, rtol=0, atol=1e-12 * scale)
+    assert np.abs(found[2].load - found[0].load).max() > 1e-3 * scale
+
+
+def without(problem: ContactProblem, measure: Callable[[ContactProblem], Any], monkeypatch) -> tuple[Any, Any]:
+    """With relaxation and without."""
+    found = measure(problem)
+    with monkeypatch.context() as patch:
+        patch.setattr(newton_module, "relaxed_slip", lambda point: point)
+        return found, measure(problem)
+
+
+def after_a_step(problem: ContactProblem) -> float:
+    """Merit there."""
+    solver = SemismoothNewton()
+    return newton_module._memory(solver.step(problem, solver.init(problem, None))).point.merit
+
+
+def steps(problem: ContactProblem) -> int:
+    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))
+    assert solution.status is Status.CONVERGED, solution.message
+    return solution.iterations
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_first_step_from_a_coarser_grid_goes_farther(law: ContactLaw, conducting, monkeypatch) -> None:
+    """Where the edge has been relaxed, too: else that decides."""
+    problems = [conducting(n, 0.3, law, dragged=DRAGGED) for n in (81, 96, 113, 129)]
+    merits = np.array([without(problem, after_a_step, monkeypatch) for problem in problems])
+    assert (merits[:, 0] < 0.7 * merits[:, 1]).all()
+    assert merits[:, 0].sum() < 0.4 * merits[:, 1].sum()
+
+
+def test_fewer_steps_are_needed_from_a_coarser_grid(conducting, monkeypatch) -> None:
+    """Where the indenter is dragged by little and by some of what friction bears."""
+    sizes, ways = (81, 96, 113, 129), ((2e-7, 1e-7), DRAGGED)
+    problems = [conducting(n, 0.3, ISOTROPIC, dragged=way) for way in ways for n in sizes]
+    spent = np.array([without(problem, steps, monkeypatch) for problem in problems]).sum(axis=0)
+    assert spent[0] < 0.9 * spent[1]
+
+
+@dataclass(frozen=True)
+class Yielding(IsotropicCoulomb):
+    """A law that answers by itself, with what a projection would."""
+
+    def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
+        return self.project(trial)
+
+
+@dataclass(frozen=True)
+class Attracting(IsotropicCoulomb):
+    def adhesion(self, gap: Array) -> Array:
+        return np.where(gap < 1e-6, 1.0, 0.0)
+
+
+def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., Point]) -> Point:
+    """Uniform pressure where surfaces overlap, the indenter dragged far along the nodes (n,), or all, or none."""
+    overlap, way = problem.gap < 0.0, np.zeros_like(problem.translation)
+    load = np.zeros((len(overlap), 5))
+    load[overlap, 2] = -1e5
+    way[:, 0] = np.where(dragged, 1e-3, 0.0)
+    return at(replace(problem, translation=way), load, overlap.astype(float))
+
+
+def half(problem: ContactProblem) -> Mask:
+    return np.asarray(problem.system.points[:, 0] > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "done"),
+    [
+        (ISOTROPIC, True),
+        (Signorini(), False),
+        (IsotropicCoulomb(0.0), False),
+        (Yielding(MU), False),
+        (Attracting(MU), False),
+    ],
+    ids=["friction", "frictionless", "mu = 0", "resolve", "attraction"],
+)
+@pytest.mark.parametrize("helped", [True, False])
+@pytest.mark.usefixtures("always")
+def test_nothing_is_done_without_friction_lattice_or_projection(
+    law: ContactLaw, done: bool, helped: bool, conducting, at
+) -> None:
+    """Half of the nodes would slip."""
+    problem = conducting(40, 0.3, law, Insulating())
+    problem = replace(problem, system=Counted.of(problem.system, helped=helped))
+    point = pressed(problem, half(problem), at)
+    assert plain(problem) == (type(law) not in (Yielding, Attracting))
+    assert (relaxed_slip(point) is not point) == (done and helped)
+
+
+@pytest.mark.usefixtures("always")
+def test_nothing_is_done_where_all_sticks_or_all_slips(conducting, at) -> None:
+    """A flat indenter on the whole zone, so that there is no edge either."""
+    problem = replace(conducting(40, 0.3, ISOTROPIC, Insulating()), gap=np.full(1600, -1e-5))
+    glued = replace(problem, contact_law=IsotropicCoulomb(np.inf))
+    for given, dragged, share in ((problem, False, 0.0), (problem, True, 1.0), (glued, True, 0.0)):
+        point = pressed(given, dragged, at)
+        assert slips(point).mean() == share
+        assert relaxed_slip(point) is point
+    point = pressed(problem, half(problem), at)
+    assert slips(point).mean() == 0.5
+    assert relaxed_slip(point) is not point
+    apart = pressed(replace(problem, gap=-problem.gap), True, at)
+    assert relaxed_slip(apart) is apart
+
+
+def test_what_does_not_help_is_not_taken(conducting, interpolated, monkeypatch) -> None:
+    point = interpolated(conducting(81, 0.3, ISOTROPIC, dragged=DRAGGED))
+    assert relaxed_slip(point) is not point
+    monkeypatch.setattr(slip_module, "ROUGHER", 1e-3)
+    assert relaxed_slip(point) is point
