@@ -163,8 +163,9 @@ class ContactSolution:
 class Solver(ABC):
     """An iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
 
-    A solver is `init` and `step`, and `check` if it does not take every problem; nothing else: limits, history, the
-    non-finite guard and the status belong to the driver loop in meeframe.solvers.
+    A solver is `init` and `step`, `check` if it does not take every problem, and `aimed` if it is the faster the less
+    is asked of it; nothing else: limits, history, the non-finite guard and the status belong to the driver loop in
+    meeframe.solvers.
     """
 
     stride: ClassVar[int] = 1
@@ -186,6 +187,10 @@ class Solver(ABC):
     @abstractmethod
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Next iterate. Must not change its arguments."""
+
+    def aimed(self, iterate: Iterate, _residual: float) -> Iterate:
+        """The first iterate, knowing which residual is asked for: none need do better. By default none cares."""
+        return iterate
 
 
 def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:

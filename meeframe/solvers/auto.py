@@ -47,7 +47,7 @@ STAGES: Final = (
 @dataclass(frozen=True, eq=False)
 class _Memory:
     """stages: in force and to come; inner: iterate of the solver in force; best: smallest residual so far, of which
-    iterate; idle: steps since; scales: of the problem."""
+    iterate; idle: steps since; scales: of the problem; aim: residual that is asked for, None if it is not known."""
 
     stages: tuple[_Stage, ...]
     inner: Iterate
@@ -55,6 +55,7 @@ class _Memory:
     best: Iterate
     scales: Scales
     idle: int = 0
+    aim: float | None = None
 
 
 @final
@@ -75,11 +76,15 @@ class Auto(Solver):
         """The converged state of the previous load step, or no load at all."""
         return _begun(problem, _stages(problem), start, problem_scales(problem))
 
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
+        """See Solver: told to the stages, each in turn."""
+        memory = _memory(iterate)
+        inner = memory.stages[0].solver.aimed(memory.inner, residual)
+        return replace(iterate, memory=replace(memory, inner=inner, aim=residual))
+
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""
-        memory = iterate.memory
-        if not isinstance(memory, _Memory):
-            raise TypeError("the iterate was not made by Auto.init")
+        memory = _memory(iterate)
         stage, inner = memory.stages[0], memory.inner
         for _ in range(stage.steps):
             inner = stage.solver.step(problem, inner)
@@ -90,8 +95,15 @@ class Auto(Solver):
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
         grazing = not stage.grazing and bool(((inner.closed > 0.0) & (inner.closed < 1.0)).any())
         if grazing or memory.idle > stage.patience:
-            return _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
+            begun = _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
+            return begun if memory.aim is None else self.aimed(begun, memory.aim)
         return replace(inner, memory=memory)
+
+
+def _memory(iterate: Iterate) -> _Memory:
+    if not isinstance(iterate.memory, _Memory):
+        raise TypeError("the iterate was not made by Auto.init")
+    return iterate.memory
 
 
 def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:

@@ -141,7 +141,12 @@ def solve(
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         scales = problem_scales(problem)
         iterate = solver.init(problem, start)
-        state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
+        if by_residual:
+            iterate = solver.aimed(iterate, limits.tolerance)
+        state: ContactState | None = None
+        value = np.inf if iterate.estimate is None else iterate.estimate
+        if not by_residual or not limits.tolerance < value < np.inf:  # a start that is far off needs no judge
+            state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
         looks = [(0, value)] if by_residual else []
         trend = _next(None, looks[0]) if by_residual else None
         pace = None
@@ -165,13 +170,13 @@ def solve(
             state, value = _judged(problem, iterate, scales, fields, limits.tolerance)
             if iterate.estimate is not None and value > limits.tolerance:
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
-            looks.append((iteration, value if by_residual else _paper_change(previous, state)))
+            looks.append((iteration, value if by_residual or previous is None else _paper_change(previous, state)))
             trend = _next(trend, looks[-1])
             progress("contact", trend.fraction(limits.tolerance))
             if trend.idle >= HOPELESS and (hopeless() or beyond_friction(problem, state, scales)):
                 window = min(window, HOPELESS)
         status, message = verdict
-        if status is Status.CONVERGED:
+        if state is not None and status is Status.CONVERGED:
             final = value
         else:
             state, final = _judged(problem, iterate, scales)

@@ -39,7 +39,7 @@ def test_auto_costs_no_more_products_than_the_solver_that_it_chooses(kappa: floa
     products, loads = [], []
     for solver in (ProjectedCG(), Auto()):
         problem = sphere(64, kappa, (5.0, 1.0), "orthotropic-mee")
-        solution = solve(problem, solver, Limits(tolerance=1e-8))
+        solution = solve(problem, solver, Limits())
         assert solution.status is Status.CONVERGED
         products.append(len(problem.system.products))
         loads.append(solution.state.load)

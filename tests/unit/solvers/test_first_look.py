@@ -1,0 +1,195 @@
+"""The driver's first look, which is left out at a start that the solver itself knows to be far off."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.core.body import Body
+from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.core.law import ContactLaw
+from meeframe.elements import Quad4
+from meeframe.geometry import half_space_mesh
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.materials import library_material
+from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
+from meeframe.testing.counted import Counted
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+TOLERANCE = 1e-8
+LIMITS = Limits(TOLERANCE)
+
+
+@pytest.fixture
+def problem() -> ContactProblem:
+    """A sphere on a few cells, whose products are counted."""
+    system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 8)
+    height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
+    return indentation_problem(Counted.of(system), height, 5e-5)
+
+
+@pytest.fixture
+def solution(problem: ContactProblem) -> ContactState:
+    state = solve(problem, Uzawa(), Limits(1e-10)).state
+    products(problem).clear()
+    return state
+
+
+def products(problem: ContactProblem) -> list[None]:
+    assert isinstance(problem.system, Counted)
+    return problem.system.products
+
+
+@dataclass(frozen=True, eq=False)
+class Guessing(Solver):
+    """Makes no product. estimates: of the start and after each step; found: the state after the last of them, that
+    before is without load, or the same if `still`; before: products there had been when a step began; aims: what it was
+    told."""
+
+    found: ContactState
+    estimates: tuple[float | None, ...]
+    still: bool = False
+    before: list[int] = field(default_factory=list)
+    aims: list[float] = field(default_factory=list)
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        return self._at(0)
+
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
+        self.aims.append(residual)
+        return iterate
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        self.before.append(len(products(problem)))
+        assert isinstance(iterate.memory, int)
+        return self._at(iterate.memory + 1)
+
+    def _at(self, step: int) -> Iterate:
+        last = len(self.estimates) - 1
+        share = float(step >= last or self.still)
+        return Iterate(
+            share * self.found.load, share * self.found.closed, step, estimate=self.estimates[min(step, last)]
+        )
+
+
+def unloaded(problem: ContactProblem, solution: ContactState) -> float:
+    """Residual without load."""
+    return residual(problem, ContactState(*(0.0 * part for part in (solution.load, solution.load, solution.closed))))
+
+
+@pytest.mark.parametrize("estimate", [2.0 * TOLERANCE, 0.7, 1e30])
+def test_a_start_known_to_be_far_off_costs_no_product(problem, solution, estimate: float) -> None:
+    """The history has the estimate in its place, and progress counts from it."""
+    fractions: list[float] = []
+    solver = Guessing(solution, (estimate, 0.5 * TOLERANCE))
+    found = solve(problem, solver, LIMITS, progress=lambda _, fraction: fractions.append(fraction))
+    assert solver.before == [0]
+    assert len(products(problem)) == 1  # the judge's
+    assert found.status is Status.CONVERGED
+    assert found.iterations == 1
+    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(found.history, [[0, estimate], [1, found.residual]])
+    assert fractions == [1.0]
+
+
+@pytest.mark.parametrize("estimate", [None, np.nan, np.inf, -np.inf, TOLERANCE, 0.0])
+def test_other_starts_are_looked_at(problem, solution, estimate: float | None) -> None:
+    """Those that may be solutions, and those of which nothing is known."""
+    expected = unloaded(problem, solution)
+    products(problem).clear()
+    solver = Guessing(solution, (estimate, 0.0))
+    found = solve(problem, solver, LIMITS)
+    assert solver.before[0] > 0
+    assert found.status is Status.CONVERGED
+    assert found.iterations == 1
+    assert expected > 0.1
+    assert found.history[0] == pytest.approx([0, expected])
+
+
+@pytest.mark.parametrize("estimate", [None, 0.1 * TOLERANCE])
+def test_a_start_that_is_a_solution_is_one(problem, solution, estimate: float | None) -> None:
+    solver = Guessing(solution, (estimate,), still=True)
+    found = solve(problem, solver, LIMITS)
+    assert found.status is Status.CONVERGED
+    assert found.iterations == 0
+    assert not solver.before
+    assert found.residual == pytest.approx(residual(problem, solution), abs=1e-14)
+    np.testing.assert_array_equal(found.history, [[0, found.residual]])
+    np.testing.assert_array_equal(found.state.load, solution.load)
+
+
+def test_a_solution_that_does_not_know_it_is_found_by_a_step(problem, solution) -> None:
+    found = solve(problem, Guessing(solution, (0.5, 0.0), still=True), LIMITS)
+    assert (found.status, found.iterations) == (Status.CONVERGED, 1)
+
+
+def test_iterations_that_end_before_they_are_looked_at_are_judged(problem, solution) -> None:
+    """At the limit, by the laws and not by what the solver says."""
+    estimates = (0.7, *np.full(9, 0.5), 0.0)
+    found = solve(problem, Guessing(solution, estimates), replace(LIMITS, max_iterations=4))
+    assert (found.status, found.iterations) == (Status.ITERATION_LIMIT, 4)
+    assert found.residual == pytest.approx(unloaded(problem, solution))
+    assert found.history == pytest.approx(np.array([[0, 0.7], [4, found.residual]]))
+
+
+@pytest.mark.parametrize("estimate", [None, 0.5, 0.0])
+def test_the_criterion_of_the_paper_looks_at_each_state(problem, solution, estimate: float | None) -> None:
+    """The first change is that of the first step; the solver is told no residual, as none is asked for."""
+    solver = Guessing(solution, (estimate, estimate))
+    found = solve(problem, solver, Limits(1e-6, criterion="paper"))
+    assert solver.before[0] == 1
+    assert found.status is Status.CONVERGED
+    np.testing.assert_array_equal(found.history[:, 0], [1, 2])
+    pressures = np.linalg.norm(solution.load[:, :3]) / 1e9
+    assert found.history[:, 1] == pytest.approx([pressures, 0.0])
+    assert not solver.aims
+
+
+def test_solvers_are_told_the_tolerance_once(problem, solution) -> None:
+    solver = Guessing(solution, (0.7, 0.5, 0.0))
+    solve(problem, solver, LIMITS)
+    assert solver.aims == [TOLERANCE]
+
+
+@dataclass(frozen=True, eq=False)
+class Watched(Solver):
+    """Another solver. between: products that there had been after its start and before its steps, in this order."""
+
+    solver: Solver
+    between: list[int] = field(default_factory=list)
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        iterate = self.solver.init(problem, start)
+        self.between.append(len(products(problem)))
+        return iterate
+
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
+        return self.solver.aimed(iterate, residual)
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        self.between.append(len(products(problem)))
+        return self.solver.step(problem, iterate)
+
+
+@pytest.mark.parametrize(
+    ("solver", "law"),
+    [(SemismoothNewton(), IsotropicCoulomb(0.3)), (Auto(), IsotropicCoulomb(0.3)), (ProjectedCG(), Signorini())],
+    ids=["newton", "auto", "projected-cg"],
+)
+def test_solvers_that_know_are_not_looked_at_first(solver: Solver, law: ContactLaw) -> None:
+    """Without a matrix, from no load and from that of a smaller approach; the judge has the last word all the same."""
+    mesh = half_space_mesh(0.05, 5e-3, 31, 1, Quad4())
+    body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
+    system = Counted.of(HalfSpace(matrix_up_to=0).reduce(body))
+    height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
+    less, more = (indentation_problem(system, height, approach, law) for approach in (2e-5, 3e-5))
+    for start in (None, solve(less, solver, LIMITS).state):
+        watched, estimate = Watched(solver), solver.init(more, start).estimate
+        found = solve(more, watched, LIMITS, start)
+        assert found.status is Status.CONVERGED, found.message
+        assert watched.between[0] == watched.between[1]
+        assert estimate is not None
+        assert found.history[0] == pytest.approx([0, estimate], rel=1e-12)
+        assert found.residual == pytest.approx(residual(more, found.state), abs=1e-14)
+        assert found.residual <= TOLERANCE
