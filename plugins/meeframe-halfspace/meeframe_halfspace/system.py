@@ -99,8 +99,11 @@ class HalfSpaceSystem(ReducedSystem):
         waves, chosen = wave_inverse(self.convolution, fields), list(fields)
 
         def inverse(displacement: Array) -> Array:
-            placed = self.grid.place(displacement.T.astype(np.float32, copy=False))
-            load = self.grid.scatter(waves.response(placed, chosen, chosen)).astype(displacement.dtype, copy=False)
+            there = [place for place in range(len(chosen)) if displacement[:, place].any()]
+            moved = displacement.T if len(there) == len(chosen) else displacement.T[there]
+            placed = self.grid.place(moved.astype(np.float32, copy=False))
+            answer = waves.response(placed, [chosen[place] for place in there], chosen)
+            load = self.grid.scatter(answer).astype(displacement.dtype, copy=False)
             if waves.size != self.convolution.padded:
                 load /= self.shares.astype(load.dtype, copy=False)[:, None]
             return load

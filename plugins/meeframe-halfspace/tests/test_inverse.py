@@ -74,6 +74,19 @@ def test_inverse_of_a_load(periodic) -> None:
 
 
 @pytest.mark.parametrize("periodic", [False, True])
+def test_fields_in_which_nothing_moves_add_nothing(periodic) -> None:
+    """They are left out: answers to some fields add up to that to all."""
+    system = reduced(24, periodic=periodic)
+    like = np.abs(np.diagonal(system.diagonal_blocks()[0])) ** 0.5  # each as much as the others
+    moved = like * np.random.default_rng(6).normal(size=system.offset.shape)
+    inverse = system.approximate_inverse([0, 1, 2, 3, 4])
+    some = np.array([True, False, True, False, False])
+    found, parts = inverse(moved), inverse(np.where(some, moved, 0.0)) + inverse(np.where(some, 0.0, moved))
+    assert (np.abs(found - parts) / np.abs(found).max(axis=0)).max() < 1e-5
+    assert not inverse(np.zeros_like(moved)).any()
+
+
+@pytest.mark.parametrize("periodic", [False, True])
 def test_inverse_answers_in_the_precision_of_the_question(periodic) -> None:
     """So that what is done with it stays in single precision, and is the same."""
     system = reduced(24, periodic=periodic)
