@@ -80,7 +80,7 @@ class Auto(Solver):
         """See Solver: told to the stages, each in turn."""
         memory = _memory(iterate)
         inner = memory.stages[0].solver.aimed(memory.inner, residual)
-        return replace(iterate, memory=replace(memory, inner=inner, aim=residual))
+        return replace(inner, memory=replace(memory, inner=inner, aim=residual))
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """One step of the stage in force; the next stage if it made none towards the solution for too long."""

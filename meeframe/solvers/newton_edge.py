@@ -31,6 +31,8 @@ BEHIND: Final = 0.1
 """Of the largest violation the residual of pressure or fluxes is more than so much where a node has not followed."""
 FEW: Final = 25
 """So many nodes with the largest violation each would have the merit that all have: others violate the laws less."""
+HARDLY: Final = 1e-3
+"""Of its pressure a node that had less before was hardly pressed."""
 AT_ONCE: Final = 0.5
 """Of the largest jump of conduction that of a contact without pressure is more than so much, or it grows."""
 
@@ -70,7 +72,7 @@ def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     relax_edge(*neighbours, *laws, load, ahead, closed, sweeps, SETTLED)
     whole, fraction, grazing = point.load.copy(order="K"), point.closed.copy(), point.grazing.copy()
     whole[nodes], fraction[nodes] = load, closed
-    fresh = nodes[(point.load[nodes, 2] == 0.0) & (load[:, 2] < 0.0)]  # rub in the direction in which they were moved
+    fresh = nodes[point.load[nodes, 2] > HARDLY * load[:, 2]]  # rub in the direction in which they were moved
     whole[fresh, :2] = point.trial[fresh, :2]
     whole[nodes, MECHANICAL] = problem.contact_law.project(whole[:, MECHANICAL])[nodes]
     grazing[nodes] |= (closed > 0.0) & (closed < 1.0)

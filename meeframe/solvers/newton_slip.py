@@ -10,10 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import Array
+from meeframe.core.fields import MECHANICAL
 from meeframe.kernels.stencil_products import stencil_products
-from meeframe.solvers.nested import same_everywhere
-from meeframe.solvers.newton_ring import Ring, plain, slips
+from meeframe.solvers.newton_ring import Ring, slips
 from meeframe.solvers.nonsmooth import Point
 
 WIDTH: Final = 4
@@ -30,36 +29,28 @@ ROUGHER: Final = 4.0
 
 def relaxed_slip(point: Point) -> Point:
     """A point with the friction relaxed around the boundary between stick and slip; the same where there is none, where
-    nodes lie on no lattice, or if it does not help.
+    nodes lie on no lattice, or if it does not help. The law is the same everywhere, as it is where grids are nested.
 
     Projected gradient steps with the lengths of Barzilai and Borwein, IMA J. Numer. Anal. 8 (1988) 141.
     """
     problem = point.equation.problem
     law = problem.contact_law
-    if not plain(problem) or not {0, 1}.issubset(point.equation.loaded):
+    if not {0, 1}.issubset(point.equation.loaded):
         return point
     ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
     if ring is None:
         return point
     nodes, responses = ring.nodes, np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2])
-    whole, alike = point.load[:, :3].copy(order="K"), same_everywhere(law, len(point.load))
-
-    def projected(traction: Array) -> Array:
-        if alike:
-            return law.project(traction)[:, :2]
-        whole[nodes] = traction
-        return law.project(whole)[nodes, :2]
-
     scaling = law.tangential_scaling()  # in its metric the law projects
     metric = np.linalg.pinv(scaling)
-    traction, gap = whole[nodes], np.ascontiguousarray(point.ahead[nodes, :2])
+    traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.ahead[nodes, :2])
     middle = len(responses) // 2
     length = FIRST / float(responses[middle, middle].diagonal().max())
     moved, least = np.empty_like(gap), np.inf
     for step in range(STEPS):
         trial = traction.copy()
         trial[:, :2] += length * gap @ scaling
-        change = projected(trial) - traction[:, :2]
+        change = law.project(trial)[:, :2] - traction[:, :2]
         size = float((change**2).sum())
         if step == 0:
             least = SETTLED**2 * size

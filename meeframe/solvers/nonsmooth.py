@@ -26,6 +26,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, indenter_position, unbalance
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.core.formulation import AnyArray
 from meeframe.core.law import (
     attraction_slope,
     attracts,
@@ -47,7 +48,7 @@ FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
-FAR: Final = 1e-6
+FAR: Final = 1e-4
 """Violation of the laws above which what a change of the load causes is found in single precision, without a matrix."""
 
 
@@ -194,18 +195,22 @@ class Point:
     balance: Array
 
     def moved(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
-        """The equation at another load (n, 5) and motion (m,): as Equation.at, by what changes while the laws are far
-        from satisfied."""
+        """The equation at another load (n, 5) and motion (m,): as Equation.at, but by what changes where the laws are
+        far from satisfied both here and there."""
         equation, problem = self.equation, self.equation.problem
         if problem.system.dense() is not None or self.violation < FAR:
             return equation.at(load, closed, grazing, motion)
         load = np.asfortranarray(load)
-        change: Array = load - self.load  # before it is rounded
-        ahead = self.ahead - problem.system.response(change.astype(np.float32), range(N_FIELDS))
+        change: Array = np.subtract(load, self.load).T  # before it is rounded
+        loaded = np.flatnonzero(change.any(axis=1)).tolist()
+        rounded: AnyArray = change[loaded].astype(np.float32)
+        ahead = self.ahead - problem.system.block_response(rounded.T, loaded, range(N_FIELDS))
         for freedom, amount in zip(problem.freedoms, motion - self.motion, strict=True):
             for field in freedom.moved:
                 ahead[:, field] += amount * freedom.mode[:, field]
-        return equation.beside(load, ahead, closed, grazing, motion)
+        found = equation.beside(load, ahead, closed, grazing, motion)
+        # errors of many changes add up
+        return equation.at(load, closed, grazing, motion) if found.violation < FAR else found
 
     def regrazed(self, closed: Array, grazing: Mask) -> "Point":
         """The equation at the same load with other closed fractions (n,), of the nodes (n,) that graze."""
@@ -250,6 +255,19 @@ class Point:
         """Largest part of the residual or the balance."""
         return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
 
+    def _trial_by_fraction(self) -> Array:
+        """The trial (n, 3) at which the laws are linearised: a grazing node whose fraction is at an end is pressed or
+        open by that, not by a trial that is hardly off zero."""
+        if attracts(self.equation.problem.contact_law):
+            return self.trial
+        pressed = self.grazing & (self.switch >= 1.0) & (self.trial[:, 2] >= 0.0)
+        opened = self.grazing & (self.switch <= 0.0) & (self.trial[:, 2] < 0.0)
+        if not (pressed | opened).any():
+            return self.trial
+        trial, least = self.trial.copy(order="K"), NARROWEST * self.equation.scales.pressure
+        trial[pressed, 2], trial[opened, 2] = -least, least
+        return trial
+
     def linearise(self) -> Blocks:
         """An element of the generalised Jacobian, by the tangents of the laws.
 
@@ -266,17 +284,13 @@ class Point:
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
         residual[between, 2] = pressing[between] / scales.pressure
         residual[between, CLOSED] = equation.r * self.ahead[between, 2] / scales.pressure
-        trial = self.trial
-        # where a fraction is at an end, that says whether the node is pressed, not a trial that is hardly off zero
-        pressed, opened = (self.grazing & (self.switch >= 1.0), self.grazing & (self.switch <= 0.0))
-        pressed &= trial[:, 2] >= 0.0
-        opened &= trial[:, 2] < 0.0
-        if (pressed | opened).any() and not attracts(law):
-            residual[pressed, 2] = (self.load[pressed, 2] - trial[pressed, 2]) / scales.pressure
-            residual[opened, MECHANICAL] = self.load[opened, MECHANICAL] / scales.pressure
-            trial, least = trial.copy(order="K"), NARROWEST * scales.pressure
-            trial[pressed, 2], trial[opened, 2] = -least, least
-        by_trial, by_gap = traction_tangents(law, trial, self.ahead[:, MECHANICAL], (equation.r, equation.r), between)
+        trial, gap, r = self._trial_by_fraction(), self.ahead[:, MECHANICAL], (equation.r, equation.r)
+        by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
+        other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
+        if other.size:  # what the linearisation there says at the trial that there is
+            off = by_trial[other, :, 2] * (self.trial - trial)[other, 2:]
+            left = self.load[other, MECHANICAL] - lawful_traction(law, trial, gap, r)[other] - off
+            residual[other, MECHANICAL] = left / scales.pressure
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()
         for i, j in np.ndindex(3, 3):
             a[i, j] = by_trial[:, i, j] * (-1.0 / scales.pressure)

@@ -7,7 +7,7 @@ import pytest
 
 from meeframe.core.contact import AT_REST, Freedom
 from meeframe.core.law import ContactLaw
-from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.solvers import Limits, SemismoothNewton, solve
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import FAR, Equation, Point
@@ -133,7 +133,11 @@ def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, 
 
 
 @pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
-@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+@pytest.mark.parametrize(
+    "law",
+    [Signorini(), IsotropicCoulomb(MU), IsotropicCoulomb(np.inf), OrthotropicCoulomb(0.2, 0.5, 0.4)],
+    ids=["smooth", "rough", "glued", "orthotropic"],
+)
 def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sphere) -> None:
     """The derivative is that of the residual where the trial is on the side of the fraction."""
     problem = sphere("orthotropic", law, (np.inf, np.inf), cells=12)
@@ -150,4 +154,25 @@ def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sph
     blocks, caused = here.linearise(), problem.system.apply(change)
     found = (blocks.a.dense(6)[node, :5, :5] @ change[node]) + blocks.b.dense(5)[node, :5] @ caused[node]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * np.abs(expected).max())
-    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=1e-12)
+    apart = 2e-6 * point.sigma[node] / equation.scales.pressure  # as far as the two points are
+    np.testing.assert_allclose(blocks.residual[node, :3], there.residual[node, :3], rtol=1e-5, atol=apart)
+
+
+def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
+    """Beside the same load and gaps, some without an indenter above, whatever grazed before."""
+    problem = conducting(24, 0.3, IsotropicCoulomb(MU))
+    problem = replace(problem, gap=np.where(np.arange(24 * 24) % 7 == 0, np.inf, problem.gap))
+    equation, random = Equation.of(problem), np.random.default_rng(8)
+    n = len(problem.gap)
+    load = equation.scales.load * random.normal(size=(n, 5))
+    load[:, 2] = np.where(random.random(n) < 0.5, -np.abs(load[:, 2]), 0.0)
+    load[~np.isfinite(problem.gap)] = 0.0
+    fractions, masks = random.normal(0.5, 0.7, (2, n)), random.random((2, n)) < 0.5
+    point = equation.at(load, fractions[0], masks[0], AT_REST)
+    found, expected = (
+        point.regrazed(fractions[1], masks[1]),
+        equation.beside(point.load, point.ahead, fractions[1], masks[1], AT_REST),
+    )
+    for name in ("closed", "grazing", "transmissivity", "switch", "sigma", "drive", "residual"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)
+    assert not np.allclose(found.residual, point.residual)
