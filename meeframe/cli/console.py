@@ -61,7 +61,8 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
         print(f"error: {_with_notes('not enough memory', error, untouched)}", file=sys.stderr)
         raise typer.Exit(no_memory) from None
     except KeyboardInterrupt as error:
-        print(_with_notes("interrupted", error, untouched), file=sys.stderr)
+        again = isinstance(error.__context__, KeyboardInterrupt)  # before the first one could say what was written
+        print(_with_notes("interrupted", error, "" if again else untouched), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
 
 

@@ -224,6 +224,19 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
     assert not (tmp_path / "out").exists()
 
 
+def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_path, monkeypatch):
+    """As by a terminal and by what started the command: of the folder nothing is said that may be wrong."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meeframe.case.run.solve_steps", stop)
+    monkeypatch.setattr("meeframe.case.run._content", stop)
+    code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
+    assert (code, out) == (130, "")
+    assert err.splitlines()[-1] == "interrupted"
+
+
 @pytest.mark.parametrize("command", ["check", "show"])
 @pytest.mark.parametrize(
     ("error", "status", "expected"),
