@@ -188,7 +188,7 @@ class Solver(ABC):
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         """Next iterate. Must not change its arguments."""
 
-    def aimed(self, iterate: Iterate, _residual: float) -> Iterate:
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
         """The first iterate, knowing which residual is asked for: none need do better. By default none cares."""
         return iterate
 

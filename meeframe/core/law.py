@@ -191,6 +191,11 @@ def attracts(law: ContactLaw) -> bool:
     return type(law).adhesion is not ContactLaw.adhesion
 
 
+def projects_alone(law: ContactLaw) -> bool:
+    """Whether tractions are what the law's projection makes of them, whatever the gap is."""
+    return type(law).resolve is ContactLaw.resolve and not attracts(law)
+
+
 def attraction_slope(law: ContactLaw, gap: Array) -> Array:
     """Derivative (n,) [Pa/m] of the attraction by the normal gap (n,) [m], by central differences; 0 where <= 0."""
     apart = np.isfinite(gap) & (gap > 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 from meeframe.core.contact import ContactProblem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.law import ContactLaw, projects_alone
 from meeframe.solvers.nested import holds_nodes
 from meeframe.solvers.normal_modes import NormalModes
 
@@ -42,7 +42,7 @@ def takes(problem: ContactProblem) -> bool:
 
 def _check(law: ContactLaw, n: int) -> None:
     """Raises CaseError unless the law, of n nodes, is p_nu = min(0, p_nu*) without friction."""
-    plain = type(law).resolve is ContactLaw.resolve and not attracts(law) and not law.tangential_scaling().any()
+    plain = projects_alone(law) and not law.tangential_scaling().any()
     if not plain or not _is_plain(law, n):
         raise CaseError(
             f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "

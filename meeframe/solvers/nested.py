@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate
 from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.formulation import Coarsening, ReducedSystem
-from meeframe.core.law import ContactLaw, attracts
+from meeframe.core.law import ContactLaw, projects_alone
 from meeframe.core.mesh import Indices
 from meeframe.core.once import once_for_each
 from meeframe.solvers.conduction import follows_gap
@@ -114,7 +114,7 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
 
 def same_everywhere(law: ContactLaw, n: int) -> bool:
     """Whether a law is known to be the same at all of n nodes: what laws with a memory are made of does not show."""
-    return type(law).resolve is ContactLaw.resolve and not attracts(law) and not holds_nodes(law, n)
+    return projects_alone(law) and not holds_nodes(law, n)
 
 
 def holds_nodes(part: object, n: int) -> bool:

@@ -12,9 +12,10 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL
+from meeframe.core.law import projects_alone
 from meeframe.kernels.edge_relaxation import relax_edge
 from meeframe.solvers.conduction import Mask, follows_gap
-from meeframe.solvers.newton_ring import Ring, plain, slips
+from meeframe.solvers.newton_ring import ROUGHER, Ring, slips
 from meeframe.solvers.nonsmooth import Point
 from meeframe.solvers.transmissivity import LOWEST
 
@@ -25,8 +26,6 @@ SWITCHED_WIDTH, SWITCHED_SWEEPS = 3, 12
 """The same around nodes that a step has switched, which are few."""
 SETTLED: Final = 1e-3
 """Of the work of the first sweeps: one that does less is the last."""
-ROUGHER: Final = 4.0
-"""So much more the laws may be violated at first: nodes beside the edge have not followed yet."""
 BEHIND: Final = 0.1
 """Of the largest violation the residual of pressure or fluxes is more than so much where a node has not followed."""
 FEW: Final = 25
@@ -57,7 +56,12 @@ def relaxed_where_switched(before: Point, moved: Point) -> Point:
 def _relaxed(point: Point, kind: Mask, width: int, sweeps: int) -> Point:
     """A point with the nodes relaxed that are near others of another kind (n,); the same if there is nothing to do."""
     problem = point.equation.problem
-    if not plain(problem) or follows_gap(problem) or not point.jump.any() or not _jumps_at_edge(point):
+    if (
+        not projects_alone(problem.contact_law)
+        or follows_gap(problem)
+        or not point.jump.any()
+        or not _jumps_at_edge(point)
+    ):
         return point
     ring = Ring.of(point, kind, width)
     if ring is None:

@@ -5,9 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem
 from meeframe.core.formulation import ReducedSystem, Stencil
-from meeframe.core.law import ContactLaw, attracts
 from meeframe.core.mesh import Indices
 from meeframe.core.once import once_for_each
 from meeframe.kernels.edge_relaxation import number_edge
@@ -16,6 +14,8 @@ from meeframe.solvers.nonsmooth import Point
 
 REACH: Final = 4
 """Places around a node where its load counts: as good as 16 of them."""
+ROUGHER: Final = 4.0
+"""So much more the laws may be violated by relaxed nodes at first: those beside have not followed yet."""
 ROUND_OFF: Final = 1e-12
 """Of a traction: what sticks is projected on itself but for so much."""
 
@@ -48,12 +48,6 @@ class Ring:
 @once_for_each
 def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
     return system.stencil(REACH, fields)
-
-
-def plain(problem: ContactProblem) -> bool:
-    """Whether tractions are what the law's projection makes of them, whatever the gap is."""
-    law = problem.contact_law
-    return type(law).resolve is ContactLaw.resolve and not attracts(law)
 
 
 def slips(point: Point) -> Mask:

@@ -12,7 +12,7 @@ import numpy as np
 
 from meeframe.core.fields import MECHANICAL
 from meeframe.kernels.stencil_products import stencil_products
-from meeframe.solvers.newton_ring import Ring, slips
+from meeframe.solvers.newton_ring import ROUGHER, Ring, slips
 from meeframe.solvers.nonsmooth import Point
 
 WIDTH: Final = 4
@@ -23,8 +23,6 @@ SETTLED: Final = 1e-2
 """Of the first change of tractions: a smaller one is the last."""
 FIRST: Final = 0.3
 """Of the inverse of a node's own response: length of the first gradient step."""
-ROUGHER: Final = 4.0
-"""So much more the laws may be violated at first: nodes beside have not followed yet."""
 
 
 def relaxed_slip(point: Point) -> Point:
