@@ -64,6 +64,11 @@ class ReducedSystem(ABC):
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""
 
+    def own_response(self, fields: Sequence[int]) -> Array:
+        """Diagonals (n, k) of these blocks in k fields, one after another."""
+        blocks = self.diagonal_blocks()
+        return np.array([blocks[:, field, field] for field in fields]).T
+
     @abstractmethod
     def dense(self) -> Array | None:
         """The compliance as (n, 5, n, 5) where it is held as a matrix, else None."""

@@ -1,26 +1,40 @@
 """Products of the responses of nodes on a lattice to each other, by how many places lie between them."""
 
+import numpy as np
 from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def stencil_products(number, places, periodic, responses, load, found):
-    """found = what loads (m, k) of m nodes cause at these nodes alone, (m, k).
+def neighbours(number, places, periodic, reach):
+    """From which of m nodes each is how many places away along both axes, (m, (2 reach + 1)^2); m where there is none.
 
-    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others; responses: (2 s + 1, 2 s + 1, k, k) of a
-    node to the load of another, by the places from that to this one.
+    number: (nx, ny) of the nodes at their places (m, 2), -1 of the others.
     """
     nx, ny = number.shape
-    reach, width = responses.shape[0] // 2, load.shape[1]
-    found[:] = 0.0
-    for node in range(len(places)):
-        for di in range(-reach, reach + 1):
-            for dj in range(-reach, reach + 1):
-                i, j = places[node, 0] + di, places[node, 1] + dj
+    m, width = len(places), 2 * reach + 1
+    found = np.full((m, width * width), m, np.int32)
+    for node in range(m):
+        for di in range(width):
+            for dj in range(width):
+                i, j = places[node, 0] - di + reach, places[node, 1] - dj + reach
                 if periodic:
                     i, j = i % nx, j % ny
                 if 0 <= i < nx and 0 <= j < ny and number[i, j] >= 0:
-                    other = number[i, j]
-                    for row in range(width):
-                        for column in range(width):
-                            found[other, row] += responses[reach + di, reach + dj, row, column] * load[node, column]
+                    found[node, di * width + dj] = number[i, j]
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stencil_products(around, responses, load, found):
+    """found = what loads (m + 1, 2) of m nodes, the last one zero, cause at these nodes alone, (m, 2).
+
+    around: (m, k) of `neighbours`; responses: (k, 2, 2) to them.
+    """
+    for node in range(len(around)):
+        x = y = 0.0
+        for k in range(around.shape[1]):
+            other = around[node, k]
+            a, b = load[other, 0], load[other, 1]
+            x += responses[k, 0, 0] * a + responses[k, 0, 1] * b
+            y += responses[k, 1, 0] * a + responses[k, 1, 1] * b
+        found[node, 0], found[node, 1] = x, y

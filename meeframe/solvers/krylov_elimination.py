@@ -7,7 +7,7 @@ from typing import Any, Final, final
 import numpy as np
 
 from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import Array
+from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
 from meeframe.core.law import conducts
 from meeframe.core.mesh import Indices
@@ -149,8 +149,8 @@ class KrylovElimination(Elimination):
         conducting = [field for field, law in laws if conducts(law)]
         inverse = problem.system.approximate_inverse(conducting) if conducting else None
         mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
-        own = np.diagonal(problem.system.diagonal_blocks(), axis1=1, axis2=2)
-        return cls(problem, mechanical, conducting, own[:, POTENTIALS].copy(), np.sqrt(own[:, mechanical]), inverse)
+        own = problem.system.own_response(range(N_FIELDS))
+        return cls(problem, mechanical, conducting, own[:, POTENTIALS], np.sqrt(own[:, mechanical]), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
         """See Elimination."""

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL
-from meeframe.kernels.stencil_products import stencil_products
+from meeframe.kernels.stencil_products import neighbours, stencil_products
 from meeframe.solvers.newton_ring import ROUGHER, Ring, slips
 from meeframe.solvers.nonsmooth import Point
 
@@ -38,26 +38,27 @@ def relaxed_slip(point: Point) -> Point:
     ring = Ring.of(point, (point.load[:, 2] < 0.0) & ~slips(point), WIDTH)
     if ring is None:
         return point
-    nodes, responses = ring.nodes, np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2])
+    nodes, reach = ring.nodes, len(ring.stencil.responses) // 2
+    around = neighbours(ring.number, ring.places, ring.stencil.periodic, reach)
+    responses = np.ascontiguousarray(ring.stencil.responses[:, :, :2, :2]).reshape(-1, 2, 2)
     scaling = law.tangential_scaling()  # in its metric the law projects
     metric = np.linalg.pinv(scaling)
     traction, gap = point.load[nodes, MECHANICAL], np.ascontiguousarray(point.ahead[nodes, :2])
-    middle = len(responses) // 2
-    length = FIRST / float(responses[middle, middle].diagonal().max())
-    moved, least = np.empty_like(gap), np.inf
+    length = FIRST / float(responses[len(responses) // 2].diagonal().max())
+    moved, least, change = np.empty_like(gap), np.inf, np.zeros((len(nodes) + 1, 2))
     for step in range(STEPS):
         trial = traction.copy()
         trial[:, :2] += length * gap @ scaling
-        change = law.project(trial)[:, :2] - traction[:, :2]
+        np.subtract(law.project(trial)[:, :2], traction[:, :2], out=change[:-1])
         size = float((change**2).sum())
         if step == 0:
             least = SETTLED**2 * size
         if size <= least:
             break
-        stencil_products(ring.number, ring.places, ring.stencil.periodic, responses, change, moved)
-        traction[:, :2] += change
+        stencil_products(around, responses, change, moved)
+        traction[:, :2] += change[:-1]
         gap -= moved
-        work = float((change * moved).sum())
+        work = float((change[:-1] * moved).sum())
         if not work > 0.0:  # responses of those around alone need not resist all changes
             break
         length = float(((change @ metric) * change).sum()) / work

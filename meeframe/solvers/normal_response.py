@@ -173,7 +173,7 @@ class Conducting(NormalResponse):
         ground, conduction = Ground.of(problem), Conduction.of(start, n)
         near = Iterate(start_load(start, n), conduction.closed, motion=start_motion(problem, start))
         conduction, conductors = ground.conductors(near, conduction, None)
-        own = problem.system.diagonal_blocks()[:, NORMAL, NORMAL]
+        own = problem.system.own_response((NORMAL,))[:, 0]
         grazing = Grazing.unknown(n)
         return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from meeframe.core.body import Body, BoundaryCondition
 from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import ELECTRIC, Array
+from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.core.formulation import Formulation, ReducedSystem
 from meeframe.elements import Quad4
 from meeframe.geometry import block_mesh, zone_frames
@@ -256,6 +256,8 @@ def _check_blocks(system: ReducedSystem) -> None:
     blocks = system.diagonal_blocks()
     n = len(system.points)
     require(blocks.shape == (n, 5, 5), "diagonal_blocks is not (n, 5, 5)", blocks.shape)
+    for field, own in enumerate(system.own_response(range(N_FIELDS)).T):
+        require(np.array_equal(own, blocks[:, field, field]), "own_response is not that of diagonal_blocks", field)
     for node in {0, n // 2, n - 1}:
         for number in range(5):
             load = np.zeros((n, 5))

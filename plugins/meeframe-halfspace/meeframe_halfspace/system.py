@@ -76,6 +76,10 @@ class HalfSpaceSystem(ReducedSystem):
             np.multiply(self._own.T[*place], self.shares, out=blocks[*place])
         return blocks.T
 
+    def own_response(self, fields: Sequence[int]) -> Array:
+        """See ReducedSystem."""
+        return np.outer(self._own[fields, fields], self.shares).T
+
     @cached_property
     def _own(self) -> Array:
         """Response (5, 5) of a node to the density around it."""

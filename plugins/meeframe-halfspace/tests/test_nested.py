@@ -182,6 +182,33 @@ def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int,
     check_shortcuts(system_of(formulation, divisions))
 
 
+@pytest.mark.parametrize(
+    "system",
+    [
+        *(system_of(formulation, divisions) for formulation, divisions in GRIDS),
+        system_of(HalfSpace(edges="resolved", matrix_up_to=0), (24, 31)),
+        system_of(HalfSpace(matrix_up_to=10**6), (6, 5)),
+    ],
+    ids=["bilinear", "constant", "periodic", "edges", "dense"],
+)
+@pytest.mark.parametrize("directed", [False, True], ids=["as it is", "turned"])
+def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: bool) -> None:
+    """In the order in which they are asked for; of a part, too."""
+    n = len(system.points)
+    whole = turned(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
+    part = whole.within(np.arange(2 * n // 5, 2 * n // 5 + 3))
+    for asked in (whole, whole if part is None else part.system):
+        for fields in ((2,), (4, 0, 1), tuple(range(5))):
+            own = asked.own_response(fields)
+            assert own.shape == (len(asked.points), len(fields))
+            np.testing.assert_array_equal(own, asked.diagonal_blocks()[:, fields, fields])
+            for node in (0, len(own) // 2, len(own) - 1):
+                for found, field in zip(own[node], fields, strict=True):
+                    load = np.zeros((len(own), 5))
+                    load[node, field] = 1.0
+                    assert found == pytest.approx(asked.apply(load)[node, field], rel=1e-9)
+
+
 def test_parts_of_single_nodes() -> None:
     """Of 17 x 17 nodes a corner is a part of its own."""
     system = system_of(HalfSpace(matrix_up_to=0), (16, 16))
