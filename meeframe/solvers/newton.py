@@ -13,12 +13,11 @@ from meeframe.solvers.conduction import Mask, conducting
 from meeframe.solvers.driver import Limits
 from meeframe.solvers.free_motion import balanced_projection, motions, start_motion
 from meeframe.solvers.gradient import start_load
-from meeframe.solvers.nested import nested_start, tensed
-from meeframe.solvers.newton_edge import relaxed_edge
+from meeframe.solvers.nested import coarse_problem, nested_start, tensed
+from meeframe.solvers.newton_coarse import improved_start
 from meeframe.solvers.newton_krylov import Inverse
 from meeframe.solvers.newton_moves import FLIPS, held_where_it_grazes, moved_by
-from meeframe.solvers.newton_part import Inset, has_parts, inset
-from meeframe.solvers.newton_slip import relaxed_slip
+from meeframe.solvers.newton_part import Inset, has_parts, inset, kept_nodes
 from meeframe.solvers.newton_steps import newton_step
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.solvers.reach import beyond_friction
@@ -34,12 +33,14 @@ FALL: Final = 0.99
 LOOSEST: Final = 0.03
 TIGHTEST: Final = 1e-4
 """Tolerances of the linear equations where there is no matrix."""
-ENOUGH: Final = 0.2
+ENOUGH: Final = 0.3
 """Of the residual that is asked for: violation of the laws that linear equations need not leave less of."""
+PEAK: Final = 60.0
+"""The largest part of what linear equations leave of a residual is hardly more than so many times its merit."""
 COARSE: Final = 5e-4
 """Merit at which a coarser problem is left: the two differ by more."""
-COARSE_STEPS: Final = 1, 40
-"""At least and at most."""
+COARSE_STEPS: Final = 40
+"""At most."""
 ROUGHENING: Final = 100.0
 """The first step from there may raise the merit so much: a smooth state violates the laws by little, and what is short
 in it is found at once."""
@@ -102,7 +103,9 @@ class SemismoothNewton(Solver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
         n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
-        prolonged = nested_start(problem, _coarse_solution) if start is None and insets else None
+        coarse = coarse_problem(problem) if start is None and insets else None
+        below = None if coarse is None else _coarse_solution(coarse.problem)
+        prolonged = None if below is None else nested_start(problem, lambda _: below)
         start = start if prolonged is None else prolonged
         closed, load = np.zeros(n) if start is None else start.closed, start_load(start, n)
         motion = start_motion(problem, start)
@@ -116,11 +119,13 @@ class SemismoothNewton(Solver):
         held = prolonged is not None or (start is not None and attracts(problem.contact_law))
         if not held and (np.abs(point.balance) > BALANCED).any():
             point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
-        if prolonged is not None:
-            point = relaxed_slip(relaxed_edge(point))
-        rise = 1.0 if prolonged is None else ROUGHENING
-        flips = np.zeros(len(point.load))
-        return _iterate(_Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets))
+        flips, rise = np.zeros(len(point.load)), 1.0
+        if coarse is not None and below is not None:
+            known = _memory(below)
+            on_coarse = known.point.equation, kept_nodes(coarse.problem, known.inset)
+            point, rise = improved_start(point, kept_nodes(problem, part), coarse, *on_coarse), ROUGHENING
+        memory = _Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets)
+        return _iterate(replace(memory, unseen=prolonged is None))
 
     def aimed(self, iterate: Iterate, residual: float) -> Iterate:
         """See Solver."""
@@ -132,7 +137,8 @@ class SemismoothNewton(Solver):
         point = memory.point
         if point.merit == 0.0:
             return iterate
-        tolerance = _tolerance(memory.fall, memory.enough / point.violation)
+        left = memory.enough / min(point.judged, PEAK * point.merit)
+        tolerance = _tolerance(memory.fall, left)
         direction = newton_step(point.equation, point.linearise(), tolerance, memory.inverse)
         allowed = FALL * max(memory.merits)
         flips = memory.flips
@@ -168,7 +174,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
     """On the part of the zone around the contact, if there is one; on the whole if that has nothing left to say."""
     point, part = memory.point, memory.inset
     if part is not None:
-        return _on_whole(problem, memory, part) if point.violation <= memory.enough else memory
+        return _on_whole(problem, memory, part) if point.judged <= memory.enough else memory
     if not memory.insets or not point.merit < NEAR:
         return memory
     part = inset(problem, point.load.any(axis=1) | (point.trial[:, 2] < 0.0))
@@ -176,7 +182,7 @@ def _placed(problem: ContactProblem, memory: _Memory) -> _Memory:
         return memory if has_parts(problem) else replace(memory, insets=0)
     kept = part.kept
     nodes = (point.load[kept], point.ahead[kept], point.closed[kept], point.grazing[kept])
-    within = part.equation.beside(*nodes, point.motion)
+    within = replace(part.equation.beside(*nodes, point.motion), rounded=point.rounded)
     flips = memory.flips[kept]
     return replace(memory, point=within, flips=flips, inverse=None, inset=part, unseen=True, insets=memory.insets - 1)
 
@@ -190,11 +196,10 @@ def _on_whole(problem: ContactProblem, memory: _Memory, part: Inset) -> _Memory:
 
 
 def _looked_beside(problem: ContactProblem, memory: _Memory) -> _Memory:
-    """On the whole zone if there is contact beside the part, which is looked at when the contact is known and when the
-    part has nothing left to say."""
+    """On the whole zone if there is contact beside the part, which is looked at once, when the contact is known, unless
+    a coarser grid did: what begins to touch later is found when the part has nothing left to say."""
     part, point = memory.inset, memory.point
-    known = memory.unseen and point.merit < COARSE
-    if part is None or not (known or point.violation <= memory.enough):
+    if part is None or not (memory.unseen and point.merit < COARSE):
         return memory
     return _on_whole(problem, memory, part) if part.spilt(point) else replace(memory, unseen=False)
 
@@ -217,10 +222,10 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
 
     If nothing conducts, there is tension where the contact is open: it would keep apart what conduction draws together.
     """
-    solver, (least, most) = SemismoothNewton(), COARSE_STEPS
+    solver = SemismoothNewton()
     iterate, steps = solver.init(problem, None), 0
-    while steps < least or _memory(iterate).point.merit > COARSE:
-        if steps == most or _hopeless(problem, iterate):
+    while _memory(iterate).point.merit > COARSE:
+        if steps == COARSE_STEPS or _hopeless(problem, iterate):
             return None
         iterate, steps = solver.step(problem, iterate), steps + 1
     if not iterate.load.any():
@@ -232,7 +237,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     if part is not None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
         gap[part.kept] = around
-    return replace(iterate, load=tensed(iterate.load, gap, problem.system.diagonal_blocks()[:, 2, 2]))
+    return replace(iterate, load=tensed(iterate.load, gap, problem.system.own_response((2,))[:, 0]))
 
 
 def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:
@@ -267,7 +272,7 @@ def _memory(iterate: Iterate) -> _Memory:
 def _iterate(memory: _Memory) -> Iterate:
     """The iterate; where products are dear, with the violation of the laws that the equation knows of."""
     point, part = memory.point, memory.inset
-    estimate = point.violation if _matrixless(point.equation.problem) else None
+    estimate = point.judged if _matrixless(point.equation.problem) else None
     load, closed = point.load, np.clip(point.closed, 0.0, 1.0)
     if part is not None:
         load, closed = part.spread(load), part.spread(closed)

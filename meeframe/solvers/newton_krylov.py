@@ -75,16 +75,18 @@ def krylov_step(
 
     def bordered(product: Linear) -> Linear:
         def multiply(values: Array) -> Array:
-            loads, amounts = values[:size], values[size:]
-            left = product(loads) - (border.motions @ amounts) @ columns
-            return np.concatenate([left, weight * border.resultants(loads)])
+            loads, amounts, whole = values[:size], values[size:], np.empty_like(values)
+            np.subtract(product(loads), (border.motions @ amounts) @ columns, out=whole[:size])
+            whole[size:] = weight * border.resultants(loads)
+            return whole
 
         return multiply
 
     def solve(values: Array) -> Array:
-        loads = precondition(values[:size])
-        amounts = (values[size:] / weight - border.resultants(loads)) / border.stiffness
-        return np.concatenate([loads + (border.motions @ amounts) @ inverse.responses, amounts])
+        loads, whole = precondition(values[:size]), np.empty_like(values)
+        whole[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+        np.add(loads, (border.motions @ whole[size:]) @ inverse.responses, out=whole[:size])
+        return whole
 
     product = bordered(multiplication)
     image: Linear | None = None

@@ -47,6 +47,11 @@ class Inset:
         return bool((indenter_field(self.whole, 2, point.motion) < moved)[beside].any())
 
 
+def kept_nodes(problem: ContactProblem, part: Inset | None) -> Indices:
+    """Nodes of a problem's zone that a part of it has; all of them without one."""
+    return np.arange(len(problem.gap)) if part is None else part.kept
+
+
 def has_parts(problem: ContactProblem) -> bool:
     """Whether there may be an inset of another contact: the law is the same at all nodes, and a node has a part."""
     return same_everywhere(problem.contact_law, len(problem.gap)) and problem.system.within(np.arange(1)) is not None

@@ -36,7 +36,7 @@ from meeframe.core.law import (
     lawful_traction,
     traction_tangents,
 )
-from meeframe.solvers.conduction import Mask, follows_gap
+from meeframe.solvers.conduction import Mask, follows_gap, switch
 from meeframe.solvers.floating import POTENTIALS
 from meeframe.solvers.node_blocks import NodeBlocks
 from meeframe.solvers.scales import Scales, motion_scales, problem_scales
@@ -48,8 +48,10 @@ FARTHEST: Final = 4.0
 """A step moves the indenter at most so many times farther than it is: where all slips nothing else would stop it."""
 NARROWEST: Final = 1e-12
 """Fraction of the characteristic pressure over which a grazing node at least passes from open to closed."""
-FAR: Final = 1e-4
-"""Violation of the laws above which what a change of the load causes is found in single precision, without a matrix."""
+ROUNDED: Final = 1e-6
+"""Of the largest response to a change of the load: roughly how far it is off in single precision, at most."""
+UNNOTICED: Final = 0.1
+"""Of the violation of the laws: what round-off adds to it by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +109,12 @@ class Equation:
     def strongest(self) -> Array:
         """Magnitudes (5, 5) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
+
+    @property
+    def weighed(self) -> Array:
+        """Displacements (5,) that count as one in the rows of the equation."""
+        contact = self.scales.pressure / self.r
+        return np.array([contact, contact, contact, *self.scales.displacement[POTENTIALS]])
 
     @cached_property
     def transmissivity(self) -> Transmissivity:
@@ -176,7 +184,8 @@ class Point:
     load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; ahead: (n, 5) of
     the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference between closed
     and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of
-    the closed fraction; residual: (n, 6) and balance: (m,), dimensionless.
+    the closed fraction; residual: (n, 6) and balance: (m,), dimensionless; rounded: roughly
+    how far the residual may be off, at most, by what single precision has left out.
     """
 
     equation: Equation
@@ -193,24 +202,29 @@ class Point:
     switch: Array
     residual: Array
     balance: Array
+    rounded: float = 0.0
 
     def moved(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
-        """The equation at another load (n, 5) and motion (m,): as Equation.at, but by what changes where the laws are
-        far from satisfied both here and there."""
+        """The equation at another load (n, 5) and motion (m,): as Equation.at, but without a matrix by what changes, in
+        single precision as long as that does not count."""
         equation, problem = self.equation, self.equation.problem
-        if problem.system.dense() is not None or self.violation < FAR:
+        if problem.system.dense() is not None:
             return equation.at(load, closed, grazing, motion)
         load = np.asfortranarray(load)
         change: Array = np.subtract(load, self.load).T  # before it is rounded
         loaded = np.flatnonzero(change.any(axis=1)).tolist()
-        rounded: AnyArray = change[loaded].astype(np.float32)
-        ahead = self.ahead - problem.system.block_response(rounded.T, loaded, range(N_FIELDS))
+        single: AnyArray = change[loaded].astype(np.float32)
+        response = problem.system.block_response(single.T, loaded, range(N_FIELDS))
+        farthest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
+        rounded = self.rounded + ROUNDED * float((farthest / equation.weighed).max())
+        ahead = self.ahead - response
         for freedom, amount in zip(problem.freedoms, motion - self.motion, strict=True):
             for field in freedom.moved:
                 ahead[:, field] += amount * freedom.mode[:, field]
         found = equation.beside(load, ahead, closed, grazing, motion)
-        # errors of many changes add up
-        return equation.at(load, closed, grazing, motion) if found.violation < FAR else found
+        if rounded < UNNOTICED * found.violation:
+            return replace(found, rounded=rounded)
+        return equation.at(load, closed, grazing, motion)
 
     def regrazed(self, closed: Array, grazing: Mask) -> "Point":
         """The equation at the same load with other closed fractions (n,), of the nodes (n,) that graze."""
@@ -243,17 +257,29 @@ class Point:
         """Nodes (n,) that have opened or closed since a point before, where that changes the conduction."""
         return np.asarray(((self.closed > 0.0) != (before.closed > 0.0)) & self.jump.any(axis=1))
 
-    @property
+    @cached_property
     def merit(self) -> float:
         """Root of the mean square of the residual over the nodes and that of the balance; inf if it is not finite."""
         square = (self.residual**2).sum() / max(self.equation.count, 1) + (self.balance**2).sum()
         merit = float(np.sqrt(square))
         return merit if np.isfinite(merit) else np.inf
 
-    @property
+    @cached_property
     def violation(self) -> float:
         """Largest part of the residual or the balance."""
         return float(max(np.abs(part).max(initial=0.0) for part in (self.residual, self.balance)))
+
+    @cached_property
+    def judged(self) -> float:
+        """The violation as meeframe.solvers.residual has it: what flux leaves of a drop of the potentials counts as if
+        the body were as compliant as the contact is wide, not as a node is, and closed fractions by themselves."""
+        scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
+        compliance = np.diag(scales.compliance)[POTENTIALS]
+        conducted = compliance / (compliance * share + self.equation.own * (1.0 - share))
+        left = np.abs(self.residual[:, POTENTIALS] * conducted).max(initial=0.0)
+        closed = np.clip(self.closed[at], 0.0, 1.0)
+        off = np.abs(closed - switch(closed, self.trial[at, 2], scales.pressure)).max(initial=0.0)
+        return float(max(self.violation, left, off))
 
     def _trial_by_fraction(self) -> Array:
         """The trial (n, 3) at which the laws are linearised: a grazing node whose fraction is at an end is pressed or
@@ -288,7 +314,7 @@ class Point:
         by_trial, by_gap = traction_tangents(law, trial, gap, r, between)
         other = np.flatnonzero(trial[:, 2] != self.trial[:, 2])
         if other.size:  # what the linearisation there says at the trial that there is
-            off = by_trial[other, :, 2] * (self.trial - trial)[other, 2:]
+            off = by_trial[other, :, 2] * (self.trial[other, 2:] - trial[other, 2:])
             left = self.load[other, MECHANICAL] - lawful_traction(law, trial, gap, r)[other] - off
             residual[other, MECHANICAL] = left / scales.pressure
         a, b = dict[tuple[int, int], Array](), dict[tuple[int, int], Array]()

@@ -18,7 +18,7 @@ from meeframe.elements import Quad4
 from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.materials import library_material
-from meeframe.solvers import Limits, SemismoothNewton, newton, solve
+from meeframe.solvers import Limits, SemismoothNewton, newton_coarse, solve
 from meeframe.solvers.nonsmooth import Equation, Point
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.half_space import indentation_problem
@@ -147,7 +147,8 @@ def interpolated(monkeypatch: pytest.MonkeyPatch) -> Callable[[ContactProblem], 
             return point
 
         with monkeypatch.context() as without:
-            without.setattr(newton, "relaxed_slip", kept)
+            without.setattr(newton_coarse, "relaxed_slip", kept)
+            without.setattr(newton_coarse, "corrected", lambda point, *_: point)
             SemismoothNewton().init(problem, None)
         return seen[-1]
 

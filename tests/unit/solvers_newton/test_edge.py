@@ -8,7 +8,7 @@ import pytest
 from meeframe_laws.conductivity import PowerLaw
 from scipy.spatial.distance import cdist
 
-import meeframe.solvers.newton as newton_module
+import meeframe.solvers.newton_coarse as coarse_module
 import meeframe.solvers.newton_edge as edge_module
 import meeframe.solvers.newton_moves as moves_module
 from meeframe.core.contact import ContactProblem, ContactState, Iterate, Status
@@ -111,7 +111,7 @@ def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPa
 
     problems = [conducting(n, 0.3, IsotropicCoulomb(MU)) for n in (81, 96, 113, 129)]
     fewer = sum(steps(problem) for problem in problems)
-    monkeypatch.setattr(newton_module, "relaxed_edge", lambda point: point)
+    monkeypatch.setattr(coarse_module, "relaxed_edge", lambda point: point)
     monkeypatch.setattr(moves_module, "relaxed_where_switched", lambda before, moved: moved)
     assert fewer < 0.85 * sum(steps(problem) for problem in problems)
 

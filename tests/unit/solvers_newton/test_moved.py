@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from meeframe.core.contact import AT_REST, Freedom
-from meeframe.core.law import ContactLaw
-from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import Limits, SemismoothNewton, solve
 from meeframe.solvers.newton_steps import newton_step
-from meeframe.solvers.nonsmooth import FAR, Equation, Point
+from meeframe.solvers.nonsmooth import UNNOTICED, Equation, Point
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -41,7 +41,6 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
     """However small it is beside the load; the freedoms' part of it to the last digits."""
     problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
     point, random = far_off(problem), np.random.default_rng(1)
-    assert point.violation > FAR
     n, units = len(point.load), point.equation.units
     grazing, closed = np.arange(n) % 5 == 0, random.random(n)
     change = size * point.equation.scales.load * random.normal(size=(n, 5))
@@ -57,6 +56,7 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
         assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
     for name in ("load", "closed", "grazing", "motion", "balance"):
         np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
+    assert 0.0 < moved.rounded < UNNOTICED * moved.violation
     allowed = 1e4 * SINGLE * size + 1e-10
     np.testing.assert_allclose(
         moved.residual, expected.residual, rtol=0, atol=allowed * np.abs(expected.residual).max()
@@ -77,17 +77,55 @@ def test_motions_alone_are_exact(conducting) -> None:
         assert (np.abs(moved.ahead - expected.ahead) <= 1e-13 * scale).all()
 
 
-def test_near_a_solution_and_with_a_matrix_all_digits_count(conducting, at_solution, sphere) -> None:
-    near = at_solution(conducting(64, 0.3, IsotropicCoulomb(MU)))
-    held = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
-    assert near.violation < FAR < held.violation
-    for point in (near, held):
-        load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
-        moved, expected = (
-            ask(load, point.closed, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
-        )
-        np.testing.assert_array_equal(moved.ahead, expected.ahead)
-        np.testing.assert_array_equal(moved.residual, expected.residual)
+def test_with_a_matrix_all_digits_count(sphere) -> None:
+    point = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
+    load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
+    moved, expected = (
+        ask(load, point.closed, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
+    )
+    np.testing.assert_array_equal(moved.ahead, expected.ahead)
+    np.testing.assert_array_equal(moved.residual, expected.residual)
+    assert moved.rounded == 0.0
+
+
+def check_rounded(moved: Point, expected: Point) -> float:
+    """What is left out is no more than is said, and too little to matter; how much it is of what is said."""
+    off = float(np.abs(moved.residual - expected.residual).max())
+    assert off <= moved.rounded + 1e-13
+    assert off <= UNNOTICED * expected.violation
+    np.testing.assert_array_equal(moved.balance, expected.balance)
+    return off / moved.rounded if moved.rounded else 0.0
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)])
+@pytest.mark.parametrize("flux", [StepConductivity(np.inf), StepConductivity(1e-9), Insulating()])
+def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityLaw, conducting, at_solution) -> None:
+    """Larger and smaller ones beside a solution: it adds up, and what is said of it is not far too much."""
+    problem = conducting(48, 0.3, law, flux, dragged=(3e-7, 1e-7))
+    solution, random = at_solution(problem), np.random.default_rng(3)
+    point, shares = solution, []
+    for size in (1e-1, 1e-6, 1e-2, 1.0, 1e-4, 1e-3, 1e-2, 1e-5):
+        load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
+        load[:, :3] = law.project(load[:, :3])
+        before = point.rounded
+        point = point.moved(load, solution.closed, solution.grazing, solution.motion)
+        shares.append(check_rounded(point, point.equation.at(load, point.closed, point.grazing, point.motion)))
+        assert point.rounded == 0.0 or point.rounded > before
+    assert max(shares) > 1e-3
+
+
+def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> None:
+    """A step that ends at the solution is exact, wherever it began."""
+    solution = at_solution(conducting(48, 0.3, IsotropicCoulomb(MU)))
+    random = np.random.default_rng(2)
+    nodes = solution.closed, solution.grazing, solution.motion
+    for size in (1.0, 1e-2, 1e-4):
+        load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
+        beside = solution.moved(load, *nodes)
+        assert beside.rounded > 0.0
+        moved = beside.moved(solution.load, *nodes)
+        assert moved.rounded == 0.0
+        np.testing.assert_array_equal(moved.residual, solution.equation.at(solution.load, *nodes).residual)
 
 
 def beyond(point: Point, node: int, end: float, share: float) -> Point:

@@ -12,6 +12,7 @@ from meeframe.core.body import Body
 from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Status
 from meeframe.core.fields import Array
 from meeframe.core.formulation import ReducedSystem
+from meeframe.core.law import ContactLaw
 from meeframe.core.mesh import Indices
 from meeframe.core.pair import pair
 from meeframe.elements import Quad4
@@ -21,10 +22,11 @@ from meeframe.materials import Material, library_material
 from meeframe.solvers import Limits, SemismoothNewton, newton, solve
 from meeframe.solvers.conduction import Mask
 from meeframe.solvers.edges import resolved
+from meeframe.solvers.nested import coarse_problem
 from meeframe.solvers.newton_part import Inset, inset
 from meeframe.solvers.newton_steps import Step
 from meeframe.solvers.nonsmooth import Equation, Point
-from meeframe.solvers.residual import evaluate, law_residual
+from meeframe.solvers.residual import law_residual
 from meeframe.solvers.scales import problem_scales
 from meeframe.testing.counted import Counted
 
@@ -144,23 +146,56 @@ def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     check_alike(found, solutions(problem, monkeypatch)[1])
 
 
-def test_contact_beside_a_part_that_shows_late_is_found_with_the_solution_there(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Though nothing was beside it when it was looked at first."""
+def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though nobody looks beside it on a grid whose start comes from a coarser one."""
     problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
-    spilt, first = Inset.spilt, [False]
-    monkeypatch.setattr(newton, "inset", halved)
-    monkeypatch.setattr(
-        Inset, "spilt", lambda part, point: first.pop() if first and part.whole is problem else spilt(part, point)
-    )
-    solver, solved = SemismoothNewton(), False
-    iterate = solver.init(problem, None)
-    while not solved:
-        iterate = solver.step(problem, iterate)
-        solved = newton._memory(iterate).point.violation <= newton.ENOUGH * LIMITS.tolerance
-    assert not first
-    assert law_residual(problem, evaluate(problem, iterate), problem_scales(problem)) <= LIMITS.tolerance
+    spilt, solved = Inset.spilt, list[bool]()
+
+    def elsewhere(part: Inset, point: Point) -> bool:
+        assert part.whole is not problem
+        return spilt(part, point)
+
+    solver = SemismoothNewton()
+    with monkeypatch.context() as given:
+        given.setattr(newton, "inset", halved)
+        given.setattr(Inset, "spilt", elsewhere)
+        iterate = solver.aimed(solver.init(problem, None), LIMITS.tolerance)
+        memory = newton._memory(iterate)
+        assert memory.inset is not None
+        while memory.inset is not None and len(solved) < 20:
+            solved.append(memory.point.judged <= memory.enough)
+            if solved[-1]:
+                assert spilt(memory.inset, memory.point)
+            iterate = solver.step(problem, iterate)
+            memory = newton._memory(iterate)
+        assert solved[-1]
+        assert not any(solved[:-1])
+    with monkeypatch.context() as given:
+        given.setattr(newton, "inset", halved)
+        found = solve(problem, solver, LIMITS)
+    check_alike(found, solutions(problem, monkeypatch)[1])
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
+def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
+    law: ContactLaw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The coarser grid does not see it, and the part does not hold it."""
+    smooth = sphere(half_space(), (0.05, -0.1), contact_law=law)
+    coarse = coarse_problem(smooth)
+    assert coarse is not None
+    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.kept)
+    place = WIDTH * np.array([-0.36, 0.35])
+    node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
+    bump = np.arange(len(smooth.gap)) == node
+    problem = replace(smooth, gap=np.where(bump, 0.6 * smooth.gap.min(), smooth.gap))
+    started = newton._memory(SemismoothNewton().init(problem, None))
+    assert started.inset is not None
+    assert node not in started.inset.kept
+    found, whole = solutions(problem, monkeypatch)
+    check_alike(found, whole)
+    assert found.state.load[node, 2] < 0.0
+    assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
 def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,7 +203,10 @@ def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(newton, "inset", halved)
     solver = SemismoothNewton()
     iterate = solver.init(problem, None)
-    assert newton._memory(iterate).inset is not None
+    memory = newton._memory(iterate)
+    assert memory.inset is not None
+    assert not memory.unseen  # a coarser grid gave the start
+    iterate = replace(iterate, memory=replace(memory, unseen=True))
     monkeypatch.setattr(newton, "FALL", 0.0)  # no fraction of a step is enough
     for _ in range(newton.LEAPS):
         iterate = solver.step(problem, iterate)
