@@ -38,7 +38,7 @@ def remark_on_snapping(system: ReducedSystem, law: ContactLaw, step: StepResult)
     """
     if not attracts(law) or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED * np.abs(step.traction).max():
         return
-    ratio = steepest_fall(law) * float(system.diagonal_blocks()[:, 2, 2].max())
+    ratio = steepest_fall(law) * float(system.own_response((2,)).max())
     if ratio <= 1.0:
         return
     size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))

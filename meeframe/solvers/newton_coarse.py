@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import indenter_position, unbalance
+from meeframe.core.contact import unbalance
 from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS
 from meeframe.core.mesh import Indices
 from meeframe.solvers.nested import Coarse
@@ -65,8 +65,8 @@ def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equati
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)
     grazing, closed = same & point.grazing[at], np.where(same, point.closed[at], 0.0)
-    ahead = indenter_position(problem, point.motion) - problem.system.offset - problem.system.apply(load)
-    moved = np.zeros(ahead.T.shape).T
+    ahead = below.ahead(load, point.motion)
+    moved = np.zeros_like(ahead)
     np.subtract(point.ahead[at], ahead, out=moved, where=same[:, None] & np.isfinite(ahead))
     missing = unbalance(problem, load) - point.balance * point.equation.scales.totals
     freedoms = (replace(free, total=free.total + by) for free, by in zip(problem.freedoms, missing, strict=True))

@@ -127,10 +127,14 @@ class Equation:
         closed: (n,) what grazing nodes (n,) have, that of the others follows.
         """
         load = np.asfortranarray(load)
+        return self.beside(load, self.ahead(load, motion), closed, grazing, motion)
+
+    def ahead(self, load: Array, motion: Array) -> Array:
+        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,)."""
         ahead = indenter_position(self.problem, motion)
         ahead -= self.problem.system.offset
         ahead -= self.problem.system.apply(load)
-        return self.beside(load, ahead, closed, grazing, motion)
+        return ahead
 
     def beside(self, load: Array, ahead: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """As `at`, with the indenter known to be (n, 5) ahead of the body."""
@@ -184,8 +188,8 @@ class Point:
     load: (n, 5); closed: (n,), of grazing nodes not confined to [0, 1]; motion: (m,) of the freedoms; ahead: (n, 5) of
     the indenter over the body; trial: (n, 3) [Pa]; transmissivity: (n, 2); jump: (n, 2) its difference between closed
     and open; drive: (n, 2) potential difference less own f [V], [A]; sigma: (n,) [Pa] and switch: (n,) of the row of
-    the closed fraction; residual: (n, 6) and balance: (m,), dimensionless; rounded: roughly
-    how far the residual may be off, at most, by what single precision has left out.
+    the closed fraction; residual: (n, 6) and balance: (m,), dimensionless; rounded: roughly how far the
+    residual may be off, at most, by what single precision has left out.
     """
 
     equation: Equation

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import Array
+from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.formulation import ReducedSystem
 
 ROUND_OFF: Final = 1e-9
@@ -13,7 +13,7 @@ LOADS: Final = 6
 
 def typical_load(system: ReducedSystem) -> Array:
     """Sizes (5,) of loads whose own displacements do work alike."""
-    own: Array = np.einsum("naa->na", system.diagonal_blocks()).mean(axis=0)
+    own: Array = system.own_response(range(N_FIELDS)).mean(axis=0)
     return 1.0 / np.sqrt(np.abs(own))
 
 
