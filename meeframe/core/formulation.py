@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,10 @@ from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
 
 AnyArray = NDArray[Any]
+BlockResponse = Callable[[Array, Sequence[int], Sequence[int]], Array]
+"""Displacements (n, k) in k fields, of loads (n, l), the fields l of the loads, and k: see ReducedSystem."""
+ROUGH: Final = 1e-4
+"""Of the largest response in a field: how far a rough one is off, at most."""
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the fraction of it that is done."""
 
@@ -89,6 +93,14 @@ class ReducedSystem(ABC):
         whole = np.zeros((N_FIELDS, len(load))).T
         whole[:, list(loaded)] = load
         return self.response(whole, fields)
+
+    def rough_response(self) -> BlockResponse | None:
+        """As block_response, in single precision and off by up to ROUGH of what it is, where that is cheaper, else
+        None.
+
+        Linear. Solvers find steps with it: it changes how many they take, never what they find.
+        """
+        return None
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """Loads (n, k) of the given k fields alone that roughly cause displacements (n, k) in them; None if unknown.

@@ -25,6 +25,8 @@ ROUND_OFF: Final = 10.0
 """So many times the round-off of a vector its products with others are off."""
 SINGLE: Final = 3e-5
 """Tolerance from which on single precision serves."""
+ROUGHLY: Final = 5e-4
+"""Tolerance from which on rough responses of the system serve."""
 LEAST_BESIDE: Final = 1e-3
 """Of what is given of a step: a right-hand side far below it is not solved to so much less."""
 UNNOTICED: Final = 0.1
@@ -66,7 +68,7 @@ def krylov_step(
     right = rows.chosen(-blocks.residual).astype(rows.precision)
     if not (np.isfinite(given).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
         raise LinAlgError("equations of what is no number")
-    multiplication, columns = rows.multiplication(), rows.lifted(equation.modes)
+    multiplication, columns = rows.multiplication(tolerance >= ROUGHLY), rows.lifted(equation.modes)
     inverse = Inverse.of(rows, columns, before)
     precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
     balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])

@@ -115,10 +115,11 @@ class Rows:
                 image[place, some] += np.where(self.coupled[place, some], own, 0.0)
         return image.ravel()
 
-    def multiplication(self) -> Linear:
-        """Product (r c,) of the equations with unknowns (r c,)."""
+    def multiplication(self, roughly: bool = False) -> Linear:
+        """Product (r c,) of the equations with unknowns (r c,); roughly: by rough responses of the system."""
         a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
+        response = (system.rough_response() if roughly else None) or system.block_response
         units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 
@@ -126,7 +127,7 @@ class Rows:
             unknowns = values.reshape(self.coupled.shape)
             spread(unknowns, units, self.nodes, load)
             product = a.times(unknowns)
-            b.add_at(system.block_response(load.T, fields, self.asked).T, self.nodes, product)
+            b.add_at(response(load.T, fields, self.asked).T, self.nodes, product)
             return product.ravel()
 
         return multiply

@@ -26,7 +26,7 @@ import numpy as np
 
 from meeframe.core.contact import ContactProblem, indenter_position, unbalance
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import AnyArray
+from meeframe.core.formulation import ROUGH, AnyArray
 from meeframe.core.law import (
     attraction_slope,
     attracts,
@@ -218,9 +218,10 @@ class Point:
         change: Array = np.subtract(load, self.load).T  # before it is rounded
         loaded = np.flatnonzero(change.any(axis=1)).tolist()
         single: AnyArray = change[loaded].astype(np.float32)
-        response = problem.system.block_response(single.T, loaded, range(N_FIELDS))
+        rough = problem.system.rough_response()
+        response = (rough or problem.system.block_response)(single.T, loaded, range(N_FIELDS))
         farthest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
-        rounded = self.rounded + ROUNDED * float((farthest / equation.weighed).max())
+        rounded = self.rounded + (ROUGH if rough else ROUNDED) * float((farthest / equation.weighed).max())
         ahead = self.ahead - response
         for freedom, amount in zip(problem.freedoms, motion - self.motion, strict=True):
             for field in freedom.moved:

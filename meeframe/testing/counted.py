@@ -5,15 +5,25 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
+from meeframe.core.formulation import (
+    BlockResponse,
+    Coarsening,
+    Edges,
+    Extension,
+    NodalFields,
+    Part,
+    ReducedSystem,
+    Rim,
+    Stencil,
+)
 from meeframe.core.mesh import Indices
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Counted(ReducedSystem):
-    """A reduced system that counts its products; without approximate inverse, extension, stencil, coarser division
-    and parts if not `helped`.
+    """A reduced system that counts its products; without approximate inverse, extension, stencil, rough responses,
+    coarser division and parts if not `helped`.
 
     products: one entry for each.
     """
@@ -41,6 +51,18 @@ class Counted(ReducedSystem):
         """See ReducedSystem."""
         self.products.append(None)
         return self.inner.block_response(load, loaded, fields)
+
+    def rough_response(self) -> BlockResponse | None:
+        """See ReducedSystem."""
+        rough = self.inner.rough_response() if self.helped else None
+        if rough is None:
+            return None
+
+        def counted(load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+            self.products.append(None)
+            return rough(load, loaded, fields)
+
+        return counted
 
     def diagonal_blocks(self) -> Array:
         """See ReducedSystem."""

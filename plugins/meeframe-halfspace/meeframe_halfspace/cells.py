@@ -56,15 +56,17 @@ def near_size(spacing: tuple[float, float], size: tuple[int, int]) -> tuple[int,
 
 
 def far_table(
-    response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int], entry: int
+    response: PointResponse, spacing: tuple[float, float], shape: Shape, size: tuple[int, int], entry: int, hop: int = 1
 ) -> Array:
     """One entry of `cell_table`, (nx, 2 ny - 1), right but near the cell (`near_size`).
 
     Samples at the nodes add up to the integral over a density with weights that are exact for polynomials.
+    hop: of every hop-th of the offsets alone, to half as many digits if that is not each.
     """
     nx, ny = size
     coefficients, odd = response.entry(entry)
-    steps, weights, parity = np.array(spacing), _node_weights(shape), mirrored(coefficients)
+    steps, parity = hop * np.array(spacing), mirrored(coefficients)
+    weights = _node_weights(shape, _REACH if hop == 1 else 1, hop)
     middle = 0 if parity else ny - 1
     part = np.empty((nx, middle + ny))
 
@@ -108,12 +110,14 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
     return tables, thresholds
 
 
-@lru_cache(maxsize=2)
-def _node_weights(shape: Shape) -> Array:
-    """Weights (2 _REACH + 1,) of values at nodes in their integral over the density about the middle one."""
-    powers = 2 * np.arange(_REACH + 1)
+@lru_cache(maxsize=4)
+def _node_weights(shape: Shape, reach: int, hop: int) -> Array:
+    """Weights (2 reach + 1,) of values at every hop-th node in their integral over the density about the middle one,
+    in units of hop spacings."""
+    powers = 2 * np.arange(reach + 1)
     moments = 0.5**powers / (powers + 1.0) if shape == "constant" else 2.0 / ((powers + 1.0) * (powers + 2.0))
-    values = np.arange(_REACH + 1.0)[None, :] ** powers[:, None]
+    moments = moments / float(hop) ** (powers + 1)
+    values = np.arange(reach + 1.0)[None, :] ** powers[:, None]
     half = np.linalg.solve(values, moments)  # of the middle one, and of both nodes at each distance
     half[1:] /= 2.0
     return np.concatenate([half[:0:-1], half])

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, Final, final
+from typing import TYPE_CHECKING, Any, Final, final
 
 import numba
 import numpy as np
@@ -17,8 +17,12 @@ from meeframe.core.mesh import Indices
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER
 
+if TYPE_CHECKING:
+    from meeframe_halfspace.two_grids import TwoGrids
+
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
+DOUBLE: Final = np.dtype(np.float64)
 REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
 IMAGINARY: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
 """Entries (5, 5) of the symbol that are real and imaginary part of its matrix, the latter but on the diagonal, ..."""
@@ -44,10 +48,12 @@ _MAKING: Final = threading.RLock()
 class Symbol:
     """The 25 entries of a symbol, made when they are asked for; threads may share it.
 
-    make: one of them, (px // 2 + 1, py), real; None if it is zero. What was made is not pickled.
+    make: one of them, (px // 2 + 1, py), real; None if it is zero; precision: in which it does. What was made is not
+    pickled.
     """
 
     make: Callable[[int], Array | None]
+    precision: np.dtype[Any] = DOUBLE
     _kept: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
     _known: dict[np.dtype[Any], dict[int, bool]] = field(default_factory=dict, init=False, repr=False)
 
@@ -60,7 +66,7 @@ class Symbol:
         return symbol
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "_kept": {}, "_known": {}}
+        return {"make": self.make, "precision": self.precision, "_kept": {}, "_known": {}}
 
     def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, bool]]:
         """Entries (25, px // 2 + 1, py) of which these are made, and which of them are not zero.
@@ -77,11 +83,11 @@ class Symbol:
 
     def _enter(self, number: int, precision: np.dtype[Any]) -> bool:
         """Make one entry; whether it is not zero."""
-        if precision == np.float64:
+        if precision == self.precision:
             whole = self.make(number)
         else:
-            double, known = self.entries([number], np.dtype(np.float64))
-            whole = double[number] if known[number] else None
+            made, known = self.entries([number], self.precision)
+            whole = made[number] if known[number] else None
         if whole is None:
             return False
         if precision not in self._kept:
@@ -106,7 +112,8 @@ class Convolution:
 
     symbol: its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
     (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
-    Padded with zeros to twice its size, the grid stands free.
+    Padded with zeros to twice its size, the grid stands free. rough: the same to a few digits where that takes less
+    time, else None.
 
     Loads are transformed along the first axis some columns at a time; along the second one, multiplied and transformed
     back some rows of the spectrum at a time.
@@ -116,6 +123,7 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
+    rough: "TwoGrids | None" = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     @property

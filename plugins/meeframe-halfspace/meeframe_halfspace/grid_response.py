@@ -70,22 +70,20 @@ class FreeGrid(GridResponse):
             return self.near
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
-    def symbol(self, number: int) -> Array | None:
-        """See GridResponse. By integration over the density around the node, exact but for round-off."""
-        coefficients, odd = self.response.entry(number)
-        if not len(coefficients):
+    def table(self, number: int) -> Array | None:
+        """One of the 25 entries of the response: see cell_table. None if it is zero."""
+        if not len(self.response.entry(number)[0]):
             return None
         table = far_table(self.response, self.spacing, self.shape, self.size, number)
         near = self._near[number]
         middle, reach = table.shape[1] // 2, near.shape[1] // 2
         table[: len(near), middle - reach : middle + reach + 1] = near
-        parity, mirror = (-1 if odd else 1), mirrored(coefficients)
-        if mirror:
-            return _folded(table[:, middle:], (parity * mirror, mirror), self.padded)
-        kernel = np.zeros(self.padded)
-        _wrap(kernel, table, float(parity))
-        spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
-        return np.ascontiguousarray(spectrum.imag if odd else spectrum.real)
+        return table
+
+    def symbol(self, number: int) -> Array | None:
+        """See GridResponse. By integration over the density around the node, exact but for round-off."""
+        table = self.table(number)
+        return None if table is None else free_symbol(table, *self.response.entry(number), self.padded)
 
     @property
     def own(self) -> Array:
@@ -181,6 +179,18 @@ def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
+def free_symbol(table: Array, coefficients: Array, odd: bool, padded: tuple[int, int]) -> Array:
+    """Entry (px // 2 + 1, py) of a symbol from its table as of cell_table, (nx, 2 ny - 1), and its series, see
+    PointResponse.entry; padded: (px, py), even."""
+    parity, mirror = (-1 if odd else 1), mirrored(coefficients)
+    if mirror:
+        return _folded(table[:, table.shape[1] // 2 :], (parity * mirror, mirror), padded)
+    kernel = np.zeros(padded, table.dtype)
+    _wrap(kernel, table, float(parity))
+    spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
+    return np.ascontiguousarray(spectrum.imag if odd else spectrum.real)
+
+
 def _wrap(kernel: Array, response: Array, parity: float) -> None:
     """Enter the response, (nx, 2 ny - 1), of offsets (i, j) and by parity (-i, -j), negative ones from the end."""
     nx, wide = response.shape
@@ -199,7 +209,7 @@ def _folded(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) 
     """
     (along, across), (px, py) = parities, padded
     half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
-    spectrum, middle = np.empty((px // 2 + 1, py)), py // 2
+    spectrum, middle = np.empty((px // 2 + 1, py), quarter.dtype), py // 2
     sign = -1 if along == across == -1 else 1  # i times i
     np.multiply(half, sign, out=spectrum[:, : middle + 1])
     np.multiply(half[:, middle - 1 : 0 : -1], sign * across, out=spectrum[:, middle + 1 :])

@@ -8,7 +8,17 @@ from typing import Final, final
 import numpy as np
 
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
+from meeframe.core.formulation import (
+    BlockResponse,
+    Coarsening,
+    Edges,
+    Extension,
+    NodalFields,
+    Part,
+    ReducedSystem,
+    Rim,
+    Stencil,
+)
 from meeframe.core.mesh import Indices
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
@@ -18,6 +28,7 @@ from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.response import entries_to_matrix
+from meeframe_halfspace.two_grids import TwoGrids, two_grids
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 """Of the potentials in a displacement of ReducedSystem."""
@@ -60,14 +71,23 @@ class HalfSpaceSystem(ReducedSystem):
         """See ReducedSystem."""
         return self._response(load.T, loaded, fields)
 
-    def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+    def rough_response(self) -> BlockResponse | None:
+        """See ReducedSystem: what is far by a coarser grid."""
+        rough = self.convolution.rough
+        if rough is None:
+            return None
+        return lambda load, loaded, fields: self._response(load.T, loaded, fields, rough)
+
+    def _response(
+        self, load: Array, loaded: Sequence[int], fields: Sequence[int], rough: TwoGrids | None = None
+    ) -> Array:
         """To the load (l, n) of l fields."""
         precision = np.result_type(load, np.float32)
         if self.convolution.periodic:
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter(self.convolution.response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter((rough or self.convolution).response(self.grid.place(load), loaded, fields))
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5), one entry after another."""
@@ -209,7 +229,8 @@ class HalfSpaceSystem(ReducedSystem):
 def convolution_of(response: GridResponse) -> Convolution:
     """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
     factors = response.response.factors
-    return Convolution(Symbol(response.symbol), response.size, response.padded, np.outer(factors * SIGNS, factors))
+    scale = np.outer(factors * SIGNS, factors)
+    return Convolution(Symbol(response.symbol), response.size, response.padded, scale, two_grids(response, scale))
 
 
 def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

@@ -1,0 +1,140 @@
+"""A convolution on a free grid to a few digits: what is near on the grid itself, the rest on a coarser one.
+
+The response K(theta)/r is cut in two by a factor that falls smoothly from one to zero within REACH spacings. What is
+near a node needs no more room beside the grid than that, instead of as much again as the grid is wide; the rest is
+smooth, so that every HOP-th node tells it: loads are gathered there by the transpose of the interpolation that takes
+its response back. Single precision: the error is mostly that, and some 1e-5 of the response to loads that are noise.
+Source: Ewald, Ann. Phys. 369 (1921) 253, on sums of 1/r by a near and a smooth part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb
+from typing import Final, final
+
+import numpy as np
+import scipy  # its parts load where they are used
+
+from meeframe.core.fields import Array
+from meeframe_halfspace.cells import far_table
+from meeframe_halfspace.convolution import Convolution, Symbol
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol
+from meeframe_halfspace.transfer import HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
+
+SINGLE: Final = np.dtype(np.float32)
+REACH: Final = 64
+"""Spacings that are near, or a few more if the transforms are not longer for it."""
+SMOOTH: Final = 4
+"""Derivatives of the factor without a jump, at the node and where it is zero."""
+WORTH: Final = 0.6
+"""Of the nodes of the padded grid at most: with more, two grids hardly take less time."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class TwoGrids:
+    """near: on the grid; far: on the coarse one."""
+
+    near: Convolution
+    far: Convolution
+
+    def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """See Convolution.response, but roughly and in single precision."""
+        load = load.astype(SINGLE, copy=False)
+        answer = self.near.response(load, loaded, fields)
+        _add_between(self.far.response(_gathered(load), loaded, fields), answer)
+        return answer
+
+
+def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
+    """Of a grid's response; scale: (5, 5), see Convolution. None if it would not take less time."""
+    if not isinstance(response, FreeGrid):
+        return None
+    (nx, ny), (px, py) = response.size, response.padded
+    padded = _fast(nx + REACH), _fast(ny + REACH)
+    if padded[0] * padded[1] > WORTH * px * py:
+        return None
+    size = coarse_count(nx), coarse_count(ny)
+    cut = _Cut(response, padded, size, (_fast(2 * size[0]), _fast(2 * size[1])))
+    near = Convolution(Symbol(cut.near, SINGLE), response.size, padded, scale)
+    return TwoGrids(near, Convolution(Symbol(cut.far, SINGLE), size, cut.coarse_padded, scale))
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """The response of a free grid in two parts, near on a grid of `padded` nodes, far on one of `coarse_padded`."""
+
+    response: FreeGrid
+    padded: tuple[int, int]
+    coarse: tuple[int, int]
+    coarse_padded: tuple[int, int]
+
+    @cached_property
+    def _reach(self) -> int:
+        return min(p - n for p, n in zip(self.padded, self.response.size, strict=True))
+
+    @cached_property
+    def _inner(self) -> FreeGrid:
+        nx, ny = self.response.size
+        return self.response.within((min(nx, self._reach), min(ny, self._reach)))
+
+    @cached_property
+    def _nearness(self) -> Array:
+        return _factor(self._inner.size, self._reach)
+
+    @cached_property
+    def _farness(self) -> Array:
+        return 1.0 - _factor(self.coarse, self._reach / HOP)
+
+    def near(self, number: int) -> Array | None:
+        """One entry of the symbol, see GridResponse."""
+        table = self._inner.table(number)
+        return None if table is None else self._symbol(number, table * self._nearness, self.padded)
+
+    def far(self, number: int) -> Array | None:
+        """One entry of the symbol of the coarse grid, see GridResponse."""
+        near, whole = self._inner.table(number), self.response
+        if near is None:
+            return None
+        table = far_table(whole.response, whole.spacing, whole.shape, self.coarse, number, HOP)
+        middle = near.shape[1] // 2
+        known = near[::HOP, middle % HOP :: HOP]
+        begin = self.coarse[1] - 1 - middle // HOP
+        table[: len(known), begin : begin + known.shape[1]] = known
+        return self._symbol(number, table * self._farness, self.coarse_padded)
+
+    def _symbol(self, number: int, table: Array, padded: tuple[int, int]) -> Array:
+        return free_symbol(table.astype(SINGLE), *self.response.response.entry(number), padded)
+
+
+def _gathered(fine: Array) -> Array:
+    """What `_add_between` takes from loads, transposed: (k, cx, cy) of fine (k, nx, ny)."""
+    return np.array([_along_first(_along_first(part).T).T for part in fine])
+
+
+def _along_first(fine: Array) -> Array:
+    coarse = np.zeros((coarse_count(len(fine)), fine.shape[1]), fine.dtype)
+    add_gathered(np.ascontiguousarray(fine), WEIGHTS, coarse)
+    return coarse
+
+
+def _add_between(coarse: Array, fine: Array) -> None:
+    """fine (k, nx, ny) += what is between nodes of coarse (k, cx, cy)."""
+    for few, many in zip(coarse, fine, strict=True):
+        across = np.zeros((many.shape[1], len(few)), many.dtype)
+        add_scattered(np.ascontiguousarray(few.T), WEIGHTS, across)
+        add_scattered(np.ascontiguousarray(across.T), WEIGHTS, many)
+
+
+def _fast(count: int) -> int:
+    """An even number of nodes, at least so many, with fast transforms."""
+    return 2 * int(scipy.fft.next_fast_len((count + 1) // 2, real=True))
+
+
+def _factor(size: tuple[int, int], reach: float) -> Array:
+    """From one to zero within so many spacings, at the offsets (nx, 2 ny - 1) of a table (cell_table)."""
+    along, across = np.arange(size[0]), np.arange(1 - size[1], size[1])
+    far = np.minimum(np.hypot(along[:, None], across) / reach, 1.0)
+    powers = [(-1) ** k * comb(SMOOTH + k, k) * comb(2 * SMOOTH + 1, SMOOTH - k) for k in range(SMOOTH + 1)]
+    return np.asarray(1.0 - far ** (SMOOTH + 1) * np.polyval(powers[::-1], far))
