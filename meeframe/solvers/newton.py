@@ -102,30 +102,7 @@ class SemismoothNewton(Solver):
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, the solution on a coarser system, or no load at all."""
-        n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
-        coarse = coarse_problem(problem) if start is None and insets else None
-        below = None if coarse is None else _coarse_solution(coarse.problem)
-        prolonged = None if below is None else nested_start(problem, lambda _: below)
-        start = start if prolonged is None else prolonged
-        closed, load = np.zeros(n) if start is None else start.closed, start_load(start, n)
-        motion = start_motion(problem, start)
-        part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
-        if part is not None:
-            point = part.equation.at(load[part.kept], closed[part.kept], _between(closed[part.kept]), motion)
-            insets -= 1
-        else:
-            point = Equation.of(problem).at(load, closed, _between(closed), motion)
-        # what attracts may hold where it is, so that it is not lifted off to find the contact anew
-        held = prolonged is not None or (start is not None and attracts(problem.contact_law))
-        if not held and (np.abs(point.balance) > BALANCED).any():
-            point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point))
-        flips, rise = np.zeros(len(point.load)), 1.0
-        if coarse is not None and below is not None:
-            known = _memory(below)
-            on_coarse = known.point.equation, kept_nodes(coarse.problem, known.inset)
-            point, rise = improved_start(point, kept_nodes(problem, part), coarse, *on_coarse), ROUGHENING
-        memory = _Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets)
-        return _iterate(replace(memory, unseen=prolonged is None))
+        return _begun(problem, start, 0.0)
 
     def aimed(self, iterate: Iterate, residual: float) -> Iterate:
         """See Solver."""
@@ -163,6 +140,34 @@ class SemismoothNewton(Solver):
         moved = _gradient_steps(problem, memory.point, memory.flips > FLIPS, memory.burst)
         burst = min(2 * memory.burst, LONGEST_BURST)
         return _iterate(replace(_anew(memory, moved, memory.flips), burst=burst))
+
+
+def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
+    """From where to iterate to that merit: see SemismoothNewton.init."""
+    n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
+    coarse = coarse_problem(problem) if start is None and insets else None
+    below = None if coarse is None else _coarse_solution(coarse.problem)
+    prolonged = None if below is None else nested_start(problem, lambda _: below)
+    start = start if prolonged is None else prolonged
+    closed, load = np.zeros(n) if start is None else start.closed, start_load(start, n)
+    motion = start_motion(problem, start)
+    part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
+    if part is not None:
+        point = part.equation.at(load[part.kept], closed[part.kept], _between(closed[part.kept]), motion, aim)
+        insets -= 1
+    else:
+        point = Equation.of(problem).at(load, closed, _between(closed), motion, aim)
+    # what attracts may hold where it is, so that it is not lifted off to find the contact anew
+    held = prolonged is not None or (start is not None and attracts(problem.contact_law))
+    if not held and (np.abs(point.balance) > BALANCED).any():
+        point = point.equation.at(point.load, closed, point.grazing, _moved_indenter(problem, point), aim)
+    flips, rise = np.zeros(len(point.load)), 1.0
+    if coarse is not None and below is not None:
+        known = _memory(below)
+        on_coarse = known.point.equation, kept_nodes(coarse.problem, known.inset)
+        point, rise = improved_start(point, kept_nodes(problem, part), coarse, *on_coarse), ROUGHENING
+    memory = _Memory(point, (rise * point.merit,), flips, leaps=leaps, inset=part, insets=insets)
+    return _iterate(replace(memory, unseen=prolonged is None))
 
 
 def _anew(memory: _Memory, point: Point, flips: Array) -> _Memory:
@@ -223,7 +228,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     If nothing conducts, there is tension where the contact is open: it would keep apart what conduction draws together.
     """
     solver = SemismoothNewton()
-    iterate, steps = solver.init(problem, None), 0
+    iterate, steps = _begun(problem, None, COARSE), 0
     while _memory(iterate).point.merit > COARSE:
         if steps == COARSE_STEPS or _hopeless(problem, iterate):
             return None

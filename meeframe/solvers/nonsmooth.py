@@ -20,7 +20,7 @@ of Uzawa's method would make; with r near the inverse of a node's own compliance
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -121,20 +121,33 @@ class Equation:
         """Of the contact."""
         return Transmissivity(self.problem, self.scales, self.own)
 
-    def at(self, load: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
+    def at(self, load: Array, closed: Array, grazing: Mask, motion: Array, aim: float = 0.0) -> "Point":
         """The equation at a load (n, 5) and motion (m,) of the freedoms.
 
-        closed: (n,) what grazing nodes (n,) have, that of the others follows.
+        closed: (n,) what grazing nodes (n,) have, that of the others follows; aim: the least violation that will matter
+        there: without a matrix, single precision serves if it tells that.
         """
         load = np.asfortranarray(load)
-        return self.beside(load, self.ahead(load, motion), closed, grazing, motion)
+        if aim and self.problem.system.dense() is None:
+            ahead, farthest = self.ahead(load, motion, np.float32)
+            if ROUNDED * farthest < UNNOTICED * aim:
+                return replace(self.beside(load, ahead, closed, grazing, motion), rounded=ROUNDED * farthest)
+        return self.beside(load, self.ahead(load, motion)[0], closed, grazing, motion)
 
-    def ahead(self, load: Array, motion: Array) -> Array:
-        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,)."""
+    def ahead(self, load: Array, motion: Array, precision: type[np.floating[Any]] = np.float64) -> tuple[Array, float]:
+        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,); how far that moves the
+        body, see farthest."""
+        system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
+        response = system.block_response(load.T[loaded].astype(precision, copy=False).T, loaded, range(N_FIELDS))
         ahead = indenter_position(self.problem, motion)
-        ahead -= self.problem.system.offset
-        ahead -= self.problem.system.apply(load)
-        return ahead
+        ahead -= system.offset
+        ahead -= response
+        return ahead, self.farthest(response)
+
+    def farthest(self, response: Array) -> float:
+        """The largest of displacements (n, 5), in those that count as one."""
+        largest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
+        return float((largest / self.weighed).max())
 
     def beside(self, load: Array, ahead: Array, closed: Array, grazing: Mask, motion: Array) -> "Point":
         """As `at`, with the indenter known to be (n, 5) ahead of the body."""
@@ -220,8 +233,7 @@ class Point:
         single: AnyArray = change[loaded].astype(np.float32)
         rough = problem.system.rough_response()
         response = (rough or problem.system.block_response)(single.T, loaded, range(N_FIELDS))
-        farthest = np.maximum(response.max(axis=0, initial=0.0), -response.min(axis=0, initial=0.0))
-        rounded = self.rounded + (ROUGH if rough else ROUNDED) * float((farthest / equation.weighed).max())
+        rounded = self.rounded + (ROUGH if rough else ROUNDED) * equation.farthest(response)
         ahead = self.ahead - response
         for freedom, amount in zip(problem.freedoms, motion - self.motion, strict=True):
             for field in freedom.moved:

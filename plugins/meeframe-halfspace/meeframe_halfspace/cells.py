@@ -1,8 +1,9 @@
 """Response of a regular grid to the load on one of its cells, integrated to round-off."""
 
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Final, Literal
 
 import numba
@@ -21,6 +22,8 @@ _ANGLES_PER_HARMONIC: Final = 200
 _ACCURACY: Final = 1e-13
 FAR: Final = 30.0
 """Spacings from a cell beyond which the response at nodes alone tells the integral over the density."""
+TABLES: Final = 2**25
+"""Bytes of tables that are made at once."""
 _REACH: Final = 4
 """Nodes on either side that tell it: exact of the ninth degree, an error like 48 / distance^10."""
 
@@ -60,21 +63,54 @@ def far_table(
 ) -> Array:
     """One entry of `cell_table`, (nx, 2 ny - 1), right but near the cell (`near_size`).
 
-    Samples at the nodes add up to the integral over a density with weights that are exact for polynomials.
     hop: of every hop-th of the offsets alone, to half as many digits if that is not each.
     """
+    for _, part in far_tables(response, spacing, shape, size, [entry], hop):
+        return unfolded(part, mirrored(response.entry(entry)[0]))
+    return np.zeros((size[0], 2 * size[1] - 1))
+
+
+def far_tables(
+    response: PointResponse,
+    spacing: tuple[float, float],
+    shape: Shape,
+    size: tuple[int, int],
+    entries: Iterable[int],
+    hop: int = 1,
+) -> Iterator[tuple[int, Array]]:
+    """Each of the entries that is not zero, and its `far_table`: that of offsets j >= 0 alone, (nx, ny), if the entry
+    is mirrored.
+
+    Samples at the nodes add up to the integral over a density with weights that are exact for polynomials. Entries
+    whose series have the same harmonics are made together.
+    """
     nx, ny = size
-    coefficients, odd = response.entry(entry)
-    steps, parity = hop * np.array(spacing), mirrored(coefficients)
-    weights = _node_weights(shape, _REACH if hop == 1 else 1, hop)
-    middle = 0 if parity else ny - 1
-    part = np.empty((nx, middle + ny))
+    steps, weights = hop * np.array(spacing), _node_weights(shape, _REACH if hop == 1 else 1, hop)
+    alike = defaultdict[tuple[bool, int], list[tuple[int, Array]]](list)
+    for entry in entries:
+        coefficients, odd = response.entry(entry)
+        if len(coefficients):
+            alike[odd, 0 if mirrored(coefficients) else ny - 1].append((entry, coefficients))
+    for (odd, middle), of_kind in alike.items():
+        most = max(1, TABLES // (8 * nx * (middle + ny)))
+        for some in (of_kind[first : first + most] for first in range(0, len(of_kind), most)):
+            series = np.zeros((len(some), max(len(coefficients) for _, coefficients in some), 2))
+            for whole, (_, coefficients) in zip(series, some, strict=True):
+                whole[: len(coefficients)] = coefficients
+            parts = np.empty((len(some), nx, middle + ny))
+            share_out(partial(_fill_far, steps, series, odd, weights, middle, parts), nx)
+            yield from zip((entry for entry, _ in some), parts, strict=True)
 
-    def fill(first: int, last: int) -> None:
-        fill_far(first, last, steps, coefficients, odd, weights, middle, part)
 
-    share_out(fill, nx)
-    return np.concatenate([parity * part[:, :0:-1], part], axis=1) if parity else part
+def _fill_far(
+    steps: Array, series: Array, odd: bool, weights: Array, middle: int, parts: Array, first: int, last: int
+) -> None:
+    fill_far(first, last, steps, series, odd, weights, middle, parts)
+
+
+def unfolded(part: Array, mirror: int) -> Array:
+    """A table (nx, 2 ny - 1) of the part of it that is made of a mirrored entry, see far_tables."""
+    return np.concatenate([mirror * part[:, :0:-1], part], axis=1) if mirror else part
 
 
 def share_out(work: Callable[[int, int], None], count: int) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from meeframe.core.fields import N_FIELDS, Array
 from meeframe.core.mesh import Indices
+from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
-DOUBLE: Final = np.dtype(np.float64)
 REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
 IMAGINARY: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
 """Entries (5, 5) of the symbol that are real and imaginary part of its matrix, the latter but on the diagonal, ..."""
@@ -48,12 +48,11 @@ _MAKING: Final = threading.RLock()
 class Symbol:
     """The 25 entries of a symbol, made when they are asked for; threads may share it.
 
-    make: one of them, (px // 2 + 1, py), real; None if it is zero; precision: in which it does. What was made is not
-    pickled.
+    make: those of them that are not zero, of given numbers and in a precision, (px // 2 + 1, py), real. What was made
+    is not pickled.
     """
 
-    make: Callable[[int], Array | None]
-    precision: np.dtype[Any] = DOUBLE
+    make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
     _kept: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
     _known: dict[np.dtype[Any], dict[int, bool]] = field(default_factory=dict, init=False, repr=False)
 
@@ -61,12 +60,12 @@ class Symbol:
     def of(cls, entries: Array, numbers: Iterable[int]) -> "Symbol":
         """Of entries (25, px // 2 + 1, py) that are there, in their precision; those not in numbers are zero."""
         known = {number: number in set(numbers) for number in range(N_VALUES)}
-        symbol = cls(lambda number: entries[number] if known[number] else None)
+        symbol = cls(lambda numbers, _: ((number, entries[number]) for number in numbers if known[number]))
         symbol._kept[entries.dtype], symbol._known[entries.dtype] = entries, known
         return symbol
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "precision": self.precision, "_kept": {}, "_known": {}}
+        return {"make": self.make, "_kept": {}, "_known": {}}
 
     def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, bool]]:
         """Entries (25, px // 2 + 1, py) of which these are made, and which of them are not zero.
@@ -76,24 +75,20 @@ class Symbol:
         """
         with _MAKING:
             known = self._known.setdefault(precision, {})
-            for number in numbers:
-                if number not in known:
-                    known[number] = self._enter(number, precision)
+            missing = sorted({number for number in numbers if number not in known})
+            for number, entry in self._made(missing, precision):
+                if precision not in self._kept:
+                    self._kept[precision] = np.empty((N_VALUES, *entry.shape), precision)
+                self._kept[precision][number], known[number] = entry, True
+            known.update({number: False for number in missing if number not in known})
             return self._kept.get(precision, np.empty((N_VALUES, 0, 0), precision)), known
 
-    def _enter(self, number: int, precision: np.dtype[Any]) -> bool:
-        """Make one entry; whether it is not zero."""
-        if precision == self.precision:
-            whole = self.make(number)
-        else:
-            made, known = self.entries([number], self.precision)
-            whole = made[number] if known[number] else None
-        if whole is None:
-            return False
-        if precision not in self._kept:
-            self._kept[precision] = np.empty((N_VALUES, *whole.shape), precision)
-        self._kept[precision][number] = whole
-        return True
+    def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
+        """Those of the entries that are not zero; in single precision rounded if they are there in double."""
+        known = self._known.get(DOUBLE, {})
+        if precision == DOUBLE or not known.keys() >= set(numbers):
+            return self.make(numbers, precision)
+        return ((number, self._kept[DOUBLE][number]) for number in numbers if known[number])
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,14 +173,14 @@ class Convolution:
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision
         if key not in self._products:
-            parts = [
+            every = [
                 (answer, load, number, imaginary, self.scale[place, other] * sign)
                 for answer, place in enumerate(fields)
                 for load, other in enumerate(loaded)
-                for number, imaginary, sign in _parts(place, other)
+                for number, imaginary, sign in parts(place, other)
             ]
-            _, known = self.symbol.entries([number for _, _, number, *_ in parts], precision)
-            terms = [part for part in parts if known[part[2]]]
+            _, known = self.symbol.entries([number for _, _, number, *_ in every], precision)
+            terms = [term for term in every if known[term[2]]]
             answering = sorted({answer for answer, *_ in terms})
             rows = [(answering.index(answer), *term) for answer, *term, _ in terms]
             factors = np.array([factor for *_, factor in terms], precision)
@@ -222,7 +217,7 @@ def _work(stages: Sequence[tuple[Callable[[slice], None], list[slice]]], threads
             list(pool.map(work, parts))
 
 
-def _parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:
+def parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:
     """Entries of the symbol that one of its matrix consists of, whether multiplied by i, and with which sign."""
     yield int(REAL[place, other]), False, 1.0
     if place != other:

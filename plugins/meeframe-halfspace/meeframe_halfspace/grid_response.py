@@ -1,19 +1,21 @@
 """Response of a grid, free or periodic, to the density around one of its nodes: entries of its transform on demand."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal, final
+from typing import Any, Final, Literal, final
 
 import numba
 import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
-from meeframe_halfspace.cells import Shape, cell_table, far_table, near_size, share_out
+from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, fill_symbol
 from meeframe_halfspace.response import PointResponse, mirrored, series_entry
 
+DOUBLE: Final = np.dtype(np.float64)
 Window = Literal["bilinear", "constant", "trigonometric"]
 _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
@@ -32,8 +34,8 @@ class GridResponse(ABC):
         """Nodes of the periodic grid that the symbol belongs to."""
 
     @abstractmethod
-    def symbol(self, number: int) -> Array | None:
-        """One of the 25 entries: see meeframe_halfspace.convolution."""
+    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
+        """Those of these of the 25 entries that are not zero: see meeframe_halfspace.convolution."""
 
     @property
     @abstractmethod
@@ -70,20 +72,22 @@ class FreeGrid(GridResponse):
             return self.near
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
-    def table(self, number: int) -> Array | None:
-        """One of the 25 entries of the response: see cell_table. None if it is zero."""
-        if not len(self.response.entry(number)[0]):
-            return None
-        table = far_table(self.response, self.spacing, self.shape, self.size, number)
-        near = self._near[number]
-        middle, reach = table.shape[1] // 2, near.shape[1] // 2
-        table[: len(near), middle - reach : middle + reach + 1] = near
-        return table
+    def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
+        """Those of these of the 25 entries of the response that are not zero, (nx, 2 ny - 1) or (nx, ny): see
+        far_tables, but right everywhere."""
+        for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
+            near = self._near[number]
+            reach = near.shape[1] // 2
+            if table.shape[1] == self.size[1]:
+                table[: len(near), : reach + 1] = near[:, reach:]
+            else:
+                table[: len(near), self.size[1] - 1 - reach : self.size[1] + reach] = near
+            yield number, table
 
-    def symbol(self, number: int) -> Array | None:
+    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
         """See GridResponse. By integration over the density around the node, exact but for round-off."""
-        table = self.table(number)
-        return None if table is None else free_symbol(table, *self.response.entry(number), self.padded)
+        for number, table in self.tables(numbers):
+            yield number, free_symbol(table.astype(precision, copy=False), *self.response.entry(number), self.padded)
 
     @property
     def own(self) -> Array:
@@ -125,8 +129,14 @@ class PeriodicGrid(GridResponse):
         """See GridResponse: the same."""
         return self.size
 
-    def symbol(self, number: int) -> Array | None:
+    def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
         """See GridResponse. No integrals are needed."""
+        for number in numbers:
+            entry = self._entry(number)
+            if entry is not None:
+                yield number, entry.astype(precision, copy=False)
+
+    def _entry(self, number: int) -> Array | None:
         nx, ny = self.size
         even, odd = self.response.wave_series()
         coefficients, antisymmetric = series_entry(even, odd, number)
@@ -157,10 +167,8 @@ class PeriodicGrid(GridResponse):
         if nx % 2 == 0:
             twice[-1] = 1.0
         values = np.zeros(N_VALUES)  # those of odd functions are zero
-        for number in range(N_SYMMETRIC):
-            symbol = self.symbol(number)
-            if symbol is not None:
-                values[number] = twice @ symbol.sum(axis=1) / (nx * ny)
+        for number, symbol in self.symbol(range(N_SYMMETRIC)):
+            values[number] = twice @ symbol.sum(axis=1) / (nx * ny)
         return values
 
     def coarser(self) -> "PeriodicGrid | None":
@@ -180,11 +188,11 @@ def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
 
 
 def free_symbol(table: Array, coefficients: Array, odd: bool, padded: tuple[int, int]) -> Array:
-    """Entry (px // 2 + 1, py) of a symbol from its table as of cell_table, (nx, 2 ny - 1), and its series, see
-    PointResponse.entry; padded: (px, py), even."""
+    """Entry (px // 2 + 1, py) of a symbol from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables, and its series,
+    see PointResponse.entry; padded: (px, py), even."""
     parity, mirror = (-1 if odd else 1), mirrored(coefficients)
     if mirror:
-        return _folded(table[:, table.shape[1] // 2 :], (parity * mirror, mirror), padded)
+        return _folded(table, (parity * mirror, mirror), padded)
     kernel = np.zeros(padded, table.dtype)
     _wrap(kernel, table, float(parity))
     spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())

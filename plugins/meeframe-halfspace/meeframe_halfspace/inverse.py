@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol
+from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol, parts
 from meeframe_halfspace.kernels import N_VALUES
 
 NONE: Final = 1e-5
@@ -26,8 +26,10 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     if not convolution.periodic:
         padded = padded[0] // 2, padded[1] // 2
 
+    asked = {number for place, other in product(fields, repeat=2) for number, *_ in parts(place, other)}
+    symbol, known = convolution.symbol.entries(asked, single)
+
     def entry(number: int, parity: float) -> Array | float:
-        symbol, known = convolution.symbol.entries([number], single)
         if not known[number]:
             return 0.0
         return symbol[number] if convolution.periodic else _between(symbol[number], parity)
@@ -44,8 +46,8 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     there: list[int] = []
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
     for (row, field), (column, other) in product(enumerate(fields), repeat=2):
-        parts = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
-        for number, part, sign in parts:
+        halves = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
+        for number, part, sign in halves:
             if SIGN[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
                 there.append(int(number[field, other]))
                 entries[there[-1]] = part

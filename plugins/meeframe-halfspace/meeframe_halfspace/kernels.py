@@ -146,9 +146,10 @@ def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule,
 
 @njit(cache=True, nogil=True)
 def series_values(c, s, coefficients, odd, work, values):
-    """values[j] = series (n, 2) in the angle of cos c[j] and sin s[j]: harmonics 1, 3, ... if `odd`, 0, 2, ... if not.
+    """values[k, j] = series k (n, 2) in the angle of cos c[j] and sin s[j]: harmonics 1, 3, ... if `odd`, 0, 2, ... if
+    not.
 
-    work: (4, len(values)). Loops over many angles, with few arrays each, are what the compiler makes wide.
+    work: (4, len(c)). Loops over many angles, with few arrays each, are what the compiler makes wide.
     """
     step_c, step_s, cn, sn = work[0], work[1], work[2], work[3]
     step_c[:], step_s[:] = c, s
@@ -158,11 +159,12 @@ def series_values(c, s, coefficients, odd, work, values):
     else:
         cn[:], sn[:] = 1.0, 0.0
     values[:] = 0.0
-    for n in range(len(coefficients)):
-        if coefficients[n, 0] != 0.0:
-            _add(coefficients[n, 0], cn, values)
-        if coefficients[n, 1] != 0.0:
-            _add(coefficients[n, 1], sn, values)
+    for n in range(coefficients.shape[1]):
+        for k in range(len(values)):
+            if coefficients[k, n, 0] != 0.0:
+                _add(coefficients[k, n, 0], cn, values[k])
+            if coefficients[k, n, 1] != 0.0:
+                _add(coefficients[k, n, 1], sn, values[k])
         _turn(cn, sn, step_c, step_s)
 
 
@@ -184,37 +186,52 @@ def _add(factor, part, whole):
 
 @njit(cache=True, nogil=True)
 def fill_far(first, last, spacing, coefficients, odd, weights, middle, out):
-    """out[i, middle + j] for rows first..last - 1 = one entry's response, as of `fill_rows`, far from the cell.
+    """out[:, i, middle + j] for rows first..last - 1 = entries' responses, as of `fill_rows`, far from the cell.
 
-    weights: (2 m + 1,) with which samples at the places around add up to the integral over a density.
+    coefficients: (m, n, 2) series of the entries, all odd or none; weights: (2 k + 1,), symmetric, with which samples
+    at the places around add up to the integral over a density; out: (m, nx, middle + ny).
     """
-    reach, width = len(weights) // 2, out.shape[1]
-    samples = np.empty((len(weights), width + 2 * reach))  # of row i in place i modulo their number
-    across, inverse, c, s = np.empty((4, samples.shape[1]))
-    work = np.empty((4, samples.shape[1]))
-    y = (np.arange(samples.shape[1]) - (reach + middle)) * spacing[1]
+    reach, width = len(weights) // 2, out.shape[2]
+    # samples of row i in place i modulo their number
+    samples = np.empty((len(out), len(weights), width + 2 * reach))
+    across, inverse, c, s = np.empty((4, samples.shape[2]))
+    work, values = np.empty((4, samples.shape[2])), np.empty((len(out), samples.shape[2]))
+    y = (np.arange(samples.shape[2]) - (reach + middle)) * spacing[1]
     area = spacing[0] * spacing[1]
     for ahead in range(first - reach, last + reach):
-        row, x = samples[ahead % len(weights)], ahead * spacing[0]
-        for j in range(len(row)):
+        x, i = ahead * spacing[0], ahead - reach
+        for j in range(len(y)):
             distance = np.sqrt(x * x + y[j] * y[j])
             inverse[j] = 1.0 / distance if distance > 0.0 else 0.0
-        for j in range(len(row)):
+        for j in range(len(y)):
             c[j] = x * inverse[j]
-        for j in range(len(row)):
+        for j in range(len(y)):
             s[j] = y[j] * inverse[j]
-        series_values(c, s, coefficients, odd, work, row)
-        for j in range(len(row)):
-            row[j] *= area * inverse[j]
-        i = ahead - reach
-        if i < first:
-            continue
-        across[:] = 0.0
-        for k in range(len(weights)):
-            _add(weights[k], samples[(i + k - reach) % len(weights)], across)
-        out[i] = 0.0
-        for k in range(len(weights)):
-            _add(weights[k], across[k : k + width], out[i])
+        series_values(c, s, coefficients, odd, work, values)
+        for entry in range(len(out)):
+            row, found = samples[entry, ahead % len(weights)], out[entry, i]
+            for j in range(len(row)):
+                row[j] = values[entry, j] * area * inverse[j]
+            if i < first:
+                continue
+            here = samples[entry, i % len(weights)]
+            for j in range(len(across)):
+                across[j] = weights[reach] * here[j]
+            for k in range(1, reach + 1):
+                rows = samples[entry, (i - k) % len(weights)], samples[entry, (i + k) % len(weights)]
+                _add_both(weights[reach + k], *rows, across)
+            for j in range(width):
+                found[j] = weights[reach] * across[reach + j]
+            for k in range(1, reach + 1):
+                columns = across[reach - k : reach - k + width], across[reach + k : reach + k + width]
+                _add_both(weights[reach + k], *columns, found)
+
+
+@njit(cache=True, nogil=True)
+def _add_both(factor, left, right, whole):
+    """whole += factor (left + right)."""
+    for j in range(len(whole)):
+        whole[j] += factor * (left[j] + right[j])
 
 
 @njit(cache=True, nogil=True)
@@ -224,8 +241,10 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
     along, across: wave numbers (nx // 2 + 1,), (ny,); coefficients: series of the entry in the angle of q. The highest
     wave number of an even count stands for both signs: the mean of the two is real where it must be.
     """
-    inverse, c, s, values = np.empty((4, symbol.shape[1]))
-    work, work_one, one = np.empty((4, symbol.shape[1])), np.empty((4, 1)), np.empty(1)
+    inverse, c, s = np.empty((3, symbol.shape[1]))
+    work, work_one = np.empty((4, symbol.shape[1])), np.empty((4, 1))
+    whole, one = np.empty((1, symbol.shape[1])), np.empty((1, 1))
+    values, series = whole[0], coefficients.reshape(1, len(coefficients), 2)
     for i in range(first, last):
         symbol[i] = 0.0
         for j in range(len(values)):
@@ -237,11 +256,11 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
         for turn in range(passes):
             for j in range(len(values)):
                 c[j] = (1.0 - 2.0 * turn) * along[i] * inverse[j]
-            series_values(c, s, coefficients, odd, work, values)
+            series_values(c, s, series, odd, work, whole)
             if ny % 2 == 0:
                 last_y = slice(ny // 2, ny // 2 + 1)
-                series_values(c[last_y], -s[last_y], coefficients, odd, work_one, one)
-                values[ny // 2] = 0.5 * (values[ny // 2] + one[0])
+                series_values(c[last_y], -s[last_y], series, odd, work_one, one)
+                values[ny // 2] = 0.5 * (values[ny // 2] + one[0, 0])
             _add(window_x[i] / passes, values, symbol[i])
         for j in range(len(values)):
             symbol[i, j] *= window_y[j] * inverse[j]

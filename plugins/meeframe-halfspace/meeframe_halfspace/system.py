@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Final, final
 
 import numpy as np
@@ -83,11 +83,16 @@ class HalfSpaceSystem(ReducedSystem):
     ) -> Array:
         """To the load (l, n) of l fields."""
         precision = np.result_type(load, np.float32)
-        if self.convolution.periodic:
+        if self.convolution.periodic or self._inside:
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
         return self.grid.scatter((rough or self.convolution).response(self.grid.place(load), loaded, fields))
+
+    @cached_property
+    def _inside(self) -> bool:
+        """Whether no node has a part of its density beside the zone."""
+        return bool((self.shares == 1.0).all())
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5), one entry after another."""
@@ -120,9 +125,10 @@ class HalfSpaceSystem(ReducedSystem):
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
-        waves, chosen = wave_inverse(self.convolution, fields), list(fields)
+        made, chosen = cache(partial(wave_inverse, self.convolution, fields)), list(fields)
 
         def inverse(displacement: Array) -> Array:
+            waves = made()  # when entries in double precision may be there, from which it takes less time
             there = [place for place in range(len(chosen)) if displacement[:, place].any()]
             moved = displacement.T if len(there) == len(chosen) else displacement.T[there]
             placed = self.grid.place(moved.astype(np.float32, copy=False))

@@ -7,17 +7,17 @@ its response back. Single precision: the error is mostly that, and some 1e-5 of 
 Source: Ewald, Ann. Phys. 369 (1921) 253, on sums of 1/r by a near and a smooth part.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
-from typing import Final, final
+from typing import Any, Final, final
 
 import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.core.fields import Array
-from meeframe_halfspace.cells import far_table
+from meeframe_halfspace.cells import far_tables
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol
 from meeframe_halfspace.transfer import HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
@@ -57,8 +57,8 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
         return None
     size = coarse_count(nx), coarse_count(ny)
     cut = _Cut(response, padded, size, (_fast(2 * size[0]), _fast(2 * size[1])))
-    near = Convolution(Symbol(cut.near, SINGLE), response.size, padded, scale)
-    return TwoGrids(near, Convolution(Symbol(cut.far, SINGLE), size, cut.coarse_padded, scale))
+    near = Convolution(Symbol(cut.near), response.size, padded, scale)
+    return TwoGrids(near, Convolution(Symbol(cut.far), size, cut.coarse_padded, scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,25 +87,27 @@ class _Cut:
     def _farness(self) -> Array:
         return 1.0 - _factor(self.coarse, self._reach / HOP)
 
-    def near(self, number: int) -> Array | None:
-        """One entry of the symbol, see GridResponse."""
-        table = self._inner.table(number)
-        return None if table is None else self._symbol(number, table * self._nearness, self.padded)
+    def near(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterator[tuple[int, Array]]:
+        """Entries of the symbol, see GridResponse.symbol."""
+        for number, table in self._inner.tables(numbers):
+            yield number, self._symbol(number, table, self._nearness, self.padded, precision)
 
-    def far(self, number: int) -> Array | None:
-        """One entry of the symbol of the coarse grid, see GridResponse."""
-        near, whole = self._inner.table(number), self.response
-        if near is None:
-            return None
-        table = far_table(whole.response, whole.spacing, whole.shape, self.coarse, number, HOP)
-        middle = near.shape[1] // 2
-        known = near[::HOP, middle % HOP :: HOP]
-        begin = self.coarse[1] - 1 - middle // HOP
-        table[: len(known), begin : begin + known.shape[1]] = known
-        return self._symbol(number, table * self._farness, self.coarse_padded)
+    def far(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterator[tuple[int, Array]]:
+        """Entries of the symbol of the coarse grid, see GridResponse.symbol."""
+        whole, known = self.response, dict(self._inner.tables(numbers))
+        for number, table in far_tables(whole.response, whole.spacing, whole.shape, self.coarse, numbers, HOP):
+            near = known[number]
+            middle, begin = (0, 0) if near.shape[1] == self._inner.size[1] else (near.shape[1] // 2, self.coarse[1] - 1)
+            near = near[::HOP, middle % HOP :: HOP]
+            begin -= middle // HOP
+            table[: len(near), begin : begin + near.shape[1]] = near
+            yield number, self._symbol(number, table, self._farness, self.coarse_padded, precision)
 
-    def _symbol(self, number: int, table: Array, padded: tuple[int, int]) -> Array:
-        return free_symbol(table.astype(SINGLE), *self.response.response.entry(number), padded)
+    def _symbol(
+        self, number: int, table: Array, factor: Array, padded: tuple[int, int], precision: np.dtype[Any]
+    ) -> Array:
+        part = (table * factor[:, -table.shape[1] :]).astype(precision)
+        return free_symbol(part, *self.response.response.entry(number), padded)
 
 
 def _gathered(fine: Array) -> Array:
