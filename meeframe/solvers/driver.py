@@ -13,6 +13,7 @@ from meeframe.core.contact import ContactProblem, ContactSolution, ContactState,
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import MECHANICAL, Array
 from meeframe.core.formulation import Progress, silent
+from meeframe.core.memory import keep_freed_memory
 from meeframe.core.quantities import Quantity, check_quantities
 from meeframe.solvers.reach import beyond_friction, unreachable
 from meeframe.solvers.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
@@ -133,6 +134,7 @@ def solve(
     `solver.stride` steps and at the last one, with the fraction, in decades, of the way to the tolerance.
     An iteration that goes astray raises nothing.
     """
+    keep_freed_memory()
     limits = limits or Limits()
     by_residual = limits.criterion == "residual"
     fields = judged_fields(problem) if by_residual else ALL_FIELDS

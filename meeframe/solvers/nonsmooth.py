@@ -23,6 +23,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
+import scipy  # its parts load where they are used
 
 from meeframe.core.contact import ContactProblem, indenter_position, unbalance
 from meeframe.core.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
@@ -109,6 +110,11 @@ class Equation:
     def strongest(self) -> Array:
         """Magnitudes (5, 5) of the largest entries of the blocks."""
         return np.asarray(np.maximum(self.blocks.max(axis=0, initial=0.0), -self.blocks.min(axis=0, initial=0.0)))
+
+    @cached_property
+    def tree(self) -> Any:
+        """Of the nodes, for those around a few."""
+        return scipy.spatial.cKDTree(self.problem.system.points, balanced_tree=False, compact_nodes=False)
 
     @property
     def weighed(self) -> Array:
