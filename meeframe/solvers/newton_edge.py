@@ -46,8 +46,8 @@ def relaxed_edge(point: Point) -> Point:
 def relaxed_where_switched(before: Point, moved: Point) -> Point:
     """A moved point with the nodes relaxed that have opened or closed, or of which a few that graze are left behind,
     with those around; the same point if these do not violate the laws far more than others, or if it does not help."""
-    few = moved.merit**2 * moved.equation.count < FEW * moved.violation**2
-    behind = np.abs(moved.residual[:, 2:]).max(axis=1) > BEHIND * moved.violation
+    few = moved.merit**2 * moved.equation.count < FEW * moved.judged**2
+    behind = np.maximum(np.abs(moved.residual[:, 2]), moved.judged_nodes) > BEHIND * moved.judged
     switched = behind & (moved.switched(before) | (few & moved.grazing))
     relaxed = _relaxed(moved, switched, SWITCHED_WIDTH, SWITCHED_SWEEPS) if switched.any() else moved
     return relaxed if relaxed.merit < moved.merit else moved

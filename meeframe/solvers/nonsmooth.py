@@ -294,15 +294,21 @@ class Point:
 
     @cached_property
     def judged(self) -> float:
-        """The violation as meeframe.solvers.residual has it: what flux leaves of a drop of the potentials counts as if
-        the body were as compliant as the contact is wide, not as a node is, and closed fractions by themselves."""
+        """The violation as meeframe.solvers.residual has it."""
+        return float(max(self.violation, self.judged_nodes.max(initial=0.0)))
+
+    @cached_property
+    def judged_nodes(self) -> Array:
+        """Of the nodes (n,), the same of fluxes and closed fractions: what flux leaves of a drop of the potentials
+        counts as if the body were as compliant as the contact is wide, not as a node is, and fractions by themselves.
+        """
         scales, share, at = self.equation.scales, self.transmissivity, np.flatnonzero(self.grazing)
         compliance = np.diag(scales.compliance)[POTENTIALS]
         conducted = compliance / (compliance * share + self.equation.own * (1.0 - share))
-        left = np.abs(self.residual[:, POTENTIALS] * conducted).max(initial=0.0)
+        left: Array = np.abs(self.residual[:, POTENTIALS] * conducted).max(axis=1)
         closed = np.clip(self.closed[at], 0.0, 1.0)
-        off = np.abs(closed - switch(closed, self.trial[at, 2], scales.pressure)).max(initial=0.0)
-        return float(max(self.violation, left, off))
+        left[at] = np.maximum(left[at], np.abs(closed - switch(closed, self.trial[at, 2], scales.pressure)))
+        return left
 
     def _trial_by_fraction(self) -> Array:
         """The trial (n, 3) at which the laws are linearised: a grazing node whose fraction is at an end is pressed or

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Part, ReducedSystem
+from meeframe.core.formulation import ROUGH, Coarsening, Part, ReducedSystem
 from meeframe.core.mesh import Indices
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
@@ -32,8 +32,8 @@ COARSELY: Final = 0.2
 
 
 def check_shortcuts(system: ReducedSystem) -> None:
-    """`response`, `block_response`, `approximate_inverse`, `extension`, `stencil`, `coarser` and `within` belong to
-    `apply`.
+    """`response`, `block_response`, `rough_response`, `approximate_inverse`, `extension`, `stencil`, `coarser` and
+    `within` belong to `apply`.
 
     Raises AssertionError.
     """
@@ -61,8 +61,10 @@ def check_response(system: ReducedSystem) -> None:
 
 
 def check_block_response(system: ReducedSystem) -> None:
-    """`block_response` is `apply` of a load in some fields alone, of one in single precision to about six digits."""
+    """`block_response` is `apply` of a load in some fields alone, of one in single precision to about six digits;
+    `rough_response` to ROUGH, and linear."""
     load = np.random.default_rng(3).normal(size=system.offset.shape) * typical_load(system)
+    rough = system.rough_response()
     for loaded, fields in product(LOADED, CHOICES):
         alone, block = np.zeros_like(load), load[:, list(loaded)]
         alone[:, list(loaded)] = block
@@ -71,6 +73,15 @@ def check_block_response(system: ReducedSystem) -> None:
             error = worst(system.block_response(block.astype(precision), loaded, fields), expected)
             what = f"block_response to loads {precision} in fields {loaded} is not apply in fields {fields}"
             require(error < bound, f"{what}: solvers would go astray", error)
+        if rough is not None:
+            single = block.astype(np.float32)
+            found = rough(single, loaded, fields)
+            what = f"rough_response to loads in fields {loaded}"
+            require(found.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", found.shape)
+            error = worst(found, expected)
+            require(error < ROUGH, f"{what} is off in fields {fields}: steps would not lead where they should", error)
+            error = worst(rough(-2.0 * single, loaded, fields), -2.0 * found)
+            require(error < SINGLE, f"{what} is not linear: Krylov iterations would go astray", error)
 
 
 def check_inverse(system: ReducedSystem) -> None:
