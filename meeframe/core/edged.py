@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import numpy as np
 
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Extension, NodalFields, Part, ReducedSystem, inverse_of_softer
+from meeframe.core.formulation import BlockResponse, Extension, NodalFields, Part, ReducedSystem, inverse_of_softer
 from meeframe.core.mesh import Indices
 
 
@@ -33,8 +34,17 @@ class EdgedSystem(ReducedSystem):
 
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """compliance in k fields alone, (n, k), of loads (n, l) in l fields alone."""
+        return self._answered(self.original.block_response, load, loaded, fields)
+
+    def rough_response(self) -> BlockResponse | None:
+        """That of the original, and what the nodes themselves respond more."""
+        rough = self.original.rough_response()
+        return None if rough is None else partial(self._answered, rough)
+
+    def _answered(self, answer: BlockResponse, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """`block_response` by an answer of the original."""
         own = self.own[:, list(fields)][:, :, list(loaded)]
-        return self.original.block_response(load, loaded, fields) + _each(own, load)
+        return answer(load, loaded, fields) + _each(own, load)
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5)."""

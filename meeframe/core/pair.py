@@ -13,7 +13,7 @@ frames that coincide.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final, Protocol, final
 
 import numpy as np
@@ -21,7 +21,16 @@ import scipy  # its parts load where they are used
 
 from meeframe.core.errors import MeshError
 from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import Edges, Extension, NodalFields, Part, ReducedSystem, Rim, inverse_of_softer
+from meeframe.core.formulation import (
+    BlockResponse,
+    Edges,
+    Extension,
+    NodalFields,
+    Part,
+    ReducedSystem,
+    Rim,
+    inverse_of_softer,
+)
 from meeframe.core.mesh import Indices
 
 TURN_OVER: Final = np.array([1.0, -1.0, -1.0])
@@ -84,11 +93,28 @@ class PairSystem(ReducedSystem):
         """Relative displacement in k fields alone, (n, k), of loads (n, l) in l fields alone."""
         if self.matrix is not None or not self._aligned:
             return super().block_response(load, loaded, fields)
+        return self._added_answers(self.first.block_response, self.counter.block_response, load, loaded, fields)
+
+    def rough_response(self) -> BlockResponse | None:
+        """Those of both bodies, of which one may have none, where frames are aligned and no matrix is held.
+
+        Off by up to ROUGH of what each body answers, also where the two cancel.
+        """
+        first, counter = self.first.rough_response(), self.counter.rough_response()
+        if self.matrix is not None or not self._aligned or (first is None and counter is None):
+            return None
+        answers = first or self.first.block_response, counter or self.counter.block_response
+        return partial(self._added_answers, *answers)
+
+    def _added_answers(
+        self, first: BlockResponse, counter: BlockResponse, load: Array, loaded: Sequence[int], fields: Sequence[int]
+    ) -> Array:
+        """`block_response` of aligned frames by answers of the two bodies."""
         borne, chosen = list(loaded), list(fields)
         reaction = np.empty_like(load)
         reaction[self.partners] = -self.rotation[:, borne, borne] * load
-        theirs = self.counter.block_response(reaction, borne, chosen)[self.partners]
-        return self.first.block_response(load, borne, chosen) - self.rotation[:, chosen, chosen] * theirs
+        theirs = counter(reaction, borne, chosen)[self.partners]
+        return first(load, borne, chosen) - self.rotation[:, chosen, chosen] * theirs
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
         """That of the first body, with the compliance that the other adds to each field at a node."""

@@ -10,7 +10,17 @@ import numpy as np
 from meeframe.core.dense_system import DenseSystem
 from meeframe.core.errors import CaseError
 from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Edges, Extension, NodalFields, Part, ReducedSystem, Rim, Stencil
+from meeframe.core.formulation import (
+    BlockResponse,
+    Coarsening,
+    Edges,
+    Extension,
+    NodalFields,
+    Part,
+    ReducedSystem,
+    Rim,
+    Stencil,
+)
 from meeframe.core.mesh import Indices
 
 TANGENTIAL: Final = frozenset((0, 1))
@@ -76,12 +86,21 @@ class TurnedSystem(ReducedSystem):
 
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """compliance in k fields alone, (n, k), of loads (n, l) in l fields alone."""
+        return self._answered(self.original.block_response, load, loaded, fields)
+
+    def rough_response(self) -> BlockResponse | None:
+        """That of the original, turned."""
+        rough = self.original.rough_response()
+        return None if rough is None else partial(self._answered, rough)
+
+    def _answered(self, answer: BlockResponse, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """`block_response` by an answer of the original."""
         borne, asked = _with_both_tangential(loaded), _with_both_tangential(fields)
         whole = np.zeros((len(borne), len(load)), load.dtype).T
         whole[:, [borne.index(field) for field in loaded]] = load
         if TANGENTIAL.intersection(loaded):
             whole = _rotated(whole, _inverse(self.cosine_sine))
-        return self._chosen(self.original.block_response(whole, borne, asked), asked, fields)
+        return self._chosen(answer(whole, borne, asked), asked, fields)
 
     def _chosen(self, found: Array, asked: list[int], fields: Sequence[int]) -> Array:
         """Of the original's displacement in the fields asked for, (n, k) in these ones, turned."""
