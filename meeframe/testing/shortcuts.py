@@ -74,7 +74,7 @@ def check_block_response(system: ReducedSystem) -> None:
             what = f"block_response to loads {precision} in fields {loaded} is not apply in fields {fields}"
             require(error < bound, f"{what}: solvers would go astray", error)
         if rough is not None:
-            single = block.astype(np.float32)
+            single = block.astype("float32")
             found = rough(single, loaded, fields)
             what = f"rough_response to loads in fields {loaded}"
             require(found.shape == expected.shape, f"{what} in fields {fields} is not (n, k)", found.shape)
