@@ -25,7 +25,7 @@ def keep_freed_memory() -> bool:
     if any(name in os.environ for name in _TUNED):
         return False
     try:
-        os.confstr("CS_GNU_LIBC_VERSION")
+        os.confstr("CS_GNU_LIBC_VERSION")  # raises elsewhere, where such numbers may mean something else
         mallopt = ctypes.CDLL(None).mallopt
     except (ValueError, OSError, AttributeError):
         return False

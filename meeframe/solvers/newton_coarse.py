@@ -65,7 +65,7 @@ def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equati
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)
     grazing, closed = same & point.grazing[at], np.where(same, point.closed[at], 0.0)
-    ahead, _ = below.ahead(load, point.motion)
+    ahead, _ = below.roughly_ahead(load, point.motion)  # by far as near as the two grids are to each other
     moved = np.zeros_like(ahead)
     np.subtract(point.ahead[at], ahead, out=moved, where=same[:, None] & np.isfinite(ahead))
     missing = unbalance(problem, load) - point.balance * point.equation.scales.totals

@@ -135,16 +135,23 @@ class Equation:
         """
         load = np.asfortranarray(load)
         if aim and self.problem.system.dense() is None:
-            ahead, farthest = self.ahead(load, motion, np.float32)
+            ahead, farthest = self.roughly_ahead(load, motion)
             if ROUNDED * farthest < UNNOTICED * aim:
                 return replace(self.beside(load, ahead, closed, grazing, motion), rounded=ROUNDED * farthest)
-        return self.beside(load, self.ahead(load, motion)[0], closed, grazing, motion)
+        return self.beside(load, self.ahead(load, motion), closed, grazing, motion)
 
-    def ahead(self, load: Array, motion: Array, precision: type[np.floating[Any]] = np.float64) -> tuple[Array, float]:
-        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,); how far that moves the
-        body, see farthest."""
+    def ahead(self, load: Array, motion: Array) -> Array:
+        """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,)."""
+        ahead = indenter_position(self.problem, motion)
+        ahead -= self.problem.system.offset
+        ahead -= self.problem.system.apply(load)
+        return ahead
+
+    def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
+        """The same in single precision, and how far the load moves the body: see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
-        response = system.block_response(load.T[loaded].astype(precision, copy=False).T, loaded, range(N_FIELDS))
+        single: AnyArray = load.T[loaded].astype(np.float32)
+        response = system.block_response(single.T, loaded, range(N_FIELDS))
         ahead = indenter_position(self.problem, motion)
         ahead -= system.offset
         ahead -= response

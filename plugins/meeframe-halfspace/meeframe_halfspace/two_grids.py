@@ -1,16 +1,16 @@
 """A convolution on a free grid to a few digits: what is near on the grid itself, the rest on a coarser one.
 
-The response K(theta)/r is cut in two by a factor that falls smoothly from one to zero within REACH spacings. What is
-near a node needs no more room beside the grid than that, instead of as much again as the grid is wide; the rest is
-smooth, so that every HOP-th node tells it: loads are gathered there by the transpose of the interpolation that takes
-its response back. Single precision: the error is mostly that, and some 1e-5 of the response to loads that are noise.
+The response K(theta)/r is cut in two by a factor that falls smoothly from one to zero within a reach. What is near a
+node needs no more room beside the grid than that, instead of as much again as the grid is wide; the rest is smooth, so
+that every HOP-th node tells it (meeframe_halfspace.reach): loads are gathered there by the transpose of the
+interpolation that takes its response back. In single precision.
 Source: Ewald, Ann. Phys. 369 (1921) 253, on sums of 1/r by a near and a smooth part.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
+from math import ceil, prod
 from typing import Any, Final, final
 
 import numpy as np
@@ -20,13 +20,10 @@ from meeframe.core.fields import Array
 from meeframe_halfspace.cells import far_tables
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol
+from meeframe_halfspace.reach import LEAST, nearness, reach
 from meeframe_halfspace.transfer import HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
 
 SINGLE: Final = np.dtype(np.float32)
-REACH: Final = 64
-"""Spacings that are near, or a few more if the transforms are not longer for it."""
-SMOOTH: Final = 4
-"""Derivatives of the factor without a jump, at the node and where it is zero."""
 WORTH: Final = 0.6
 """Of the nodes of the padded grid at most: with more, two grids hardly take less time."""
 
@@ -51,10 +48,13 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
     """Of a grid's response; scale: (5, 5), see Convolution. None if it would not take less time."""
     if not isinstance(response, FreeGrid):
         return None
-    (nx, ny), (px, py) = response.size, response.padded
-    padded = _fast(nx + REACH), _fast(ny + REACH)
-    if padded[0] * padded[1] > WORTH * px * py:
+    most = WORTH * prod(response.padded)
+    if prod(_padded(response, LEAST * max(response.spacing))) > most:
         return None
+    padded = _padded(response, reach(response.response, response.spacing))
+    if prod(padded) > most:
+        return None
+    nx, ny = response.size
     size = coarse_count(nx), coarse_count(ny)
     cut = _Cut(response, padded, size, (_fast(2 * size[0]), _fast(2 * size[1])))
     near = Convolution(Symbol(cut.near), response.size, padded, scale)
@@ -71,21 +71,28 @@ class _Cut:
     coarse_padded: tuple[int, int]
 
     @cached_property
-    def _reach(self) -> int:
-        return min(p - n for p, n in zip(self.padded, self.response.size, strict=True))
+    def _rows(self) -> tuple[int, int]:
+        """Nodes without a load that are between one end of the grid and the other."""
+        (nx, ny), (px, py) = self.response.size, self.padded
+        return px - nx, py - ny
+
+    @cached_property
+    def _reach(self) -> float:
+        return min(rows * h for rows, h in zip(self._rows, self.response.spacing, strict=True))
 
     @cached_property
     def _inner(self) -> FreeGrid:
-        nx, ny = self.response.size
-        return self.response.within((min(nx, self._reach), min(ny, self._reach)))
+        nx, ny = (min(n, rows) for n, rows in zip(self.response.size, self._rows, strict=True))
+        return self.response.within((nx, ny))
 
     @cached_property
     def _nearness(self) -> Array:
-        return _factor(self._inner.size, self._reach)
+        return nearness(self._inner.size, self.response.spacing, self._reach)
 
     @cached_property
     def _farness(self) -> Array:
-        return 1.0 - _factor(self.coarse, self._reach / HOP)
+        hx, hy = self.response.spacing
+        return 1.0 - nearness(self.coarse, (HOP * hx, HOP * hy), self._reach)
 
     def near(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterator[tuple[int, Array]]:
         """Entries of the symbol, see GridResponse.symbol."""
@@ -129,14 +136,12 @@ def _add_between(coarse: Array, fine: Array) -> None:
         add_scattered(np.ascontiguousarray(across.T), WEIGHTS, many)
 
 
+def _padded(response: FreeGrid, reach: float) -> tuple[int, int]:
+    """Nodes of the grid with as many beside it as are within reach [m]."""
+    px, py = (_fast(n + ceil(reach / h)) for n, h in zip(response.size, response.spacing, strict=True))
+    return px, py
+
+
 def _fast(count: int) -> int:
     """An even number of nodes, at least so many, with fast transforms."""
     return 2 * int(scipy.fft.next_fast_len((count + 1) // 2, real=True))
-
-
-def _factor(size: tuple[int, int], reach: float) -> Array:
-    """From one to zero within so many spacings, at the offsets (nx, 2 ny - 1) of a table (cell_table)."""
-    along, across = np.arange(size[0]), np.arange(1 - size[1], size[1])
-    far = np.minimum(np.hypot(along[:, None], across) / reach, 1.0)
-    powers = [(-1) ** k * comb(SMOOTH + k, k) * comb(2 * SMOOTH + 1, SMOOTH - k) for k in range(SMOOTH + 1)]
-    return np.asarray(1.0 - far ** (SMOOTH + 1) * np.polyval(powers[::-1], far))
