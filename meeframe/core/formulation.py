@@ -16,7 +16,7 @@ AnyArray = NDArray[Any]
 BlockResponse = Callable[[Array, Sequence[int], Sequence[int]], Array]
 """Displacements (n, k) in k fields, of loads (n, l), the fields l of the loads, and k: see ReducedSystem."""
 ROUGH: Final = 1e-4
-"""Of the largest response in a field: how far a rough one is off, at most; somewhat more where weak couplings cancel."""
+"""Of the largest response in a field: how far a rough one is off, at most, or where weak couplings cancel, about."""
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the fraction of it that is done."""
 
