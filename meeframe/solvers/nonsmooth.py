@@ -91,7 +91,7 @@ class Equation:
         own = np.array([blocks[:, field, field] for field in (ELECTRIC, MAGNETIC)]).T
         lifted = blocks[:, 2, POTENTIALS] / own
         units = motion_scales(whole, scales)
-        modes, measures = np.zeros((2, len(units), N_FIELDS, len(problem.gap)))
+        modes, measures = (np.zeros((len(units), N_FIELDS, len(problem.gap))) for _ in range(2))
         for k, freedom in enumerate(problem.freedoms):
             for field in freedom.moved:
                 modes[k, field] = units[k] * freedom.mode[:, field]

@@ -48,47 +48,52 @@ _MAKING: Final = threading.RLock()
 class Symbol:
     """The 25 entries of a symbol, made when they are asked for; threads may share it.
 
-    make: those of them that are not zero, of given numbers and in a precision, (px // 2 + 1, py), real. What was made
-    is not pickled.
+    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities: (25,)
+    whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 + 1); None
+    if not each is. What was made is not pickled.
     """
 
     make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
+    numbers: Sequence[int]
+    parities: Indices | None
     _kept: dict[np.dtype[Any], Array] = field(default_factory=dict, init=False, repr=False)
-    _known: dict[np.dtype[Any], dict[int, bool]] = field(default_factory=dict, init=False, repr=False)
+    _places: dict[np.dtype[Any], dict[int, int]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, entries: Array, numbers: Iterable[int]) -> "Symbol":
-        """Of entries (25, px // 2 + 1, py) that are there, in their precision; those not in numbers are zero."""
-        known = {number: number in set(numbers) for number in range(N_VALUES)}
-        symbol = cls(lambda numbers, _: ((number, entries[number]) for number in numbers if known[number]))
-        symbol._kept[entries.dtype], symbol._known[entries.dtype] = entries, known
+    def of(cls, entries: Array, numbers: Sequence[int], parities: Indices | None) -> "Symbol":
+        """Of entries (n, ...) that are there, of these numbers, in their precision."""
+        places = {number: place for place, number in enumerate(numbers)}
+        symbol = cls(lambda asked, _: ((number, entries[places[number]]) for number in asked), numbers, parities)
+        symbol._kept[entries.dtype], symbol._places[entries.dtype] = entries, places
         return symbol
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "_kept": {}, "_known": {}}
+        return self.__dict__ | {"_kept": {}, "_places": {}}
 
-    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, bool]]:
-        """Entries (25, px // 2 + 1, py) of which these are made, and which of them are not zero.
+    def entries(self, numbers: Iterable[int], precision: np.dtype[Any]) -> tuple[Array, Mapping[int, int]]:
+        """Entries that are there, (n, ...), these among them, and the places of those that are not zero.
 
-        The array stays where it is: there is room for all from the first one on, and the system gives no memory to
-        those that are never written. So others may be made while some are in use.
+        Others may be made while some are in use: they come into another array, with the same places.
         """
         with _MAKING:
-            known = self._known.setdefault(precision, {})
-            missing = sorted({number for number in numbers if number not in known})
-            for number, entry in self._made(missing, precision):
-                if precision not in self._kept:
-                    self._kept[precision] = np.empty((N_VALUES, *entry.shape), precision)
-                self._kept[precision][number], known[number] = entry, True
-            known.update({number: False for number in missing if number not in known})
-            return self._kept.get(precision, np.empty((N_VALUES, 0, 0), precision)), known
+            asked, places = set(numbers), self._places.setdefault(precision, {})
+            missing = [number for number in self.numbers if number in asked and number not in places]
+            known = self._kept.get(precision, np.empty((0, 0, 0), precision))
+            for number, entry in self._made(missing, precision) if missing else ():
+                if precision not in self._kept or self._kept[precision] is known:
+                    self._kept[precision] = np.empty((len(known) + len(missing), *entry.shape), precision)
+                    if len(known):
+                        self._kept[precision][: len(known)] = known
+                self._kept[precision][len(places)] = entry
+                places[number] = len(places)
+            return self._kept.get(precision, known), places
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
-        """Those of the entries that are not zero; in single precision rounded if they are there in double."""
-        known = self._known.get(DOUBLE, {})
-        if precision == DOUBLE or not known.keys() >= set(numbers):
+        """These entries; in single precision rounded if they are there in double."""
+        places = self._places.get(DOUBLE, {})
+        if precision == DOUBLE or not places.keys() >= set(numbers):
             return self.make(numbers, precision)
-        return ((number, self._kept[DOUBLE][number]) for number in numbers if known[number])
+        return ((number, self._kept[DOUBLE][places[number]]) for number in numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +126,9 @@ class Convolution:
     rough: "TwoGrids | None" = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_products": {}}  # they tell places of entries that are not pickled
+
     @property
     def periodic(self) -> bool:
         """Whether the grid repeats itself."""
@@ -138,7 +146,7 @@ class Convolution:
         count, most = len(product.answering), max(len(load), len(product.answering))
         if not count:
             return np.zeros((len(fields), nx, ny), precision)
-        entries, _ = self.symbol.entries(product.terms[:, 2].tolist(), precision)
+        entries, _ = self.symbol.entries((), precision)
         half, complex_ = px // 2 + 1, np.result_type(precision, np.complex64)
         spectra = _room("spectra", (most, half, ny), complex_)  # of loads, then row by row of their responses
         answer = np.empty((count, nx, ny), precision)
@@ -179,12 +187,16 @@ class Convolution:
                 for load, other in enumerate(loaded)
                 for number, imaginary, sign in parts(place, other)
             ]
-            _, known = self.symbol.entries([number for _, _, number, *_ in every], precision)
-            terms = [term for term in every if known[term[2]]]
+            _, places = self.symbol.entries([number for _, _, number, *_ in every], precision)
+            terms = sorted((term for term in every if term[2] in places), key=lambda term: term[2])
             answering = sorted({answer for answer, *_ in terms})
-            rows = [(answering.index(answer), *term) for answer, *term, _ in terms]
+            parities = np.zeros(N_VALUES, np.int64) if self.symbol.parities is None else self.symbol.parities
+            rows = [
+                (answering.index(answer), load, places[number], imaginary, parities[number])
+                for answer, load, number, imaginary, _ in terms
+            ]
             factors = np.array([factor for *_, factor in terms], precision)
-            self._products[key] = _Product(np.array(rows, np.int64).reshape(-1, 4), factors, answering)
+            self._products[key] = _Product(np.array(rows, np.int64).reshape(-1, 5), factors, answering)
         return self._products[key]
 
 

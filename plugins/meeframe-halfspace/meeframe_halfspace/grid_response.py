@@ -35,7 +35,7 @@ class GridResponse(ABC):
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Those of these of the 25 entries that are not zero: see meeframe_halfspace.convolution."""
+        """Those of these of the 25 entries that are not zero: see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
@@ -87,7 +87,8 @@ class FreeGrid(GridResponse):
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
         """See GridResponse. By integration over the density around the node, exact but for round-off."""
         for number, table in self.tables(numbers):
-            yield number, free_symbol(table.astype(precision, copy=False), *self.response.entry(number), self.padded)
+            table = table.astype(precision, copy=False)
+            yield number, free_symbol(table, self.response, number, self.padded)
 
     @property
     def own(self) -> Array:
@@ -142,13 +143,14 @@ class PeriodicGrid(GridResponse):
         coefficients, antisymmetric = series_entry(even, odd, number)
         if not len(coefficients):
             return None
+        count = ny if self.response.parities is None else ny // 2 + 1
         waves = [
             2.0 * np.pi * scipy.fft.rfftfreq(nx, self.spacing[0]),
-            2.0 * np.pi * scipy.fft.fftfreq(ny, self.spacing[1]),
+            2.0 * np.pi * scipy.fft.fftfreq(ny, self.spacing[1])[:count],
         ]
         power = _POWERS[self.shape]
         windows = [np.sinc(q * h / (2.0 * np.pi)) ** power for q, h in zip(waves, self.spacing, strict=True)]
-        symbol = np.empty((len(waves[0]), ny))
+        symbol = np.empty((len(waves[0]), count))
 
         def fill(first: int, last: int) -> None:
             fill_symbol(first, last, *waves, *windows, nx, ny, coefficients, antisymmetric, symbol)
@@ -167,8 +169,10 @@ class PeriodicGrid(GridResponse):
         if nx % 2 == 0:
             twice[-1] = 1.0
         values = np.zeros(N_VALUES)  # those of odd functions are zero
+        parities = self.response.parities
         for number, symbol in self.symbol(range(N_SYMMETRIC)):
-            values[number] = twice @ symbol.sum(axis=1) / (nx * ny)
+            whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
+            values[number] = twice @ whole.sum(axis=1) / (nx * ny)
         return values
 
     def coarser(self) -> "PeriodicGrid | None":
@@ -187,12 +191,14 @@ def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
-def free_symbol(table: Array, coefficients: Array, odd: bool, padded: tuple[int, int]) -> Array:
-    """Entry (px // 2 + 1, py) of a symbol from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables, and its series,
-    see PointResponse.entry; padded: (px, py), even."""
+def free_symbol(table: Array, response: PointResponse, number: int, padded: tuple[int, int]) -> Array:
+    """An entry of a symbol, see Symbol, from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables; padded: (px, py),
+    even."""
+    coefficients, odd = response.entry(number)
     parity, mirror = (-1 if odd else 1), mirrored(coefficients)
     if mirror:
-        return _folded(table, (parity * mirror, mirror), padded)
+        half = _half_symbol(table, (parity * mirror, mirror), padded)
+        return half if response.parities is not None else whole_entry(half, mirror, padded[1])
     kernel = np.zeros(padded, table.dtype)
     _wrap(kernel, table, float(parity))
     spectrum = scipy.fft.rfftn(kernel, axes=(1, 0), overwrite_x=True, workers=numba.get_num_threads())
@@ -210,18 +216,19 @@ def _wrap(kernel: Array, response: Array, parity: float) -> None:
     kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
 
 
-def _folded(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
-    """Entry (px // 2 + 1, py) of a symbol from its kernel at offsets that are not negative, (nx, ny).
+def whole_entry(half: Array, parity: int, width: int) -> Array:
+    """Entry (n, width) of a symbol that is an even or odd function along its rows, of its half (n, width // 2 + 1)."""
+    return np.concatenate([half, parity * half[:, (width - 1) // 2 : 0 : -1]], axis=1)
+
+
+def _half_symbol(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
+    """Entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at offsets that are not negative, (nx, ny).
 
     parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
     """
     (along, across), (px, py) = parities, padded
     half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
-    spectrum, middle = np.empty((px // 2 + 1, py), quarter.dtype), py // 2
-    sign = -1 if along == across == -1 else 1  # i times i
-    np.multiply(half, sign, out=spectrum[:, : middle + 1])
-    np.multiply(half[:, middle - 1 : 0 : -1], sign * across, out=spectrum[:, middle + 1 :])
-    return spectrum
+    return np.negative(half, out=half) if along == across == -1 else half  # i times i
 
 
 def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:

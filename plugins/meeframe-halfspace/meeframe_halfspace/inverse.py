@@ -8,7 +8,7 @@ import numpy as np
 
 from meeframe.core.fields import Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol, parts
-from meeframe_halfspace.kernels import N_VALUES
+from meeframe_halfspace.grid_response import whole_entry
 
 NONE: Final = 1e-5
 """Entries so far below those of both fields alone are round-off, or as little."""
@@ -26,15 +26,22 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
     if not convolution.periodic:
         padded = padded[0] // 2, padded[1] // 2
 
+    parities = convolution.symbol.parities
     asked = {number for place, other in product(fields, repeat=2) for number, *_ in parts(place, other)}
-    symbol, known = convolution.symbol.entries(asked, single)
+    symbol, places = convolution.symbol.entries(asked, single)
 
     def entry(number: int, parity: float) -> Array | float:
-        if not known[number]:
+        if number not in places:
             return 0.0
-        return symbol[number] if convolution.periodic else _between(symbol[number], parity)
+        known = symbol[places[number]]
+        if convolution.periodic:
+            return known
+        if parities is not None:
+            known = whole_entry(known, parities[number], convolution.padded[1])
+        return _between(known, parity)[:, :count]
 
-    matrix: Spectrum = np.zeros((k, k, padded[0] // 2 + 1, padded[1]), np.complex64)
+    count = padded[1] if parities is None else padded[1] // 2 + 1
+    matrix: Spectrum = np.zeros((k, k, padded[0] // 2 + 1, count), np.complex64)
     for row, field in enumerate(fields):
         for column, other in enumerate(fields[: row + 1]):
             matrix[row, column].real = entry(int(REAL[field, other]), 1.0)
@@ -42,16 +49,15 @@ def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution
                 matrix[row, column].imag = SIGN[field, other] * entry(int(IMAGINARY[field, other]), -1.0)
                 matrix[column, row] = matrix[row, column].conj()
     _invert(matrix)
-    entries: Array = np.empty((N_VALUES, *matrix.shape[2:]), single)
-    there: list[int] = []
+    there: dict[int, Array] = {}
     alone = [np.sqrt(np.abs(matrix[row, row]).max()) for row in range(k)]
     for (row, field), (column, other) in product(enumerate(fields), repeat=2):
         halves = (REAL, matrix[row, column].real, 0.0), (IMAGINARY, matrix[row, column].imag, 1.0)
         for number, part, sign in halves:
             if SIGN[field, other] >= sign and np.abs(part).max() > NONE * alone[row] * alone[column]:
-                there.append(int(number[field, other]))
-                entries[there[-1]] = part
-    return Convolution(Symbol.of(entries, there), convolution.size, padded, 1.0 / convolution.scale.T)
+                there[int(number[field, other])] = part
+    found = Symbol.of(np.array(list(there.values())), list(there), parities)
+    return Convolution(found, convolution.size, padded, 1.0 / convolution.scale.T)
 
 
 def _between(entry: Array, parity: float) -> Array:

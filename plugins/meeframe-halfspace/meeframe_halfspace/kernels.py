@@ -270,22 +270,46 @@ def fill_symbol(first, last, along, across, window_x, window_y, nx, ny, coeffici
 def multiply_waves(first, entries, terms, factors, waves, products):
     """products[a] = sum of factor entry waves[b], wave by wave, in rows first, first + 1, ... of the spectrum.
 
-    entries: (25, all rows, py), real; terms: (t, 4) rows (a, b, entry, 1 if it is to be multiplied by i, else 0);
-    factors: (t,); waves: (l, rows, py), products: (k, rows, py), complex. Row by row, so that waves and products stay
-    in the nearest cache while the entries pass by.
+    entries: (n, all rows, py), real, or (n, all rows, py // 2 + 1) if each is an even or odd function along the rows;
+    terms: (t, 5) rows (a, b, entry, 1 if it is to be multiplied by i, else 0, 1 or -1 of even and odd functions), those
+    of an entry one after another; factors: (t,); waves: (l, rows, py), products: (k, rows, py), complex. Row by row, so
+    that waves and products stay in the nearest cache while the entries pass by.
     """
+    count, width = entries.shape[2], products.shape[2]
+    whole = np.empty(width, entries.dtype)
     for row in range(products.shape[1]):
         for a in range(len(products)):
             products[a, row] = 0.0
+        before = -1
         for term in range(len(terms)):
             a, b, entry, imaginary = terms[term, 0], terms[term, 1], terms[term, 2], terms[term, 3]
-            next_row = (entry * entries.shape[1] + first + row + 1) * entries.shape[2]
-            for place in range(next_row, next_row + AHEAD, LINE):
-                prefetch(entries, place)
+            if entry != before:
+                next_row = (entry * entries.shape[1] + first + row + 1) * count
+                for place in range(next_row, next_row + AHEAD, LINE):
+                    prefetch(entries, place)
+                real = entries[entry, first + row]
+                if count < width:
+                    _unfold(real, terms[term, 4], whole)
+                    real = whole
+                before = entry
             if imaginary:
-                _add_imaginary(entries[entry, first + row], factors[term], waves[b, row], products[a, row])
+                _add_imaginary(real, factors[term], waves[b, row], products[a, row])
             else:
-                _add_real(entries[entry, first + row], factors[term], waves[b, row], products[a, row])
+                _add_real(real, factors[term], waves[b, row], products[a, row])
+
+
+@njit(cache=True, nogil=True)
+def _unfold(half, parity, whole):
+    """whole (py,) = half (py // 2 + 1,) and what it goes on with, mirrored."""
+    count, width = len(half), len(whole)
+    for j in range(count):
+        whole[j] = half[j]
+    if parity > 0:
+        for j in range(count, width):
+            whole[j] = half[width - j]
+    else:
+        for j in range(count, width):
+            whole[j] = -half[width - j]
 
 
 @njit(cache=True, nogil=True)

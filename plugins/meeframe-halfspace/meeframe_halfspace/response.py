@@ -9,6 +9,8 @@ Source: Gel'fand and Shilov, Generalized Functions 1 (1964), chapter II, section
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -80,6 +82,23 @@ class PointResponse:
     def entry(self, number: int) -> tuple[Array, bool]:
         """Series (n, 2) of one of the 25 entries without what is zero at its end, and whether its harmonics are odd."""
         return series_entry(self.even, self.odd, number)
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Of the entries that are not zero."""
+        return [number for number in range(N_VALUES) if len(self.entry(number)[0])]
+
+    @cached_property
+    def parities(self) -> Indices | None:
+        """Of the 25 entries (25,), 1 if even and -1 if odd functions of the angle, as of a medium mirrored about the
+        first axis; None of other media."""
+        found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
+        for signs in product((1, -1), repeat=N_FIELDS - 1):
+            of_fields = np.outer((1, *signs), (1, *signs))
+            parities = np.concatenate([of_fields[UPPER], of_fields[STRICT]])
+            if (found == parities[self.numbers]).all():
+                return parities
+        return None
 
     def wave_series(self) -> tuple[Array, Array]:
         """Series of Y(m) in the angle of m, laid out as `even` (its real part) and `odd` (its imaginary part)."""

@@ -236,7 +236,8 @@ def convolution_of(response: GridResponse) -> Convolution:
     """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
     factors = response.response.factors
     scale = np.outer(factors * SIGNS, factors)
-    return Convolution(Symbol(response.symbol), response.size, response.padded, scale, two_grids(response, scale))
+    symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
+    return Convolution(symbol, response.size, response.padded, scale, two_grids(response, scale))
 
 
 def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array) -> Array:

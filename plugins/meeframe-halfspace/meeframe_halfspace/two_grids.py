@@ -56,9 +56,10 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
         return None
     nx, ny = response.size
     size = coarse_count(nx), coarse_count(ny)
+    numbers, parities = response.response.numbers, response.response.parities
     cut = _Cut(response, padded, size, (_fast(2 * size[0]), _fast(2 * size[1])))
-    near = Convolution(Symbol(cut.near), response.size, padded, scale)
-    return TwoGrids(near, Convolution(Symbol(cut.far), size, cut.coarse_padded, scale))
+    near = Convolution(Symbol(cut.near, numbers, parities), response.size, padded, scale)
+    return TwoGrids(near, Convolution(Symbol(cut.far, numbers, parities), size, cut.coarse_padded, scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ class _Cut:
         self, number: int, table: Array, factor: Array, padded: tuple[int, int], precision: np.dtype[Any]
     ) -> Array:
         part = (table * factor[:, -table.shape[1] :]).astype(precision)
-        return free_symbol(part, *self.response.response.entry(number), padded)
+        return free_symbol(part, self.response.response, number, padded)
 
 
 def _gathered(fine: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 from meeframe_halfspace import convolution
 from meeframe_halfspace.cells import cell_table
 from meeframe_halfspace.convolution import Convolution, Symbol
-from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length
+from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length, whole_entry
 from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
 
 from meeframe.core.fields import N_FIELDS, Array
@@ -38,7 +38,12 @@ def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def convolution_of(grid: GridResponse) -> Convolution:
-    return Convolution(Symbol(grid.symbol), grid.size, grid.padded, np.ones((N_FIELDS, N_FIELDS)))
+    return Convolution(
+        Symbol(grid.symbol, grid.response.numbers, grid.response.parities),
+        grid.size,
+        grid.padded,
+        np.ones((N_FIELDS, N_FIELDS)),
+    )
 
 
 def free(size: tuple[int, int], response: PointResponse = RESPONSE) -> tuple[Convolution, Array]:
@@ -180,6 +185,44 @@ def test_what_was_made_is_made_again_from_a_pickle() -> None:
     again = pickle.loads(pickle.dumps(made))
     assert not again.symbol._kept
     np.testing.assert_array_equal(again.response(load, ALL, ALL), expected)
+
+
+def whole(made: Convolution) -> Convolution:
+    """The same, told all of the entries of its symbol instead of the half that says the others."""
+    symbol, parities = made.symbol, made.symbol.parities
+    assert parities is not None
+    halves, places = symbol.entries(symbol.numbers, np.dtype(float))
+    assert halves.shape[2] == made.padded[1] // 2 + 1
+    entries = [whole_entry(halves[places[number]], parities[number], made.padded[1]) for number in symbol.numbers]
+    return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+@pytest.mark.parametrize(("loaded", "fields"), CHOICES)
+@pytest.mark.parametrize("size", SIZES)
+def test_half_of_a_mirrored_symbol_says_the_whole(size, loaded, fields, precision, threads) -> None:
+    load = np.random.default_rng(7).normal(size=(len(loaded), *size)).astype(precision)
+    for made in (straight(size)[0], convolution_of(PeriodicGrid(STRAIGHT, SPACING, size, "bilinear"))):
+        expected = whole(made).response(load, loaded, fields)
+        found = made.response(load, loaded, fields)
+        assert np.abs(found - expected).max() < 8.0 * np.finfo(precision).eps * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("response", [RESPONSE, STRAIGHT], ids=["turned", "straight"])
+def test_entries_come_one_after_another(response) -> None:
+    """Products that were made before know theirs still."""
+    size = 9, 14
+    made, at_once = (free(size, response)[0] for _ in range(2))
+    load = np.random.default_rng(8).normal(size=(5, *size))
+    for fields in ([2], [0, 2], list(ALL), [2]):
+        before = [made.response(load[[field]], [field], [field]) for field in fields]
+        found, expected = (each.response(load[fields], fields, ALL) for each in (made, at_once))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
+        for field, alone in zip(fields, before, strict=True):
+            np.testing.assert_array_equal(made.response(load[[field]], [field], [field]), alone)
+    entries, places = made.symbol.entries((), np.dtype(float))
+    assert sorted(places) == response.numbers
+    assert sorted(places.values()) == list(range(len(entries)))
 
 
 LONG = [(40, 3), (3, 70)]

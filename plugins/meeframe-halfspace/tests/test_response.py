@@ -187,6 +187,28 @@ def test_entries_that_symmetry_forbids_are_zero():
     assert all(len(turned.entry(entry)[0]) for entry in range(25))
 
 
+@pytest.mark.parametrize("quarter_turns", [0, 1, 2])
+def test_responses_mirrored_about_the_first_axis(quarter_turns):
+    """Of media with planes of symmetry: each entry of the response is the same there, or the opposite."""
+    medium = library_material("orthotropic-mee").rotated(rotation_about((0.0, 0.0, 1.0), 0.5 * np.pi * quarter_turns))
+    around = np.random.default_rng(0).normal(size=(20, 2))
+    for stiffness in (medium.stiffness, Material.isotropic(YOUNG, POISSON).stiffness):
+        response = PointResponse.of(stiffness, np.eye(3))
+        there, beyond = (response.evaluate(around * [1.0, sign]) for sign in (1.0, -1.0))
+        parities = np.abs(entries_to_matrix(response.parities.astype(float)))
+        np.testing.assert_array_equal(parities[~np.eye(5, dtype=bool)] % 2, 0)  # both kinds of entries have the same
+        signs = np.sign(entries_to_matrix(np.concatenate([response.parities[:15], np.zeros(10)])))
+        assert np.abs(beyond - signs * there).max() < 1e-12 * np.abs(there).max()
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 2.0, 0.5), (0.0, 1.0, 0.0)])
+def test_responses_that_are_not_mirrored(axis):
+    medium = library_material("orthotropic-mee").rotated(rotation_about(axis, 0.5))
+    response = PointResponse.of(medium.stiffness, np.eye(3))
+    mirrors = axis == (0.0, 1.0, 0.0)  # turned about the second axis, the plane across it stays one of symmetry
+    assert (response.parities is not None) == mirrors
+
+
 def test_what_is_no_material_is_refused():
     with pytest.raises(MaterialError, match="converge"):
         PointResponse.of(np.full((3, 5, 5, 3), np.nan), np.eye(3))
