@@ -60,12 +60,17 @@ class Freedom:
     @cached_property
     def moved(self) -> tuple[int, ...]:
         """Fields of the mode, ..."""
-        return tuple(k for k in range(N_FIELDS) if self.mode[:, k].any())
+        return _columns(self.mode)
 
     @cached_property
     def measured(self) -> tuple[int, ...]:
         """... and of the measure."""
-        return tuple(k for k in range(N_FIELDS) if self.measure[:, k].any())
+        return _columns(self.measure)
+
+
+def _columns(values: Array) -> tuple[int, ...]:
+    """Of values (n, 5), those that are not zero."""
+    return tuple(k for k in range(N_FIELDS) if (values[:, k] != 0.0).any())  # faster than to ask numbers for any
 
 
 @dataclass(frozen=True, eq=False)

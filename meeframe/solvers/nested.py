@@ -49,9 +49,9 @@ def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> C
     A resultant keeps its density: the measure of a freedom is scaled with the weights.
     """
     weights = problem.system.weights[kept]
-    share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)[:, None]
-    freedoms = tuple(
-        Freedom(np.take(f.mode, kept, axis=0), np.take(f.measure, kept, axis=0) * share, f.total)
+    share = np.divide(system.weights, weights, out=np.zeros_like(weights), where=weights != 0.0)
+    freedoms = tuple(  # components one after another
+        Freedom(f.mode.T.take(kept, axis=1).T, (f.measure.T.take(kept, axis=1) * share).T, f.total)
         for f in problem.freedoms
     )
     arrays = {name: getattr(problem, name)[kept] for name in ("gap", "translation", "potentials")}
