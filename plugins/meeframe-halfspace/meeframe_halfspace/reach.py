@@ -34,13 +34,14 @@ def nearness(size: tuple[int, int], spacing: tuple[float, float], reach: float) 
     return np.asarray(1.0 - far ** (_SMOOTH + 1) * np.polyval(powers[::-1], far))
 
 
-def reach(response: PointResponse, spacing: tuple[float, float]) -> float:
+def reach(response: PointResponse, spacing: tuple[float, float], most: float) -> float:
     """Distance [m] within which a response is near: of every entry, each HOP-th node along both axes tells the rest.
 
-    What interpolation of the fifth degree misses falls like the sixth power of the distance, in the end.
+    What interpolation of the fifth degree misses falls like the sixth power of the distance, in the end. It is not
+    looked for beyond most [m].
     """
     found = LEAST * max(spacing)
-    while (lost := _lost(response, spacing, found)) > LOST:
+    while found <= most and (lost := _lost(response, spacing, found)) > LOST:
         found *= max(GROWTH, (lost / LOST) ** (1.0 / TAPS))
     return found
 

@@ -51,7 +51,8 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
     most = WORTH * prod(response.padded)
     if prod(_padded(response, LEAST * max(response.spacing))) > most:
         return None
-    padded = _padded(response, reach(response.response, response.spacing))
+    widest = max(n * h for n, h in zip(response.size, response.spacing, strict=True))
+    padded = _padded(response, reach(response.response, response.spacing, widest))
     if prod(padded) > most:
         return None
     nx, ny = response.size

@@ -11,6 +11,7 @@ from meeframe_halfspace import convolution
 from meeframe_halfspace.cells import cell_table
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length, whole_entry
+from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
 
 from meeframe.core.fields import N_FIELDS, Array
@@ -206,6 +207,15 @@ def test_half_of_a_mirrored_symbol_says_the_whole(size, loaded, fields, precisio
         expected = whole(made).response(load, loaded, fields)
         found = made.response(load, loaded, fields)
         assert np.abs(found - expected).max() < 8.0 * np.finfo(precision).eps * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("fields", [(2,), (4, 2), ALL])
+@pytest.mark.parametrize("size", [*SIZES, (9, 15)])
+def test_half_of_a_mirrored_symbol_says_the_whole_inverse(size, fields) -> None:
+    load = np.random.default_rng(9).normal(size=(len(fields), *size)).astype(np.float32)
+    for made in (straight(size)[0], convolution_of(PeriodicGrid(STRAIGHT, SPACING, size, "bilinear"))):
+        found, expected = (wave_inverse(each, fields).response(load, fields, fields) for each in (made, whole(made)))
+        assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("response", [RESPONSE, STRAIGHT], ids=["turned", "straight"])

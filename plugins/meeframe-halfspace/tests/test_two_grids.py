@@ -136,7 +136,7 @@ def test_responses_of_a_medium_much_stiffer_along_one_axis() -> None:
 @pytest.mark.parametrize("medium", ["turned", "straight", "ceramic"])
 def test_smooth_responses_are_near_within_some_of_the_wider_spacings(medium, spacing) -> None:
     response = PointResponse.of(MEDIA[medium], np.eye(3))
-    assert LEAST <= reach(response, spacing) / max(spacing) < 1.2 * LEAST
+    assert LEAST <= reach(response, spacing, np.inf) / max(spacing) < 1.2 * LEAST
 
 
 @pytest.mark.parametrize(("along", "across"), [(1.0, 1.0), (1.0, 2.0), (3.0, 1.0)])
@@ -146,11 +146,12 @@ def test_sharp_responses_are_near_farther_out(along, across) -> None:
         PointResponse.of(FIBRES, np.eye(3)),
         np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     )
-    found = reach(response, (along, across))
+    found = reach(response, (along, across), np.inf)
     assert found > 1.5 * LEAST * across
-    assert reach(PointResponse.of(FIBRES, turned_by), (across, along)) == pytest.approx(found, rel=1e-6)
-    assert reach(response, (along, 0.5 * across)) < found
-    assert reach(response, (1e-6 * along, 1e-6 * across)) == pytest.approx(1e-6 * found, rel=1e-6)
+    assert reach(PointResponse.of(FIBRES, turned_by), (across, along), np.inf) == pytest.approx(found, rel=1e-6)
+    assert reach(response, (along, 0.5 * across), np.inf) < found
+    assert reach(response, (1e-6 * along, 1e-6 * across), np.inf) == pytest.approx(1e-6 * found, rel=1e-6)
+    assert 70.0 * across < reach(response, (along, across), 70.0 * across) < found  # there is no room for it
 
 
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
