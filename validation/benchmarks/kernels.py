@@ -189,15 +189,20 @@ def _both_cores_us(kernel: Kernel, repeats: int) -> float:
 
 def verdicts(record: Record) -> list[tuple[str, str, bool]]:
     """Time and error of a pair, and against the residue form."""
-    calls = record["assembly_us"], max(record["tabulated_us"].values())
+    assembly, others = record["assembly_us"], record["tabulated_us"].values()
     error = max(max(found.values()) for found in record["errors"].values())
     same = record["same_us"]
     ratio = same["residue"] / same["tabulated"]
     return [
         (
             f"kernel: a pair U and T at most {TARGET} µs a core, to {ERRORS['T']:g}",
-            f"{calls[0]:.3f} µs in calls of an assembly, at most {calls[1]:.3f} without order, to {error:.1e}",
-            max(calls) <= TARGET and error <= ERRORS["T"],
+            f"{assembly:.3f} µs in calls of an assembly, to {error:.1e}",
+            assembly <= TARGET and error <= ERRORS["T"],
+        ),
+        (
+            f"kernel: the same at points without order, which no assembly asks for, at most {TARGET} µs",
+            f"{min(others):.3f} to {max(others):.3f} µs, by the number of points",
+            max(others) <= TARGET,
         ),
         (
             f"kernel: {FASTER} times faster than the residue form",
