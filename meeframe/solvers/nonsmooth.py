@@ -142,20 +142,21 @@ class Equation:
 
     def ahead(self, load: Array, motion: Array) -> Array:
         """How far the indenter is ahead of the body, (n, 5), at a load (n, 5) and motion (m,)."""
-        ahead = indenter_position(self.problem, motion)
-        ahead -= self.problem.system.offset
-        ahead -= self.problem.system.apply(load)
-        return ahead
+        return self._ahead_of(self.problem.system.apply(load), motion)
 
     def roughly_ahead(self, load: Array, motion: Array) -> tuple[Array, float]:
         """The same in single precision, and how far the load moves the body: see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
         response = system.block_response(single.T, loaded, range(N_FIELDS))
+        return self._ahead_of(response, motion), self.farthest(response)
+
+    def _ahead_of(self, response: Array, motion: Array) -> Array:
+        """The same, of a body that the load moves by (n, 5)."""
         ahead = indenter_position(self.problem, motion)
-        ahead -= system.offset
+        ahead -= self.problem.system.offset
         ahead -= response
-        return ahead, self.farthest(response)
+        return ahead
 
     def farthest(self, response: Array) -> float:
         """The largest of displacements (n, 5), in those that count as one."""

@@ -78,15 +78,18 @@ class Symbol:
         with _MAKING:
             asked, places = set(numbers), self._places.setdefault(precision, {})
             missing = [number for number in self.numbers if number in asked and number not in places]
-            known = self._kept.get(precision, np.empty((0, 0, 0), precision))
-            for number, entry in self._made(missing, precision) if missing else ():
-                if precision not in self._kept or self._kept[precision] is known:
-                    self._kept[precision] = np.empty((len(known) + len(missing), *entry.shape), precision)
-                    if len(known):
-                        self._kept[precision][: len(known)] = known
-                self._kept[precision][len(places)] = entry
-                places[number] = len(places)
-            return self._kept.get(precision, known), places
+            known = found = self._kept.get(precision, np.empty((0, 0, 0), precision))
+            if missing:
+                made: dict[int, int] = {}
+                for place, (number, entry) in enumerate(self._made(missing, precision), len(known)):
+                    if found is known:  # the first tells how large they are
+                        found = np.empty((len(known) + len(missing), *entry.shape), precision)
+                        if len(known):
+                            found[: len(known)] = known
+                    found[place], made[number] = entry, place
+                self._kept[precision] = found  # and their places: all or, if this was interrupted, none
+                places.update(made)
+            return found, places
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
         """These entries; in single precision rounded if they are there in double."""
