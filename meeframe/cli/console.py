@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Final
 import typer
 from rich.console import Console
 
-from meeframe.core.errors import MeeframeError
+from meeframe.common.errors import MeeframeError
 
 if TYPE_CHECKING:
-    from meeframe.core.formulation import Progress
     from meeframe.plugin.registry import Registry
+    from meeframe.system.reduced import Progress
 
 CONVERGED: Final = 0
 NOT_CONVERGED: Final = 1

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from meeframe.core.directions import spread_directions
-from meeframe.core.errors import MaterialError
-from meeframe.core.fields import Array
-from meeframe.materials.stroh import stroh_eigenvalues
+from meeframe.common.errors import MaterialError
+from meeframe.fields import Array
+from meeframe.greens.directions import spread_directions
+from meeframe.material.stroh import stroh_eigenvalues
 
 
 def anisotropy(stiffness: Array, planes: int = 200) -> float:

@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.directions import spread_directions
-from meeframe.core.element import SurfaceElement, shape_derivatives
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.fundamental import Kernel
+from meeframe.elements._kernels.quadrature_order import MODERATE_ANISOTROPY
+from meeframe.elements.base import SurfaceElement, shape_derivatives
 from meeframe.elements.quadrature import pair_rule
-from meeframe.kernels.quadrature_order import MODERATE_ANISOTROPY
+from meeframe.fields import N_FIELDS, Array
+from meeframe.greens.base import Kernel
+from meeframe.greens.directions import spread_directions
 
 _POINTS: Final = 24
 _LONGEST_ARC: Final = np.pi / 6

@@ -1,17 +1,16 @@
-"""Quadrature rules over one element as records: the Python face of meeframe.kernels.quadrature."""
+"""Quadrature rules over one element as records: the Python face of meeframe.elements._kernels.quadrature."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from meeframe.core.element import SurfaceElement, shape_coefficients
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
-from meeframe.kernels import quadrature as kernels
-from meeframe.kernels.quadrature_order import MODERATE_ANISOTROPY
-from meeframe.kernels.shape import ShapeTable, map_rule
+from meeframe.common.errors import MeshError
+from meeframe.elements._kernels import quadrature as kernels
+from meeframe.elements._kernels.quadrature_order import MODERATE_ANISOTROPY
+from meeframe.elements._kernels.shape import ShapeTable, map_rule
+from meeframe.elements.base import SurfaceElement, shape_coefficients
+from meeframe.fields import Array, Indices
 
 MOST_GAUSS_POINTS = 24
 
@@ -66,7 +65,7 @@ def pair_rule(
     own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
     that vanish at the source; tolerance: relative to the integral of the absolute value; anisotropy: of the medium,
     see meeframe.elements.anisotropy. Raises MeshError if own_xi is not given and yet the source lies on the element.
-    See meeframe.kernels.quadrature for the method.
+    See meeframe.elements._kernels.quadrature for the method.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
@@ -110,7 +109,8 @@ def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array)
 
 @dataclass(frozen=True, eq=False)
 class ElementExtents:
-    """What the order of a rule on a whole element depends on, for required_orders of meeframe.kernels.quadrature_order.
+    """What the order of a rule on a whole element depends on, for required_orders of
+    meeframe.elements._kernels.quadrature_order.
 
     centres: (e, 3); sizes: (e, 2) lengths along xi and eta, enlarged for skew and curvature; least_orders: (e,) points
     per direction that shape functions and the turning of the normal ask for at any distance.

@@ -5,9 +5,9 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ConductivityLaw
 
 
 @final

@@ -7,10 +7,10 @@ from typing import Annotated, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ContactLaw
 
 LARGEST_RATIO: Final = 1e3
 """Of finite principal friction coefficients."""
@@ -123,27 +123,27 @@ def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
     """
     bounded = (mu > 0.0) & np.isfinite(mu)
     sticking, slipping = ((axes.T * which) @ axes for which in (mu > 0.0, bounded))
-    closed = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+    contact_fraction = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
     inverse = np.divide(1.0, mu, out=np.zeros(2), where=bounded)
-    factor, unit = _slip(trial, closed, inverse[:, None] * axes)
+    factor, unit = _slip(trial, contact_fraction, inverse[:, None] * axes)
     along, across = (axes.T * np.where(bounded, mu, 0.0)) @ unit, (axes.T * inverse) @ unit
     tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
-    tangent[:, 2, 2] = closed
+    tangent[:, 2, 2] = contact_fraction
     tangent[:, :2, 2] = -along.T
     along *= factor
     factor -= 1.0
     for i, j in np.ndindex(2, 2):
-        tangent[:, i, j] = closed * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
+        tangent[:, i, j] = contact_fraction * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
     return tangent
 
 
-def _slip(trial: Array, closed: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
+def _slip(trial: Array, contact_fraction: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
     """Factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial, zero in stick.
 
     Components before nodes, here and in what follows: numpy is much faster along the longer axis.
     """
-    reach = reduce @ [np.where(closed, part, 0.0) for part in trial[:, :2].T]
+    reach = reduce @ [np.where(contact_fraction, part, 0.0) for part in trial[:, :2].T]
     norm = np.linalg.norm(reach, axis=0)
-    slips = closed & (norm > -trial[:, 2])
+    slips = contact_fraction & (norm > -trial[:, 2])
     norm[~slips] = 1.0
     return np.where(slips, -trial[:, 2] / norm, 1.0), np.array([np.where(slips, part / norm, 0.0) for part in reach])

@@ -5,8 +5,8 @@ from typing import final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.fields import Array
+from meeframe.laws.base import ContactLaw
 
 
 @final

@@ -2,19 +2,19 @@
 
 from collections.abc import Iterable
 
-from meeframe.core.contact import Solver
-from meeframe.core.element import SurfaceElement
-from meeframe.core.formulation import Formulation
-from meeframe.core.fundamental import FundamentalSolution
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.contact.problem import Solver
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
-from meeframe.geometry import Cone, Cylinder, FlatPunch, Heights, Paraboloid, RectangularPunch, Sphere
+from meeframe.greens import Isotropic, LineIntegral, Residue, Tabulated
+from meeframe.greens.base import FundamentalSolution
+from meeframe.indenters import Cone, Cylinder, FlatPunch, Heights, Paraboloid, RectangularPunch, Sphere
+from meeframe.indenters.base import Indenter
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, Uzawa
+from meeframe.system.reduced import Formulation
 
 _PAPER = "the reference paper"
 _BARNETT = "Barnett, phys. stat. sol. (b) 49 (1972) 741-748"

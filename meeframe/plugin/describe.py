@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin, get_type_hints
 
-from meeframe.core.errors import PluginError
-from meeframe.core.quantities import Quantity
+from meeframe.common.errors import PluginError
+from meeframe.fields.units import Quantity
 from meeframe.plugin.registry import CONTRACTS, Entry, Registry
 from meeframe.plugin.validation import choices
 

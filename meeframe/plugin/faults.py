@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import Any, Final
 
-from meeframe.core.element import SurfaceElement
+from meeframe.elements.base import SurfaceElement
 from meeframe.plugin.hookspecs import PROJECT, Record
 
 NAME: Final = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")

@@ -10,17 +10,17 @@ from typing import Any, Final
 
 import pluggy
 
-from meeframe.core.contact import Solver
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import PluginError
-from meeframe.core.formulation import Formulation
-from meeframe.core.fundamental import FundamentalSolution
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.common.errors import PluginError
+from meeframe.contact.problem import Solver
+from meeframe.elements.base import SurfaceElement
+from meeframe.greens.base import FundamentalSolution
+from meeframe.indenters.base import Indenter
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.plugin.faults import fault
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
 from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
 from meeframe.plugin.validation import Problem, TableError, build, choices
+from meeframe.system.reduced import Formulation
 
 
 class Kind(StrEnum):

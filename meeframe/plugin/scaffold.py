@@ -8,7 +8,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from meeframe.core.errors import PluginError
+from meeframe.common.errors import PluginError
 from meeframe.plugin.faults import NAME, NAME_RULE
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.registry import Kind, Registry

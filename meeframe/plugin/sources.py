@@ -16,7 +16,7 @@ from typing import Final
 
 from packaging.requirements import InvalidRequirement, Requirement
 
-from meeframe.core.errors import MeeframeError, PluginError, PluginFault
+from meeframe.common.errors import MeeframeError, PluginError, PluginFault
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"

@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
-from meeframe.core.errors import CaseError, MeeframeError
-from meeframe.core.quantities import Quantity
+from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.fields.units import Quantity
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
@@ -24,6 +24,8 @@ _SIMILAR: Final = 0.7  # of difflib: 'form' is near to 'from', 'friction' not to
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 # pydantic's kinds of errors whose own texts speak of Python and not of TOML
+RENAMED_KEYS: Final = {"counter_body": "second_body"}
+"""Keys of earlier versions and what they are called now."""
 _TEXTS = {
     "dict_type": "should be a table",
     "model_type": "should be a table",
@@ -154,7 +156,9 @@ def _strict(hint: Any, converters: Converters) -> Any:
 
 def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
     """Validator of a union that says in one text what all its parts allow; pydantic's own gives one error for each."""
-    models = [create_model("Part", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)]
+    models = [
+        create_model("Subsystem", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)
+    ]
 
     def choose(value: Any) -> Any:
         if value is None and len(models) < len(hints):
@@ -210,7 +214,9 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
 
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
-    """What is allowed where an unknown key was found."""
+    """Say what is allowed where an unknown key was found, or its new name if it has been renamed."""
+    if location[-1] in RENAMED_KEYS:
+        return f"unknown key; it is now called {RENAMED_KEYS[str(location[-1])]!r}"
     current = _model_within(_hint_at(location[:-1], model))
     fields = {} if current is None else current.model_fields
     keys = [*(field.alias or key for key, field in fields.items()), *other_keys]

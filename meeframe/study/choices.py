@@ -8,14 +8,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-from meeframe.case.case import Case
-from meeframe.case.load import case_from_tables
-from meeframe.case.values import DEFAULT_FORMULATION
-from meeframe.core.errors import CaseError
-from meeframe.core.toml import toml_tables
+from meeframe.common.errors import CaseError
+from meeframe.common.toml import toml_tables
+from meeframe.model.case import Case
+from meeframe.model.load import case_from_tables
+from meeframe.model.values import DEFAULT_FORMULATION
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import TableError, choices
-from meeframe.solvers import Limits
+from meeframe.solvers import StoppingCriteria
 from meeframe.study.declare import words
 
 # what decides on the reduced system comes first, so that it varies slowest and one system is held at a time
@@ -33,7 +33,7 @@ NOTHING: Final = "-"
 
 _SOLUTION: Final = "fundamental_solution"
 _FIELDS: Final = ("electric", "magnetic")
-_BODIES: Final = ("body", "counter_body")
+_BODIES: Final = ("body", "second_body")
 
 
 @dataclass(frozen=True)
@@ -132,8 +132,8 @@ def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], r
 
 def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """The tables in which the formulations of a case are, one for each body."""
-    counter = tables.get("counter_body")
-    return dict(zip(_BODIES, [tables, *([counter] if isinstance(counter, dict) else [])], strict=False))
+    second_body = tables.get("second_body")
+    return dict(zip(_BODIES, [tables, *([second_body] if isinstance(second_body, dict) else [])], strict=False))
 
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
@@ -187,7 +187,7 @@ def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: 
 def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
     """Keys of the table of what is registered under a name."""
     factory = registry.get(kind, name).factory
-    records = [factory, Limits] if kind is Kind.SOLVER else [factory]
+    records = [factory, StoppingCriteria] if kind is Kind.SOLVER else [factory]
     return {
         field.name for record in records if dataclasses.is_dataclass(record) for field in dataclasses.fields(record)
     }

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
-from meeframe.core.errors import CaseError
-from meeframe.core.quantities import read_quantity
-from meeframe.core.toml import read_toml
+from meeframe.common.errors import CaseError
+from meeframe.common.toml import read_toml
+from meeframe.fields.units import read_quantity
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
 from meeframe.study.quantities import NODAL, TOTALS
 

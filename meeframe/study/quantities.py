@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.result import Region, Resultants, StepResult, Zone
+from meeframe.fields import Array
+from meeframe.results.records import Region, Resultants, StepResult, Zone
 
 TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "force": lambda totals: float(-totals.force[2]),

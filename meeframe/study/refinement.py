@@ -6,9 +6,9 @@ from copy import deepcopy
 from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
-from meeframe.case.body_tables import BlockTable
-from meeframe.case.values import DEFAULT_FORMULATION
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.model.body_tables import BlockTable
+from meeframe.model.values import DEFAULT_FORMULATION
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.study.choices import bodies_of
 

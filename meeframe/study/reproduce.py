@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from meeframe.core.errors import CaseError
-from meeframe.core.formulation import Progress, silent
-from meeframe.io.output import check_output, replacing
-from meeframe.io.sweep import POINTS
+from meeframe.common.errors import CaseError
 from meeframe.plugin.validation import choices
-from meeframe.report.study import Study, study_figure, study_json
+from meeframe.results.output import check_output, replacing
+from meeframe.results.sweep_files import POINTS
+from meeframe.study.reports.study import Study, study_figure, study_json
 from meeframe.study.solve import solve_study
-from meeframe.study.sweep_engine import Pool
+from meeframe.study.sweep.engine import Pool
+from meeframe.system.reduced import Progress, silent
 
 ALL: Final = "all"
 CACHE: Final = "cache"

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Progress, silent
-from meeframe.core.result import StepResult, Zone, resultants
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
-from meeframe.report.study import Panel, Study
+from meeframe.results.records import StepResult, Zone, resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
 from meeframe.study.quantities import NODAL, TOTALS, largest
-from meeframe.study.sweep_engine import InProcess, Pool, solve_points
-from meeframe.study.sweep_points import Outcome, Point, PointStatus
+from meeframe.study.reports.study import Panel, Study
+from meeframe.study.sweep.engine import InProcess, Pool, solve_points
+from meeframe.study.sweep.points import Outcome, Point, PointStatus
+from meeframe.system.reduced import Progress, silent
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def solve_study(
     pool: Pool | None = None,
     store: Path | None = None,
 ) -> Study:
-    """The study of a file, solved; cache: folder of reduced systems, see meeframe.case.cache.
+    """The study of a file, solved; cache: folder of reduced systems, see meeframe.model.cache.
 
     pool: where runs are solved, by default in this process; store: folder in which finished runs are kept and found
     again. Progress counts runs, each once however many panels show it. Runs that do not converge raise nothing: the

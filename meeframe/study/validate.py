@@ -17,12 +17,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, get_args
 
-from meeframe.core.errors import CaseError, MeeframeError, PluginFault, ResultError
-from meeframe.core.formulation import Progress, silent
-from meeframe.io.output import check_output, replacing
+from meeframe.common.errors import CaseError, MeeframeError, PluginFault, ResultError
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.validation import choices
-from meeframe.report.validation import (
+from meeframe.results.output import check_output, replacing
+from meeframe.study.reports.validation import (
     CaseReport,
     Check,
     Claim,
@@ -35,8 +34,9 @@ from meeframe.report.validation import (
     Validation,
     Verdict,
 )
-from meeframe.report.validation_page import page, plot_library
-from meeframe.report.validation_table import validation_json
+from meeframe.study.reports.validation_page import page, plot_library
+from meeframe.study.reports.validation_table import validation_json
+from meeframe.system.reduced import Progress, silent
 
 __all__ = ["Check", "Claim", "Curve", "Item", "Map", "Plot", "Skip", "Verdict", "known_cases", "load_case", "validate"]
 

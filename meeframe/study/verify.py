@@ -10,27 +10,27 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.case.cache import cached_reduce
-from meeframe.case.case import Case, Warn, unheard, warnings_of
-from meeframe.case.load import case_from_tables, load_case
-from meeframe.case.solve import bodies_of, provenance, reduce, solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError, MeeframeError
-from meeframe.core.fields import ELECTRIC, N_FIELDS
-from meeframe.core.formulation import Progress, ReducedSystem, silent
-from meeframe.core.indenter import COLUMNS, MOTIONS
-from meeframe.core.result import StepResult, Zone, resultants, zone_of
-from meeframe.core.toml import read_toml
-from meeframe.io.output import check_output, replacing, rewriting
+from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.common.toml import read_toml
+from meeframe.contact.problem import Status
+from meeframe.fields import ELECTRIC, N_FIELDS
+from meeframe.indenters.base import COLUMNS, MOTIONS
+from meeframe.model.cache import cached_reduce
+from meeframe.model.case import Case, Warn, unheard, warnings_of
+from meeframe.model.load import case_from_tables, load_case
+from meeframe.model.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
-from meeframe.report.extrapolation import MESHES, SECOND
-from meeframe.report.figures import save_figure
-from meeframe.report.verified import Measured, Verification, VerifiedRun
-from meeframe.report.verify import verification_figure, verification_json
+from meeframe.results.figures import save_figure
+from meeframe.results.output import check_output, replacing, rewriting
+from meeframe.results.records import StepResult, Zone, resultants, zone_of
 from meeframe.study.choices import Choice, enter
 from meeframe.study.quantities import TOTALS
 from meeframe.study.refinement import coarser, element_size
+from meeframe.study.reports.extrapolation import MESHES, SECOND
+from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
+from meeframe.study.reports.verify import verification_figure, verification_json
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "verify.json"
 FIGURE_FILE: Final = "convergence.png"
@@ -96,7 +96,7 @@ def verify(
 
     formulations: names or inline tables, as of `meeframe compare`; none: all that are registered, and those that refuse
     the case are told in the verification. every_step: compare at the end of every load step, not of the last alone;
-    cache: folder of reduced systems that are shared with other verifications, see meeframe.case.cache.
+    cache: folder of reduced systems that are shared with other verifications, see meeframe.model.cache.
     warn: is told first what the formulations warn of, each on each mesh, and what the case itself does.
     Raises CaseError or PluginError, before anything is computed, for a case with problems, a mesh that cannot be
     coarsened, a named formulation that refuses it, or if fewer than two take it; ResultError if `out` cannot be written

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
+from meeframe.common.errors import MeeframeError
+from meeframe.fields import Array
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields
 
 
 def cell_centres(side: float, cells: int) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Closed forms for frictionless indentation of an axisymmetric magneto-electro-elastic half space.
 
 The half space lies at x3 < 0 and is poled along x3, its outward normal; t3, q and s are the extended tractions on that
-normal, and xi (3, 3) is its point-source response (see meeframe.materials.half_space.axisymmetric_compliance).
+normal, and xi (3, 3) is its point-source response (see meeframe.material.half_space.axisymmetric_compliance).
 Pressing is described by positive numbers: approach g, force P, pressure p = -t3. Charge and magnetic flux are outward
 fluxes, the limit of q = +kappa (phi - phi_o) for kappa -> inf.
 Source: paper, eqs. (33)-(36), with the corrections of docs/theory.md; basic potentials from Johnson, Contact Mechanics
@@ -17,8 +17,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
+from meeframe.common.errors import MeeframeError
+from meeframe.fields import Array
 
 _NORMAL, _ELECTRIC, _MAGNETIC = range(3)
 CONDITIONS: Final = {

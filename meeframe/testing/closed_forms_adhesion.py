@@ -11,10 +11,10 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
+from meeframe.common.errors import MeeframeError
+from meeframe.fields import Array
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields
 from meeframe.testing.half_space import inverse_distance_integral
 
 

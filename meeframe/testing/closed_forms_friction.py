@@ -15,8 +15,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipkm1, hyp2f1
 
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
+from meeframe.common.errors import MeeframeError
+from meeframe.fields import Array
 
 _FAR: Final = 40.0
 """Where 1/cosh has died out."""

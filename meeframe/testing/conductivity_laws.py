@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
+from meeframe.fields import Array
+from meeframe.laws.base import ConductivityLaw
 from meeframe.testing.jumps import steepest
 from meeframe.testing.requirements import ROUND_OFF, check_frozen, each, pure, require
 from meeframe.testing.search import search_conductivities
@@ -97,14 +97,14 @@ def _states(random: np.random.Generator, units: tuple[float, float, float]) -> A
 def _check_jumps(law: ConductivityLaw, states: Array, column: int, unit: float) -> None:
     """No jump along a line of tractions, gaps or drops, between whose points the others are those of random states."""
     positive = unit * np.concatenate([[0.0], 10.0 ** np.linspace(-6.0, 2.0, _SAMPLES)])
-    closed, apart = states[:_SAMPLES], states[_SAMPLES:]
+    contact_fraction, apart = states[:_SAMPLES], states[_SAMPLES:]
     if column == _TRACTION:
-        _check_line(law, closed[1:], column, -positive[1:])
+        _check_line(law, contact_fraction[1:], column, -positive[1:])
     elif column == _GAP:
         _check_line(law, apart, column, positive)
     else:
         both = np.concatenate([-positive[:0:-1], positive])
-        for side in (closed, apart):
+        for side in (contact_fraction, apart):
             _check_line(law, np.concatenate([side, side]), column, both)
 
 

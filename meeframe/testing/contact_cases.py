@@ -11,12 +11,12 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.materials import Material
-from meeframe.materials.half_space import surface_compliance
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material
+from meeframe.material.half_space import surface_compliance
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.cells import cell_system
 
 Condition = Literal["EMII", "ECMII", "EIMCI", "EMCI"]

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.law import ContactLaw
+from meeframe.laws.base import ContactLaw
 from meeframe.testing.law_extras import check_adhesion, check_increments, check_initial_gap
 from meeframe.testing.law_maps import SAMPLES, Units, check_maps
 from meeframe.testing.requirements import check_frozen, close, require
@@ -22,7 +22,7 @@ def check_contact_law(
     duration: float = 1.0,
     extent: float = 1e-3,
 ) -> None:
-    """The whole contract of meeframe.core.law.ContactLaw. Raises AssertionError that names what fails, where, and why
+    """The whole contract of meeframe.laws.base.ContactLaw. Raises AssertionError that names what fails, where, and why
     it matters.
 
     `project`: pure, admissible, idempotent and local; its tangential part non-expansive in the law's metric between

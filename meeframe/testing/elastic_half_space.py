@@ -8,10 +8,10 @@ Source of the point solutions: Johnson, Contact Mechanics (1985), eqs. (3.18) an
 
 import numpy as np
 
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.materials.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY
+from meeframe.common.errors import MeeframeError
+from meeframe.fields import Array
+from meeframe.material.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.cells import cell_system
 
 

@@ -1,11 +1,11 @@
-"""Conformance of a surface element with its contract (meeframe.core.element)."""
+"""Conformance of a surface element with its contract (meeframe.elements.base)."""
 
 import numpy as np
 from hypothesis import strategies as st
 
-from meeframe.core.element import SurfaceElement, shape_coefficients, shape_derivatives, shape_functions
-from meeframe.core.fields import Array
+from meeframe.elements.base import SurfaceElement, shape_coefficients, shape_derivatives, shape_functions
 from meeframe.elements.quadrature import tensor_rule
+from meeframe.fields import Array
 from meeframe.testing.requirements import each, explained, require
 from meeframe.testing.search import search_for
 

@@ -1,13 +1,13 @@
-"""Conformance of a fundamental solution with its contract (meeframe.core.fundamental)."""
+"""Conformance of a fundamental solution with its contract (meeframe.greens.base)."""
 
 from collections.abc import Callable
 
 import numpy as np
 from hypothesis import strategies as st
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.fundamental import LineIntegral
+from meeframe.fields import N_FIELDS, Array
+from meeframe.greens import LineIntegral
+from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.testing.requirements import each, explained, require
 from meeframe.testing.search import search_for
 

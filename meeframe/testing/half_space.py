@@ -6,12 +6,12 @@ response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. S
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array
 from meeframe.laws import Signorini, StepConductivity
+from meeframe.laws.base import ContactLaw
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.cells import cell_centres, cell_system
 
 _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])

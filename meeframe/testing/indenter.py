@@ -1,10 +1,10 @@
-"""Conformance of an indenter with its contract (meeframe.core.indenter)."""
+"""Conformance of an indenter with its contract (meeframe.indenters.base)."""
 
 import numpy as np
 from hypothesis import strategies as st
 
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
+from meeframe.fields import Array
+from meeframe.indenters.base import Indenter
 from meeframe.testing.requirements import check_frozen, each, require
 from meeframe.testing.search import search_for
 

@@ -5,9 +5,9 @@ from typing import ClassVar, Self, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw, StepLengths
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths
 
 _WEAKENED = 0.5
 """Of the friction coefficient, after a long slip."""

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 _HALVINGS: Final = 46
 """Of an interval: what is left is hardly wider than round-off."""

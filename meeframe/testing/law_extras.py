@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.fields import Array
+from meeframe.laws.base import ContactLaw
 from meeframe.testing.jumps import steepest
 from meeframe.testing.law_maps import SAMPLES, Units, check_maps
 from meeframe.testing.requirements import each, pure, require

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.fields import Array
+from meeframe.laws.base import ContactLaw, StepLengths
 from meeframe.testing.requirements import ROUND_OFF, close, each, pure, require
 
 SAMPLES: Final = 400
@@ -31,7 +31,7 @@ _SOLVED: Final = 1e-9
 _LENGTHS: Final = ((1.0, 1.0), (0.1, 5.0), (20.0, 0.3))
 """Steps r, normal and tangential, in units of pressure / gap."""
 
-Part = Callable[[NDArray[np.int_]], ContactLaw]
+Subsystem = Callable[[NDArray[np.int_]], ContactLaw]
 """The law on some of its nodes: itself, unless it is that of an increment, which knows the path of each node."""
 
 
@@ -52,7 +52,7 @@ class Units:
         ]
 
 
-def check_maps(law: ContactLaw, part: Part, units: Units, random: np.random.Generator) -> None:
+def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random.Generator) -> None:
     """All checks of this module, for SAMPLES nodes."""
     _check_scaling(law)
     trial = units.pressure * random.normal(size=(SAMPLES, 3))
@@ -80,7 +80,9 @@ def without_indenter(states: Array) -> Array:
     return np.column_stack([states[:, :2], np.full(len(states), np.inf)])
 
 
-def _check_project(law: ContactLaw, part: Part, trial: Array, pressure: float, random: np.random.Generator) -> None:
+def _check_project(
+    law: ContactLaw, part: Subsystem, trial: Array, pressure: float, random: np.random.Generator
+) -> None:
     traction = pure(law.project, trial, "project")
     _check_tractions("project", trial, traction)
     beyond = without_indenter(trial)
@@ -100,7 +102,13 @@ def _check_tractions(name: str, trial: Array, traction: Array) -> None:
 
 
 def _check_resolve(
-    law: ContactLaw, part: Part, trial: Array, gap: Array, r: StepLengths, units: Units, random: np.random.Generator
+    law: ContactLaw,
+    part: Subsystem,
+    trial: Array,
+    gap: Array,
+    r: StepLengths,
+    units: Units,
+    random: np.random.Generator,
 ) -> None:
     """resolve is pure, local, finite, admissible, zero where open and without an indenter, its normal part monotone."""
     states = np.hstack([trial, gap])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.fields import Array
+from meeframe.laws.base import ContactLaw
 from meeframe.testing.law_maps import SAMPLES, STEPS, Units, metric, other_slips, rest
 from meeframe.testing.requirements import ROUND_OFF, close, each, require
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.common.errors import MeeframeError
+from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
+from meeframe.fields import Array
 from meeframe.laws import Insulating
+from meeframe.laws.base import ContactLaw
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.system.reduced import ReducedSystem
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 
 def solid_angle(corners: Array, source: Array) -> float:

@@ -1,7 +1,7 @@
 """A second judge: how far a state is from each condition of the contact problem, condition by condition.
 
 Eqs. (10), (12), (17), (18) are written out as inequalities and alternatives, not as one fixed point as in
-meeframe.solvers.residual. Of the contact law only the attraction, the gap that it lets belong to a pressure, by
+meeframe.contact.residual. Of the contact law only the attraction, the gap that it lets belong to a pressure, by
 bisection, and the set of tangential tractions that are admissible there are used, and not its metric; of the solvers'
 code only the characteristic magnitudes, as units.
 """
@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, indenter_position, unbalance
-from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.contact.problem import ContactProblem, ContactState, indenter_position, unbalance
+from meeframe.contact.scales import Scales, problem_scales
+from meeframe.fields import MECHANICAL, Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 
 _DIRECTIONS: Final = 36
 _ROUNDS: Final = 5
@@ -51,7 +51,9 @@ def violations(problem: ContactProblem, state: ContactState, associated: bool = 
         **_of_flux(problem, state, contact[:, 2], ahead, scales),
         "prescribed resultant": np.abs(unbalance(problem, state.load)) / scales.totals,
     }
-    finite = all(np.isfinite(part).all() for part in (state.load, state.displacement, state.closed, state.motion))
+    finite = all(
+        np.isfinite(part).all() for part in (state.load, state.displacement, state.contact_fraction, state.motion)
+    )
     return {name: float(np.max(values, initial=0.0)) if finite else np.inf for name, values in found.items()}
 
 
@@ -89,7 +91,8 @@ class _Limited:
 def _of_traction(
     problem: ContactProblem, state: ContactState, contact: Array, ahead: Array, scales: Scales, associated: bool
 ) -> dict[str, Array]:
-    """Eqs. (10) to (12), with the gap of the law's own, and what `closed` says of them; contact: tractions (n, 3)."""
+    """Eqs. (10) to (12), with the gap of the law's own, and what `contact_fraction` says of them; contact: tractions
+    (n, 3)."""
     law, r = problem.contact_law, 1.0 / scales.normal_compliance
     gap = np.where(np.isfinite(ahead[:, MECHANICAL]), ahead[:, MECHANICAL], 0.0)
     band = _BAND * scales.pressure
@@ -109,9 +112,9 @@ def _of_traction(
         "slip": np.minimum(sticks * r / scales.pressure, slips),
         "closed fraction": np.concatenate(
             [
-                np.maximum(-state.closed, state.closed - 1.0),
-                np.minimum(1.0 - state.closed, pressure),
-                np.minimum(state.closed, distance),
+                np.maximum(-state.contact_fraction, state.contact_fraction - 1.0),
+                np.minimum(1.0 - state.contact_fraction, pressure),
+                np.minimum(state.contact_fraction, distance),
             ]
         ),
     }
@@ -193,8 +196,8 @@ def _of_flux(
     """
     drop = ahead[:, 3:]  # phi - phi_o
     above = np.isfinite(problem.gap)
-    pressing = np.where(state.closed == 1.0, np.minimum(normal, _TOUCHING), 0.0)
-    gap = np.where(above & (state.closed < 1.0), np.maximum(ahead[:, 2], 0.0), 0.0)
+    pressing = np.where(state.contact_fraction == 1.0, np.minimum(normal, _TOUCHING), 0.0)
+    gap = np.where(above & (state.contact_fraction < 1.0), np.maximum(ahead[:, 2], 0.0), 0.0)
     found = {}
     for k, name in enumerate(("electric flux", "magnetic flux")):
         law = (problem.electric_law, problem.magnetic_law)[k]
@@ -203,10 +206,10 @@ def _of_flux(
         flux, difference = state.load[:, 3 + k] * own / unit, drop[:, k] / unit
         kappa, steepness = (own * part for part in _conduction(law, pressing, gap, drop[:, k]))
         with np.errstate(invalid="ignore"):
-            closed = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + steepness))
+            contact_fraction = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + steepness))
         uphill = np.minimum(np.maximum(-flux * np.sign(difference), 0.0), np.abs(difference))
-        grazing = (state.closed > 0.0) & (state.closed < 1.0)
-        found[name] = np.where(grazing, uphill, np.where(above, np.abs(closed), np.abs(flux)))
+        grazing = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
+        found[name] = np.where(grazing, uphill, np.where(above, np.abs(contact_fraction), np.abs(flux)))
     return found
 
 

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.fields import N_FIELDS, Array
+from meeframe.system.reduced import ReducedSystem
 
 ROUND_OFF: Final = 1e-9
 LOADS: Final = 6

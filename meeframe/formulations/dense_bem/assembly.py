@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 from numba import get_num_threads
 
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import Progress
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.common.errors import MeshError
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, shape_table
+from meeframe.fields import N_FIELDS, Array
+from meeframe.formulations.dense_bem._kernels import assembly as kernels
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.formulations.dense_bem.rules import plane_normals, tabulate
-from meeframe.kernels import assembly as kernels
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.system.reduced import Progress
 
 # Quadrature points handed to the fundamental solution at a time, on curved elements: their kernels fit the second-level
 # cache. Twice as many, of which more share a cell of the table, take as long, four times as many longer.
@@ -97,7 +97,8 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see meeframe.kernels.assembly."""
+    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see
+    meeframe.formulations.dense_bem._kernels.assembly."""
 
     value: Array
     flux: Array

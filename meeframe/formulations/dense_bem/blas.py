@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import get_cython_function_address
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 Swaps = NDArray[np.int32]
 """Row i was exchanged with row swaps[i], counted from 1, one after the other: LAPACK's pivots."""

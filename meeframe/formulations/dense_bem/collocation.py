@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.element import shape_functions
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.elements.base import shape_functions
+from meeframe.fields import N_FIELDS, Array, Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout
+from meeframe.mesh.surface import SurfaceMesh
 
 INWARD_SHIFT = 0.35
 """How far, from node to centre of the element, a collocation point moves inside its patch."""

@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 from scipy.linalg.lapack import dlange
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
+from meeframe.formulations.dense_bem._kernels.row_swaps import swap_rows
 from meeframe.formulations.dense_bem.blas import (
     Swaps,
     divide_by_lower,
@@ -22,7 +23,6 @@ from meeframe.formulations.dense_bem.blas import (
     factorise,
     subtract_product,
 )
-from meeframe.kernels.row_swaps import swap_rows
 
 PANEL: Final = 32
 """Columns that are factorised at once, by one thread: several would wait for each other at every few columns, which

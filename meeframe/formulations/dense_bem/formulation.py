@@ -7,23 +7,23 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.body import Body
-from meeframe.core.dense_system import in_local_frames
-from meeframe.core.errors import CaseError, TooLargeError
-from meeframe.core.fields import N_FIELDS, Array, FieldScaling
-from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
+from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
-from meeframe.fundamental import Tabulated
-from meeframe.geometry import check_mesh, zone_frames
-from meeframe.geometry.slenderness import bending_warnings
-from meeframe.kernels.assembly import Accuracy
+from meeframe.greens import Tabulated
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.mesh import check_mesh, zone_frames
+from meeframe.mesh.body import Body
+from meeframe.mesh.slenderness import bending_warnings
+from meeframe.system.dense import in_local_frames
+from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, silent
 
 
 @final

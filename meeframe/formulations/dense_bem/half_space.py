@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import SurfaceMesh
-from meeframe.geometry.topology import outer_polygon
+from meeframe.fields import N_FIELDS, Array
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import outer_polygon
 
 GAUSS_POINTS = 24
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition, check_conditions
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
-from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.common.errors import CaseError
+from meeframe.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
-from meeframe.geometry.supports import check_supports
-from meeframe.geometry.topology import outer_polygon
+from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
+from meeframe.mesh.supports import check_supports
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import outer_polygon
+from meeframe.system.reduced import NodalFields
 
 NONE = -1
 

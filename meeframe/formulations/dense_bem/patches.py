@@ -11,9 +11,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.core.element import shape_derivatives
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
+from meeframe.elements.base import shape_derivatives
+from meeframe.fields import Array, Indices
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from meeframe.core.element import shape_derivatives, shape_functions
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock
+from meeframe.elements._kernels.quadrature import rectangular_rule, shape_degree
+from meeframe.elements.base import shape_derivatives, shape_functions
 from meeframe.elements.quadrature import element_extents, gauss_table, shape_table
-from meeframe.kernels.assembly import RuleTable
-from meeframe.kernels.quadrature import rectangular_rule, shape_degree
+from meeframe.fields import Array
+from meeframe.formulations.dense_bem._kernels.assembly import RuleTable
+from meeframe.mesh.surface import ElementBlock
 
 TABULATED_ORDERS = (2, 3, 4, 5, 6, 8)
 PLANE = 1e-12

@@ -6,14 +6,14 @@ from typing import Final
 import numpy as np
 from scipy.linalg.lapack import dlange
 
-from meeframe.core.body import Body
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import CaseError
+from meeframe.fields import N_FIELDS, Array
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
+from meeframe.mesh.body import Body
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.system.reduced import NodalFields
 
 SINGULAR: Final = 1e-14
 """Reciprocal condition number, in Frobenius norms, below which the system is singular to round-off.

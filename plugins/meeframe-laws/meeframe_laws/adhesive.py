@@ -6,10 +6,10 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ContactLaw
 from meeframe_laws.coulomb_contact import CoulombContact
 
 

@@ -6,9 +6,9 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import StepLengths
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import StepLengths
 from meeframe_laws.coulomb_contact import CoulombContact
 
 _MOST_STEPS: Final = 60
@@ -43,12 +43,12 @@ class Compliant(CoulombContact):
         """By the trial (n, 3, 3), and zero by the gap."""
         pressed = self._pressed(trial, r)
         pressure = -pressed[:, 2]
-        closed = pressure > 0.0
-        closure = self._closure(np.where(closed, pressure, self.reference_pressure))
-        softness = closure / (self.exponent * np.where(closed, pressure, self.reference_pressure))
+        contact_fraction = pressure > 0.0
+        closure = self._closure(np.where(contact_fraction, pressure, self.reference_pressure))
+        softness = closure / (self.exponent * np.where(contact_fraction, pressure, self.reference_pressure))
         by_trial = self.tangent(pressed)
         by_trial[:, :, 2] /= (1.0 + r[0] * softness)[:, None]
-        by_trial[~closed] = 0.0
+        by_trial[~contact_fraction] = 0.0
         return by_trial, np.zeros_like(by_trial)
 
     def _closure(self, pressure: Array) -> Array:

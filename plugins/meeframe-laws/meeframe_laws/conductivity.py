@@ -6,10 +6,10 @@ from typing import Annotated, ClassVar, final
 
 import numpy as np
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ConductivityLaw
 from meeframe.plugin.hookspecs import Record
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ContactLaw
 
 
 @dataclass(frozen=True, kw_only=True)

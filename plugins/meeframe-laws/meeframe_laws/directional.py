@@ -6,10 +6,10 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws import OrthotropicCoulomb
+from meeframe.laws.base import ContactLaw, StepLengths
 from meeframe.laws.coulomb import LARGEST_RATIO
 from meeframe_laws.limits import ROUND_OFF, ROUNDS, pressing
 

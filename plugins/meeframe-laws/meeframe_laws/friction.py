@@ -6,9 +6,9 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ContactLaw, StepLengths
 from meeframe.plugin.hookspecs import Record
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening

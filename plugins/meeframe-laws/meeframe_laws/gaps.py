@@ -6,9 +6,9 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.indenters.base import Indenter
 from meeframe_laws.coulomb_contact import CoulombContact
 
 _ANGLE = Quantity("rad", gt=-math.inf, lt=math.inf)

@@ -13,12 +13,12 @@ import numpy as np
 from meeframe_laws.conductivity import AcrossGap, Breakdown, PowerLaw, Robin, Saturating, Thresholded
 from sheet import draw_sheets
 
-from meeframe.core.contact import ContactProblem, ContactState, Status
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, contact_conductivity
+from meeframe.contact.problem import ContactProblem, ContactState, Status
+from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.materials.material import VACUUM_PERMITTIVITY
+from meeframe.laws.base import ConductivityLaw, contact_conductivity
+from meeframe.material import library_material
+from meeframe.material.material import VACUUM_PERMITTIVITY
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
 

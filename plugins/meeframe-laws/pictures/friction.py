@@ -15,11 +15,11 @@ from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 from meeframe_laws.friction import CappedCoulomb, RegularisedCoulomb, Tresca
 from sheet import draw_sheets
 
-from meeframe.core.contact import ContactProblem, ContactState, Status, contact_gap
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
-from meeframe.materials import library_material
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
 

@@ -14,13 +14,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from meeframe_laws.interface import DMT, Compliant, DMTCoulomb, Dugdale, SignoriniGap
 
-from meeframe.core.contact import ContactProblem, ContactState, Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import ContactProblem, ContactState, Status
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_adhesion import Maugis, bradley_force, quarter_half_space
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.half_space import indentation_problem
