@@ -35,5 +35,5 @@ class StepConductivity(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa where normal_traction < 0, else 0, (n,)."""
+        """Return kappa where normal_traction < 0, else 0, (n,)."""
         return np.where(normal_traction < 0.0, self.kappa, 0.0)

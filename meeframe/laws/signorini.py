@@ -15,7 +15,7 @@ class Signorini(ContactLaw):
     """Unilateral contact without friction (eqs. 10, 11): p_nu = min(0, p_nu*), zero tangential traction."""
 
     def project(self, trial: Array) -> Array:
-        """(0, 0, min(0, trial_nu)), (n, 3) [Pa]."""
+        """Return (0, 0, min(0, trial_nu)), (n, 3) [Pa]."""
         traction = np.zeros_like(trial)
         traction[:, 2] = np.minimum(trial[:, 2], 0.0)
         return traction

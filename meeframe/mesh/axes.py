@@ -43,7 +43,8 @@ class FrictionAxes:
             raise CaseError(f"FrictionAxes: centre = {self.centre!r} has no meaning without around")
 
     def directions(self, points: Array) -> Array:
-        """Direction of e1 at points (n, 3) [m], (n, 3) in global axes, not normalised; zero on the axis `around`."""
+        """Return the direction of e1 at points (n, 3) [m], (n, 3) in global axes, not normalised; zero on the axis
+        `around`."""
         if self.direction is not None:
             return np.tile(_unit(self.direction), (len(points), 1))
         assert self.around is not None

@@ -27,12 +27,12 @@ class Edges:
 
 
 def corner_count(element: SurfaceElement) -> int:
-    """Corners of an element; they come first among its nodes."""
+    """Return the corners of an element; they come first among its nodes."""
     return 3 if element.reference == "triangle" else 4
 
 
 def edge_nodes(element: SurfaceElement) -> list[Indices]:
-    """Local node numbers along each edge, from one corner to the next, counter-clockwise."""
+    """Return the local node numbers along each edge, from one corner to the next, counter-clockwise."""
     n = corner_count(element)
     nodes = np.asarray(element.nodes, float)
     edges = []
@@ -68,7 +68,7 @@ def find_edges(mesh: SurfaceMesh) -> Edges:
 
 
 def reflection(element: SurfaceElement) -> Indices:
-    """Node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
+    """Return the node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
     swapped = np.asarray(element.nodes, float)[:, ::-1]
     distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
     order: Indices = distance.argmin(axis=1).astype(np.int64)
@@ -76,7 +76,8 @@ def reflection(element: SurfaceElement) -> Indices:
 
 
 def outer_polygon(mesh: SurfaceMesh) -> Indices:
-    """Sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to node."""
+    """Return the sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to
+    node."""
     edges = find_edges(mesh)
     open_edges = np.flatnonzero(np.bincount(edges.number)[edges.number] == 1)
     sides = []

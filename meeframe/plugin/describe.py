@@ -38,7 +38,7 @@ def find(registry: Registry, name: str) -> list[Entry]:
 
 
 def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
-    """The keys that a case file may give; none if the factory is no dataclass."""
+    """Return the keys that a case file may give; none if the factory is no dataclass."""
     factory = entry.record.factory
     if not (isinstance(factory, type) and dataclasses.is_dataclass(factory)):
         return []
@@ -48,7 +48,7 @@ def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
 
 
 def documentation(entry: Entry) -> str:
-    """The docstring of the factory, "" if it has none of its own."""
+    """Return the docstring of the factory, "" if it has none of its own."""
     factory = entry.record.factory
     text = inspect.cleandoc(getattr(factory, "__doc__", None) or "")
     generated = f"{getattr(factory, '__name__', '')}("
@@ -87,7 +87,7 @@ def _allowed_part(hint: Any) -> str:
 
 
 def _bounds(marks: Iterable[Any]) -> list[str]:
-    """Bounds of pydantic's Field or of annotated-types."""
+    """Return the bounds of pydantic's Field or of annotated-types."""
     plain = [inner for mark in marks for inner in getattr(mark, "metadata", (mark,))]
     return [f"{sign} {getattr(mark, name):g}" for mark in plain for name, sign in _SIGNS.items() if hasattr(mark, name)]
 

@@ -56,7 +56,8 @@ class Choice:
 
 
 def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]]:
-    """The choices of the options that have any, in the order of OPTIONS. Raises CaseError, also if there are none."""
+    """Return the choices of the options that have any, in the order of OPTIONS. Raises CaseError, also if there are
+    none."""
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
     for option, found in chosen.items():
         labels = [choice.label for choice in found]
@@ -81,7 +82,7 @@ class Combination:
 def combinations(
     file: Path, tables: Mapping[str, Any], chosen: Mapping[str, list[Choice]], registry: Registry
 ) -> list[Combination]:
-    """Every combination of choices with the tables of a case, at least one of which fits.
+    """Return every combination of choices with the tables of a case, at least one of which fits.
 
     Formulations that take no fundamental solution appear once, with NOTHING for it. Raises CaseError that names the
     file and the combination for unknown names in tables and if no combination fits, PluginError for other unknown ones.
@@ -131,7 +132,7 @@ def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], r
 
 
 def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The tables in which the formulations of a case are, one for each body."""
+    """Return the tables in which the formulations of a case are, one for each body."""
     second_body = tables.get("second_body")
     return dict(zip(_BODIES, [tables, *([second_body] if isinstance(second_body, dict) else [])], strict=False))
 
@@ -177,7 +178,8 @@ def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], 
 
 
 def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: Registry) -> dict[str, Any]:
-    """The table of a choice: a name takes those keys present that it has. Raises PluginError if it is unknown."""
+    """Return the table of a choice: a name takes those keys present that it has. Raises PluginError if it is
+    unknown."""
     if not isinstance(value, str):
         return dict(value)
     keys = _keys(kind, value, registry)
@@ -194,7 +196,7 @@ def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
 
 
 def _table(value: Any) -> dict[str, Any]:
-    """A name, a table or nothing as a table."""
+    """Return a name, a table or nothing as a table."""
     if isinstance(value, str):
         return {"name": value}
     return dict(value) if isinstance(value, Mapping) else {}

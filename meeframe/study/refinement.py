@@ -40,7 +40,8 @@ def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[
 
 
 def element_size(tables: Mapping[str, Any]) -> float:
-    """Width of the elements of the contact zone as part of the zone's, by `divisions`, geometric mean of both ways."""
+    """Return the width of the elements of the contact zone as part of the zone's, by `divisions`, geometric mean of
+    both ways."""
     divisions = tables["mesh"]["divisions"]
     counts = divisions if isinstance(divisions, list | tuple) else [divisions]
     return float(math.prod(counts) ** (-1.0 / len(counts)))

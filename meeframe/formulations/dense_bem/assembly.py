@@ -77,7 +77,7 @@ def assemble(
     accuracy: kernels.Accuracy,
     progress: Progress,
 ) -> System:
-    """The boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
+    """Return the boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
     rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(plane_normals(rule) for rule in rules)
@@ -273,7 +273,7 @@ def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position
 
 
 def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
-    """Shape functions at the sources on the elements that hold them, (o, k)."""
+    """Return the shape functions at the sources on the elements that hold them, (o, k)."""
     shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
     for number, block in enumerate(mesh.blocks):
         rows = sources.own_block == number

@@ -52,7 +52,7 @@ def _numbers(*values: int) -> tuple[Any, ...]:
 
 
 def _part(matrix: Array) -> tuple[Any, Any]:
-    """First entry, and what lies between columns, which is not looked at where there is one only."""
+    """Return the first entry, and what lies between columns, which is not looked at where there is one only."""
     (rows, columns), (down, across) = matrix.shape, matrix.strides
     sound = matrix.dtype == np.float64
     sound &= rows <= 1 or columns == 0 or down == matrix.itemsize

@@ -52,7 +52,7 @@ class SweepPlot:
     at: Mapping[str, str] = field(default_factory=dict)
 
     def shown(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
-        """The axis along which, and that of the lines, which each plot finds among those of its sweep.
+        """Return the axis along which, and that of the lines, which each plot finds among those of its sweep.
 
         Raises CaseError if it cannot be drawn over these.
         """
@@ -79,7 +79,7 @@ class SweepPlot:
 
 
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
-    """The figure of a sweep: a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
+    """Return the figure of a sweep: a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
     rows = plots or (SweepPlot(),)
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
@@ -103,7 +103,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
 
 
 def _section(sweep: SweepResult, plot: SweepPlot, quantity: str, x: SweepAxis, lines: SweepAxis | None) -> Array:
-    """The quantity over x and lines, (m,) or (m, k), the other axes where the plot has them."""
+    """Return the quantity over x and lines, (m,) or (m, k), the other axes where the plot has them."""
     values = sweep.last(quantity)
     for place in reversed(range(len(sweep.axes))):
         axis = sweep.axes[place]
@@ -119,7 +119,7 @@ def _at(plot: SweepPlot, axis: SweepAxis) -> int:
 
 
 def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None]) -> str:
-    """Where the other axes stand, in words."""
+    """Return where the other axes stand, in words."""
     others = (axis for axis in sweep.axes if axis not in shown and len(axis.labels) > 1)
     return ", ".join(f"{axis.name} = {axis.labels[_at(plot, axis)]}" for axis in others)
 
@@ -154,7 +154,7 @@ def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None
 
 
 def _legend(row: Any, axes: Any, lines: SweepAxis) -> float:
-    """Name the lines beside the pictures of a row, where they cover none; the width of that in inches."""
+    """Return the name the lines beside the pictures of a row, where they cover none; the width of that in inches."""
     legend = row.legend(
         *axes.get_legend_handles_labels(),
         title=lines.name,
@@ -183,7 +183,7 @@ def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], 
 
 
 def _places(axis: SweepAxis) -> tuple[Array, bool]:
-    """Where the values of an axis are drawn, and whether their labels have to say what they are."""
+    """Return where the values of an axis are drawn, and whether their labels have to say what they are."""
     if axis.values is None or not np.isfinite(axis.values).all():
         return np.arange(1.0, len(axis.labels) + 1.0), True
     return _scaled(axis.values, axis.unit)[0], False
@@ -199,7 +199,7 @@ def _ticks(own: Any, axis: SweepAxis) -> None:
 
 
 def _numbered(axis: SweepAxis) -> bool:
-    """Whether there are too many labels, or too long ones, to be written along a picture."""
+    """Return whether there are too many labels, or too long ones, to be written along a picture."""
     return max(len(axis.labels), *map(len, axis.labels)) > _WRITTEN
 
 
@@ -241,7 +241,7 @@ def _standing(sweep: SweepResult, place: tuple[int, ...]) -> str:
 
 
 def failures(sweep: SweepResult) -> Iterator[str]:
-    """Points that did not converge, each with its status and message."""
+    """Return the points that did not converge, each with its status and message."""
     for place in np.ndindex(sweep.shape):
         if sweep.status[place] != "converged":
             yield f"{', '.join(_labels(sweep, place))}: {sweep.status[place]}: {sweep.message[place]}"

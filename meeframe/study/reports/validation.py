@@ -199,21 +199,21 @@ Item = Check | Claim | Skip | Plot | Map
 
 
 def _check_texts(what: str, **texts: Any) -> None:
-    """Raises CaseError for what is no text."""
+    """Raise CaseError for what is no text."""
     for key, text in texts.items():
         if not isinstance(text, str):
             raise CaseError(f"{what}: {key} = {text!r}; allowed: a text")
 
 
 def _check_line(what: str, name: str, values: Any) -> int:
-    """How many real numbers there are. Raises CaseError."""
+    """Return how many real numbers there are. Raises CaseError."""
     count = np.size(values)
     _check_shape(what, name, values, (count,))
     return count
 
 
 def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raises CaseError unless these are real numbers in that shape, at least one."""
+    """Raise CaseError unless these are real numbers in that shape, at least one."""
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -276,7 +276,7 @@ class Validation:
         return len(self.finished) == self.planned and not self.failed
 
     def count(self, verdict: Verdict) -> int:
-        """How many have this verdict."""
+        """Return how many have this verdict."""
         return sum(case.verdicts.count(verdict) for case in self.cases)
 
     @property

@@ -39,12 +39,12 @@ def words_of(row: Row) -> Words:
 
 
 def reason_of(found: Check | Claim | Skip) -> str:
-    """Why something is known to differ, if it does."""
+    """Return why something is known to differ, if it does."""
     return found.explained if found.verdict is Verdict.DIFFERS and not isinstance(found, Skip) else ""
 
 
 def _numbers(found: Check) -> tuple[str, str, str, str]:
-    """Computed, reference, difference, tolerance; an absolute check all in its unit, without prefixes."""
+    """Return the computed, reference, difference, tolerance; an absolute check all in its unit, without prefixes."""
     if found.absolute:
         values = (found.computed, found.reference, found.difference, found.tolerance)
         computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
@@ -68,7 +68,7 @@ _STYLES: Final = {
 
 
 def validation_table(validation: Validation) -> RenderableType:
-    """The table for the terminal, the reasons of what did not pass, and the headline."""
+    """Return the table for the terminal, the reasons of what did not pass, and the headline."""
     table = Table()
     for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
         table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")

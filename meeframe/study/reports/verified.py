@@ -152,7 +152,7 @@ class Verification:
                     yield Estimate(step, quantity, name, sizes, numbers, limit)
 
     def _complete(self) -> dict[str, list[VerifiedRun]]:
-        """Runs of the formulations that converged on all meshes."""
+        """Run of the formulations that converged on all meshes."""
         sizes = {run.size for run in self.runs}
         done: dict[str, list[VerifiedRun]] = {}
         for run in self.runs:
@@ -167,5 +167,5 @@ class Verification:
 
 
 def _cancelled(values: Sequence[Measured]) -> bool:
-    """Whether hardly anything is left of a quantity, or nothing at all."""
+    """Return whether hardly anything is left of a quantity, or nothing at all."""
     return max(abs(each.value) for each in values) <= _CANCELLED * max(each.scale for each in values)

@@ -25,7 +25,7 @@ class Pool(ABC):
 
     @abstractmethod
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Points that have a case, in whatever order they are done; systems: folder of reduced systems, see
+        """Return the points that have a case, in whatever order they are done; systems: folder of reduced systems, see
         meeframe.model.cache. Points that share bodies share their reduced systems."""
 
 
@@ -56,7 +56,7 @@ def _solve_group(
 
 
 def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
-    """Points with a case by the bodies that they share, in the order in which these first appear."""
+    """Return the points with a case by the bodies that they share, in the order in which these first appear."""
     groups: dict[tuple[str, ...], tuple[Keyed, list[Point]]] = {}
     for point in points:
         if point.case is not None:
@@ -102,14 +102,14 @@ def pool_of(
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def solve_points(
     points: Sequence[Point], pool: Pool, systems: Path, store: Path | None = None, progress: Progress = silent
 ) -> Iterator[tuple[str, Outcome]]:
-    """The outcome of each point by its key, as it comes; points of the same key are one.
+    """Return the outcome of each point by its key, as it comes; points of the same key are one.
 
     systems: folder of reduced systems; store: folder in which each outcome is kept as soon as there is one, under its
     key, and found again. Progress counts points. Raises ResultError if either cannot be written.
@@ -134,7 +134,7 @@ def solve_points(
 
 
 def _known(point: Point, store: Path | None) -> Outcome | None:
-    """What is known of a point without solving it."""
+    """Return what is known of a point without solving it."""
     if point.case is None:
         status = PointStatus.FAILED if point.faulty else PointStatus.REFUSED
         return Outcome(status, "; ".join(map(str, point.problems)))

@@ -92,7 +92,7 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
 
 @njit(cache=True, nogil=True)
 def piece_starts(elements):
-    """Where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
+    """Return where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
     starts = np.empty(len(elements) + 1, np.int64)
     count = 0
     for point in range(len(elements)):
@@ -198,7 +198,7 @@ def enter_rows(
 
 @njit(cache=True, nogil=True)
 def _tabulated(order, rules):
-    """The smallest tabulated order that is not below this one, or the number of orders in the table."""
+    """Return the smallest tabulated order that is not below this one, or the number of orders in the table."""
     while order < len(rules.starts) and rules.starts[order, order] < 0:
         order += 1
     return min(order, len(rules.starts))
