@@ -1,4 +1,4 @@
-"""What all commands share: exit status, messages, progress, the registry."""
+"""Shared parts of all commands: exit status, messages, progress, the registry."""
 
 import errno
 import gc
@@ -68,7 +68,7 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
 
 @contextmanager
 def _warned() -> Iterator[None]:
-    """Warnings of libraries and plugins are told as ours are, each once and in one line."""
+    """Print each warning of a library or plugin once, in one line, as meeframe's own warnings."""
     told: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
@@ -84,7 +84,7 @@ def _warned() -> Iterator[None]:
 
 @contextmanager
 def _ended_as_by_hand() -> Iterator[None]:
-    """A request to end (SIGTERM) is taken as Ctrl-C is, and neither is lost where Python lets no exception out."""
+    """Handle a request to end (SIGTERM) like Ctrl-C, also where Python lets no exception out."""
     if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
         yield
         return
@@ -140,7 +140,7 @@ def _with_notes(what: str, error: BaseException, default: str = "") -> str:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """While modules are loaded, and the case of `check`: no search for garbage among what stays, a seventh of the time.
+    """Suspend garbage collection while modules and the case of `check` load: it takes a seventh of that time.
 
     Afterwards it is searched for as before, but among what is new.
     """
@@ -160,7 +160,7 @@ def stdout() -> Console:
 
 
 def registry(files: list[Path] | None) -> "Registry":
-    """Everything registered, with plugins from files; warns of broken plugins."""
+    """Return the registry, with plugins from files; warn of broken plugins."""
     from meeframe.plugin.registry import load
 
     loaded = load(*(files or ()))
@@ -170,7 +170,7 @@ def registry(files: list[Path] | None) -> "Registry":
 
 
 def warn(text: str) -> None:
-    """A warning on standard error."""
+    """Print a warning on standard error."""
     print(f"warning: {text}", file=sys.stderr)
 
 

@@ -1,4 +1,4 @@
-"""How much nearer an anisotropic medium brings the complex singularities of its fundamental solution."""
+"""Anisotropy of a medium: the distance of its fundamental solution's complex singularities."""
 
 import numpy as np
 

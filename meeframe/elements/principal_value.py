@@ -132,7 +132,7 @@ def _arcs(facets: Array) -> tuple[Array, Array, Array]:
 
 
 def _apex(positions: Array) -> Array:
-    """Of a number of directions all over the sphere the one that is farthest from points (m, 3) and their antipodes."""
+    """Return the one of many directions on the sphere that is farthest from points (m, 3) and their antipodes."""
     candidates = spread_directions(_APEXES)
     best: Array = candidates[np.abs(candidates @ positions.T).max(axis=1).argmin()]
     return best

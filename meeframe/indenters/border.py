@@ -1,4 +1,4 @@
-"""Where an indenter ends: the distance of points of the contact zone from there, found by asking for gaps."""
+"""Border of an indenter: the distance from it of points of the contact zone, found by evaluating gaps."""
 
 from collections.abc import Callable, Sequence
 from typing import Final

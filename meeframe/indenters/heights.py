@@ -50,7 +50,7 @@ class Heights(Indenter):
 
     @property
     def pointwise(self) -> bool:
-        """Whether there is nothing between the rows."""
+        """True if heights are not interpolated between nodes."""
         return self.interpolation == "nodes"
 
 
@@ -77,7 +77,8 @@ class SampledHeights(Indenter):
 
     @classmethod
     def on_grid(cls, x: Array, y: Array, heights: Array, interpolation: Interpolation = "linear") -> "SampledHeights":
-        """Of heights (nx, ny) over the grid of x (nx,) and y (ny,), heights[i, j] at x[i], y[j], all [m].
+        """Make an indenter of heights (nx, ny) on the grid of x (nx,) and y (ny,), heights[i, j] at x[i], y[j], all
+        [m].
 
         Raises CaseError unless these shapes fit, or as the class does.
         """
@@ -102,7 +103,7 @@ class SampledHeights(Indenter):
 
     @property
     def pointwise(self) -> bool:
-        """Whether there is nothing between the rows."""
+        """True if heights are not interpolated between nodes."""
         return self.interpolation == "nodes"
 
 

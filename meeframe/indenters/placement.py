@@ -1,4 +1,4 @@
-"""Where an indenter stands, and the initial gap between it and the contact zone."""
+"""Placement of an indenter, and the initial gap between it and the contact zone."""
 
 import math
 from dataclasses import dataclass

@@ -187,7 +187,7 @@ def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Arr
 
 
 def attraction(law: ContactLaw, gap: Array) -> Array:
-    """That of the law, (n,) [Pa], at normal gaps (n,) [m], also where surfaces overlap."""
+    """Return the attraction of the law, (n,) [Pa], at normal gaps (n,) [m], also where surfaces overlap."""
     return law.adhesion(np.maximum(gap, 0.0)) if attracts(law) else np.zeros_like(gap)
 
 

@@ -13,10 +13,10 @@ from meeframe.laws.base import ConductivityLaw
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """No flux through the contact: kappa = 0."""
+    """Insulating contact without flux: kappa = 0."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Zero, (n,)."""
+        """Return zero, (n,)."""
         return np.zeros_like(normal_traction)
 
 

@@ -38,7 +38,7 @@ class IsotropicCoulomb(ContactLaw):
         return _scaling(np.array([self.mu, self.mu]))
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu, self.mu]), np.eye(2))
 
 
@@ -84,7 +84,7 @@ class OrthotropicCoulomb(ContactLaw):
         return scaling
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu1, self.mu2]), self._axes())
 
     def _axes(self) -> Array:

@@ -21,11 +21,11 @@ class Signorini(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """Zero: no tangential traction is admitted."""
+        """Return zero: no tangential traction is admitted."""
         return np.zeros((2, 2))
 
     def tangent(self, trial: Array) -> Array:
-        """One in the normal direction where the contact is closed, else zero, (n, 3, 3)."""
+        """Return one in the normal direction where the contact is closed, else zero, (n, 3, 3)."""
         tangent = np.zeros((len(trial), 3, 3))
         tangent[:, 2, 2] = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
         return tangent

@@ -1,4 +1,4 @@
-"""Is a mesh the closed, outward oriented boundary of a body? What is wrong where, in words."""
+"""Checks that a mesh is the closed, outward oriented boundary of a body, with messages that say what is wrong where."""
 
 from dataclasses import replace
 
@@ -167,7 +167,7 @@ def _check_repeats(mesh: SurfaceMesh) -> None:
 
 
 def _check_elements(mesh: SurfaceMesh) -> None:
-    """The Jacobian keeps its sign: at nodes and Gauss points the normal stays within a right angle of the mean one."""
+    """Check the Jacobian's sign: at nodes and Gauss points the normal is within a right angle of the mean normal."""
     for block in mesh.blocks:
         xi, weights = gauss_rule(block.element.reference, 3)
         inside = normal_vectors(mesh.points, block.element, block.connectivity, xi)

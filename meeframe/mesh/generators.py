@@ -21,7 +21,7 @@ WholePair = int | tuple[int, int]
 
 @dataclass(frozen=True)
 class Grading:
-    """How the elements of a block grow away from the contact zone.
+    """Growth of the elements of a block away from the contact zone.
 
     first_ring: width of the first ring of elements around the contact zone over the element size inside it; 1 (the
     default) continues the zone with square elements, larger values spread a given number of rings more evenly. The

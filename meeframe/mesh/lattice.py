@@ -1,4 +1,4 @@
-"""From surfaces of straight four-sided cells to meshes of any element type."""
+"""Meshes of any element type from surfaces of straight four-sided cells."""
 
 from dataclasses import dataclass
 from typing import TypeVar

@@ -83,7 +83,7 @@ class _Source(io.FileIO):
     beyond = 0
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """As of any file. Raises EOFError."""
+        """Read as from any file; raise EOFError after too many reads at the end of the file."""
         count = super().readinto(buffer)
         self.beyond = 0 if count else self.beyond + 1
         if self.beyond > _PATIENCE:
@@ -92,7 +92,7 @@ class _Source(io.FileIO):
 
 
 def _open(path: str, mode: str = "r") -> IO[Any]:
-    """In place of the built-in function, for reading."""
+    """Open a file for reading, in place of the built-in function."""
     source = io.BufferedReader(_Source(path))
     return source if "b" in mode else io.TextIOWrapper(source)
 

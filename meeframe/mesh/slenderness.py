@@ -119,7 +119,7 @@ def _cut_off(heights: Array, rises: Array, widths: Array) -> tuple[Array, Array,
     first, last = np.searchsorted(levels, low, "right"), np.searchsorted(levels, high, "left")
 
     def whole(weights: Array) -> Array:
-        """Of all triangles that lie above each level."""
+        """Return the sum over all triangles that lie above each level."""
         total: Array = np.bincount(first, weights, LEVELS + 1)[:0:-1].cumsum()[::-1]
         return total
 

@@ -1,4 +1,4 @@
-"""Do prescribed values hold a body, and every separate part of it?"""
+"""Check that prescribed values hold a body and every separate part of it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ def check_supports(body: Body) -> None:
 
 
 def _check_part(points: Array, fixed: Flags, name: str) -> None:
-    """As check_supports, of a part with points (p, 3), where values (p, 5) are prescribed."""
+    """Check the supports of a part with points (p, 3), where values (p, 5) are prescribed."""
     for field, key in ((ELECTRIC, "electric_potential"), (MAGNETIC, "magnetic_potential")):
         if not fixed[:, field].any():
             raise CaseError(f"no boundary condition prescribes {key}{name}, so that its constant is undetermined")

@@ -1,4 +1,4 @@
-"""Which elements share which edges."""
+"""Mesh edges that elements share."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +13,7 @@ from meeframe.mesh.surface import SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """All edges of all elements, one row per element and edge, block after block.
+    """Mesh edges of all elements, one row per element and edge, block after block.
 
     ends: (k, 2) corner numbers in the element's sense; between: (k, m) point numbers inside the edge in the sense from
     the smaller to the larger end, padded with -1; elements: (k,) element numbers over all blocks; number: (k,) the same
@@ -46,7 +46,7 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
 
 @memoize_by_identity
 def find_edges(mesh: SurfaceMesh) -> Edges:
-    """The edges of a mesh whose connectivity is within range."""
+    """Return the mesh edges of a mesh whose connectivity is in range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))

@@ -118,7 +118,7 @@ def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
 
 
 def _check_smooth(normals: list[Array], zone: ContactZone, group: str) -> None:
-    """normals: (e, n, 3) at the nodes of the elements of each block."""
+    """Refuse a zone with sharp mesh edges; normals: (e, n, 3) at the nodes of the elements of each block."""
     for own, (_, local) in zip(normals, zone.cells, strict=True):
         cosines = np.einsum("eni,eni->en", own, zone.frames[local, 2])
         sharp = np.unique(local[cosines < STEEPEST])

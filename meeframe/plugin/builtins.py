@@ -1,4 +1,4 @@
-"""What meeframe itself registers, through the same hooks as everybody else."""
+"""Registration of the built-in laws, elements, formulations and solvers, through the same hooks as plugins."""
 
 from collections.abc import Iterable
 

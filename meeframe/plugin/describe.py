@@ -1,4 +1,4 @@
-"""What the parameters of a registered thing are, for people: names, units, what is allowed, defaults."""
+"""Descriptions of the parameters of registered things: names, units, allowed values, defaults."""
 
 import dataclasses
 import inspect
@@ -28,7 +28,8 @@ class Parameter:
 
 
 def find(registry: Registry, name: str) -> list[Entry]:
-    """Everything of a name, of whatever kind. Raises PluginError that lists near and allowed names if there is none."""
+    """Return all entries of a name, of any kind; raise PluginError that lists similar and allowed names if there is
+    none."""
     found = [entry for entry in registry.entries if entry.record.name == name]
     if not found:
         names = sorted({entry.record.name for entry in registry.entries})

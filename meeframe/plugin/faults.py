@@ -1,4 +1,4 @@
-"""What is wrong with a record that a hook returns: found before anything uses it."""
+"""Checks of the records that hooks return, before anything uses them."""
 
 import inspect
 import re

@@ -67,7 +67,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Registry:
-    """What is registered, and the plugins that failed. Made by `load` or `from_plugins`.
+    """Everything that is registered, and the plugins that failed. Made by `load` or `from_plugins`.
 
     folder: where relative paths in tables start; unit: those of keys whose dimension depends on where they are used,
     with blanks between.
@@ -95,7 +95,7 @@ class Registry:
 
     @property
     def providers(self) -> tuple[Provider, ...]:
-        """Whoever registered something, each once."""
+        """Providers that registered something, each once."""
         return tuple(dict.fromkeys(entry.provider for entry in self.entries))
 
     def names(self, kind: Kind) -> tuple[str, ...]:

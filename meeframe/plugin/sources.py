@@ -1,4 +1,4 @@
-"""Where plugins come from: installed distributions by their entry points, and local files that the user names."""
+"""Sources of plugins: installed distributions by their entry points, and local files that the user names."""
 
 import dataclasses
 import hashlib
@@ -28,7 +28,7 @@ _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
 @dataclass(frozen=True)
 class Provider:
-    """Who registers: name and version of the distribution; or path of a local file, version its SHA-256, shortened."""
+    """A provider of plugins: name and version of a distribution, or path and shortened SHA-256 of a local file."""
 
     name: str
     version: str
@@ -83,7 +83,7 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
 
 
 def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
-    """As load_file, of a file whose content is known, which need not be on this machine."""
+    """Load a plugin from source text, whose file need not be on this machine; otherwise as `load_file`."""
     name = source_name(path, source)
     module = ModuleType(name)
     module.__file__ = str(path.resolve())

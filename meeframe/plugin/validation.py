@@ -1,4 +1,4 @@
-"""From tables of a case file to objects, and from pydantic's errors to located messages."""
+"""Conversion of case-file tables to objects, and of pydantic's errors to located messages."""
 
 import dataclasses
 import difflib

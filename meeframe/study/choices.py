@@ -1,4 +1,4 @@
-"""What a comparison varies: choices of the command line, and the case of each of their combinations."""
+"""Choices of a comparison from the command line, and the case of each of their combinations."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ class Choice:
 
     @classmethod
     def read(cls, option: str, text: str) -> "Choice":
-        """From the command line: a name, or an inline table of TOML. Raises CaseError."""
+        """Read a choice from the command line: a name, or an inline table of TOML. Raises CaseError."""
         if not text.strip().startswith("{"):
             return cls(text, text)
         try:
@@ -138,8 +138,8 @@ def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and for a key that is
-    neither a body nor, without a name, one of the default formulation."""
+    """Enter the formulation of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and
+    for a key that is neither a body nor, without a name, one of the default formulation."""
     bodies = bodies_of(tables)
     each: dict[str, Any] = dict.fromkeys(bodies, value)
     if isinstance(value, Mapping) and not value.keys().isdisjoint(_BODIES):
@@ -157,7 +157,7 @@ def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], r
 
 
 def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> bool:
-    """That of the formulation of a body; false if it takes none."""
+    """Enter the fundamental solution of the formulation of a body; return False if it takes none."""
     formulation = _table(body.get("formulation", DEFAULT_FORMULATION))
     name = formulation.get("name", DEFAULT_FORMULATION)
     takes = isinstance(name, str) and _SOLUTION in _keys(Kind.FORMULATION, name, registry)
@@ -168,7 +168,7 @@ def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], regist
 
 
 def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """That of both fields, or of each in a table that stands for the case's."""
+    """Enter the conductivity law of both fields, or of each in a table that replaces the case's."""
     if isinstance(value, Mapping) and "name" not in value:
         tables["conductivity"] = dict(value)
         return
@@ -187,7 +187,7 @@ def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: 
 
 
 def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
-    """Keys of the table of what is registered under a name."""
+    """Return the keys of the table of what is registered under a name."""
     factory = registry.get(kind, name).factory
     records = [factory, StoppingCriteria] if kind is Kind.SOLVER else [factory]
     return {

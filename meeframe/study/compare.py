@@ -106,7 +106,7 @@ class _Shared:
         return self.systems[system_key(*body)]
 
     def next(self, case: Case, progress: Progress) -> "_Shared":
-        """Those of a case. Raises as meeframe.model.solve.reduce."""
+        """Return the reduced systems of a case. Raises as meeframe.model.solve.reduce."""
         keyed = {system_key(*body): body for body in bodies_of(case)}
         if keyed.keys() == self.systems.keys():
             return self

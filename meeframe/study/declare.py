@@ -1,4 +1,4 @@
-"""What a study file may say: one frozen model for each table. Documented in docs/reproduce.md."""
+"""Schema of study files: one frozen model for each table. Documented in docs/reproduce.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -113,7 +113,7 @@ class PanelTable(Table):
         return self
 
     def all_runs(self) -> tuple[RunTable, ...]:
-        """Those of vary and values, then the others."""
+        """Return the runs of `vary` and `values`, then the others."""
         varied = (
             RunTable(label=words(value), set={self.vary: value}, value=place_of(value))
             for value in self.values
@@ -158,7 +158,7 @@ class StudyTable(Table):
         return self
 
     def shown(self, panel: PanelTable) -> dict[str, str | float]:
-        """The quantities of a panel and what they are divided by."""
+        """Return the quantities of a panel and the scales that divide them."""
         return self.quantities if panel.quantities is None else panel.quantities
 
 

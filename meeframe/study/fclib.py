@@ -54,7 +54,7 @@ def export_increment(
 
 @dataclass(frozen=True)
 class SolvedFile:
-    """What became of a file's problem: status of the solver, and all in words."""
+    """Outcome of a file's problem: status of the solver, and a description in words."""
 
     status: Status
     summary: str

@@ -28,7 +28,7 @@ def _pressure(_zone: Zone, step: StepResult) -> Array:
 
 
 def _tangential(zone: Zone, step: StepResult) -> Array:
-    """Along global x1, x2, (n, 2)."""
+    """Return components along global x1, x2, (n, 2)."""
     tangential: Array = np.einsum("na,nai->ni", step.traction[:, :2], zone.frames[:, :2, :2])
     return tangential
 

@@ -1,4 +1,4 @@
-"""From a study file to its numbers: its runs solved by the engine of sweeps, on reduced systems that they share."""
+"""Numbers of a study file: its runs, solved by the engine of sweeps on reduced systems that they share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How many Gauss points a cell needs, from where the kernel's singularities lie in the complex plane.
+"""Gauss points that a cell needs, from the kernel's singularities in the complex plane.
 
 Along a straight line of length l that is seen from the source with end distances r1, r2, kernels r^-p have their
 singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1) with s = (r1 + r2) / l, called the spread here; n Gauss

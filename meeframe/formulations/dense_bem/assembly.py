@@ -51,7 +51,7 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What every task reads.
+    """Data that every assembly task reads.
 
     mesh: in units of the system; own_shape: (o, k) shape functions at Sources.own_xi, zero-padded; accuracy, rules: how
     the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body; planes:
@@ -187,7 +187,8 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
 
 
 def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> bool:
-    """As _accumulate if the block is plane and the kernel integrates over planes; else nothing is added, and False."""
+    """Accumulate if the block is plane and the kernel integrates over planes; otherwise add nothing and return
+    False."""
     planes = problem.planes[number]
     if planes is None:
         return False

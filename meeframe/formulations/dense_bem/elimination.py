@@ -84,7 +84,7 @@ def inverse_norm(columns: Array, k: int) -> float:
 
 
 def _factorise(matrix: Array, swaps: Swaps) -> None:
-    """LU factors of matrix (m, n), m >= n, as by one call of LAPACK, which ends the process with 22,450 columns.
+    """Factorise a matrix (m, n), m >= n, into LU in blocks: one call of LAPACK fails from 22,450 columns on.
 
     Halves of the columns, halved in turn, so that nearly all is done by products of large matrices (Toledo 1997).
     """

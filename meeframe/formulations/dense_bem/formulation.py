@@ -59,7 +59,7 @@ class DenseBEM(Formulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings of slender parts, whose bending may be wrong, for a body that `check` accepts."""
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:

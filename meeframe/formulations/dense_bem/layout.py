@@ -168,7 +168,7 @@ def _apply(
 
 
 def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
-    """The value of a field that a neighbouring face prescribes cannot be found by contact as well."""
+    """Refuse a field in the contact zone that a neighbouring face already prescribes."""
     pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if pinned.any():
         names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)

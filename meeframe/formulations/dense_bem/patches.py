@@ -18,7 +18,7 @@ from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Every local node of every element of a mesh: all arrays have one entry (normal: one row) per corner."""
+    """Local nodes of all elements of a mesh: each array has one entry (normal: one row) per corner."""
 
     block: Indices
     element: Indices

@@ -1,4 +1,4 @@
-"""From the collocated system to the reduced system: one factorisation, then contact-size relations."""
+"""Reduction of the collocated system: one factorisation, then relations of contact size."""
 
 from dataclasses import dataclass
 from typing import Final

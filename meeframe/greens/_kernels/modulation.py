@@ -1,4 +1,4 @@
-"""From the direction-dependent part of a fundamental solution to U, T and U,q.
+"""U, T and U,q from the direction-dependent part of a fundamental solution.
 
 Every fundamental solution here is written, at x = r e with (n, m, e) a right-handed orthonormal triad, as
     4 pi r U = H,    4 pi r^2 U,q = n_q A + m_q B - e_q H,

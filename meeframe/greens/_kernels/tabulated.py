@@ -128,7 +128,7 @@ def locate(x, y, z, cells):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _interpolate_lanes(table, cell, s, t, first, values):
-    """As _interpolate, at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
+    """Interpolate at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
     for column in range(N_PACKED):
         out = values[column, first:]
         # A length that the compiler does not know: it would unroll a short loop and make no vectors.

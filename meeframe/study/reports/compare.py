@@ -1,4 +1,4 @@
-"""What the runs of a comparison have in common and where they differ: table, figure, JSON."""
+"""Table, figure and JSON of a comparison: what its runs share and where they differ."""
 
 import json
 import math
@@ -224,7 +224,7 @@ def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str
 
 
 def _total(name: str, run: ComparedRun) -> Array:
-    """One of _TOTALS at the end of a run, (1,) or (3,)."""
+    """Return one of _TOTALS at the end of a run, (1,) or (3,)."""
     return np.atleast_1d(_TOTALS[name][1](resultants(run.zone, run.steps[-1])))
 
 

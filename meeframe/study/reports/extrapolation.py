@@ -21,7 +21,7 @@ _SAME: Final = 1e-9
 
 
 class Basis(StrEnum):
-    """What an extrapolated value rests on."""
+    """Basis of an extrapolated value."""
 
     OBSERVED = "observed order"
     THEORETICAL = "theoretical order"

@@ -213,7 +213,7 @@ def _each(study: Study, name: str) -> Iterator[Array]:
 
 
 def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
-    """One map; a tangential field by its modulus and by arrows of its direction."""
+    """Draw one map; a tangential field by its modulus and by arrows of its direction."""
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
     drawn = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])

@@ -125,7 +125,7 @@ def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None
 
 
 def _scaled(values: Array, unit: str) -> tuple[Array, str]:
-    """Values as they are shown, with their unit as a label, under a prefix; the largest area is 0.01 to 10^4 of it."""
+    """Return values as displayed and their unit as a label, with a prefix; the largest area is 0.01 to 10^4 of it."""
     finite = values[np.isfinite(values)]
     symbol, power = (unit.removesuffix("^2"), 2) if unit.endswith("^2") else (unit, 1)
     if symbol.isalpha() and finite.size:
@@ -190,7 +190,7 @@ def _places(axis: SweepAxis) -> tuple[Array, bool]:
 
 
 def _ticks(own: Any, axis: SweepAxis) -> None:
-    """Labels beside each other where they fit, else upright, else numbers."""
+    """Place labels beside each other where they fit, otherwise upright, otherwise numbers."""
     if _numbered(axis):
         own.get_major_locator().set_params(integer=True)
         return
@@ -214,7 +214,7 @@ def _words(name: str) -> str:
 
 
 def sweep_table(sweep: SweepResult) -> RenderableType:
-    """Status and what is plotted of every point, of many the first; what happened to those that did not converge."""
+    """Return status and plotted values of every point, of many the first; and the messages of those not converged."""
     names = sweep.plotted or DEFAULT
     table = Table(title=sweep.title, title_justify="left")
     for axis in sweep.axes:
@@ -235,7 +235,7 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
 
 
 def _standing(sweep: SweepResult, place: tuple[int, ...]) -> str:
-    """Its status, and whether the contact reached the edge of its zone in any increment."""
+    """Return the status of a point, and whether the contact reached the border of its zone in any increment."""
     at_edge = np.any(sweep.quantities[_EDGE][place] > 0.0) if _EDGE in sweep.quantities else False
     return f"{sweep.status[place]}{', at the edge' * bool(at_edge)}"
 

@@ -110,7 +110,7 @@ def _case(case: CaseReport) -> Iterator[str]:
 
 
 def _embedded(figure: Plot | Map) -> str:
-    """As JSON that cannot end the script element around it."""
+    """Return JSON that cannot end the script element around it."""
     drawn = _plot(figure) if isinstance(figure, Plot) else _map(figure)
     return json.dumps(drawn, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
 

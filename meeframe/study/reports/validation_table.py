@@ -27,7 +27,7 @@ class Words(NamedTuple):
 
 
 def words_of(row: Row) -> Words:
-    """Of a claim: what is found and what decides, of what was skipped: why."""
+    """Return a claim in words: the values found and the deciding rule, or why it was skipped."""
     found, seconds = row.found, f"{row.seconds:.1f}"
     match found:
         case Claim():
@@ -90,7 +90,7 @@ def validation_table(validation: Validation) -> RenderableType:
 
 
 def validation_json(validation: Validation) -> str:
-    """Everything but the figures; numbers that are not finite become null."""
+    """Return everything but the figures as JSON; numbers that are not finite become null."""
     data = {
         "quick": validation.quick,
         "passed": validation.passed,

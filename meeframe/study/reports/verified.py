@@ -18,7 +18,7 @@ _RESOLVED: Final = 0.05
 
 
 class Verdict(StrEnum):
-    """Of two formulations on one quantity, and of a verification."""
+    """Verdict on two formulations in one quantity, or on a verification as a whole."""
 
     AGREE = "agree"
     DISAGREE = "disagree"
@@ -114,12 +114,12 @@ class Verification:
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Of all quantities that do not cancel, of formulations that converged on all their meshes."""
+        """Estimates of all quantities that do not cancel, from formulations that converged on all their meshes."""
         return tuple(self._estimates())
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:
-        """Of each pair of formulations, quantity by quantity."""
+        """Agreement of each two formulations, quantity by quantity."""
         pairs = combinations(self.estimates, 2)
         return tuple(Agreement(a, b) for a, b in pairs if (a.step, a.quantity) == (b.step, b.quantity))
 

@@ -1,4 +1,4 @@
-"""What a verification shows: table, picture of convergence, JSON."""
+"""Table, convergence plot and JSON of a verification."""
 
 import json
 import math
@@ -216,7 +216,7 @@ def verification_figure(verification: Verification) -> "Figure | None":
 
 
 def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) -> None:
-    """place: number of the formulation; theoretical order."""
+    """Draw one formulation; place: its number; theoretical order."""
     number, theoretical = place
     limit, style = estimate.limit, {"color": f"C{number}"}
     sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)

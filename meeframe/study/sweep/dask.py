@@ -58,7 +58,7 @@ class Sealed:
 
     @classmethod
     def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
-        """Of anything that can be pickled; raises as pickle."""
+        """Pickle an object; raises as pickle."""
         return cls(plugins, pickling.dumps(content), code)
 
     def open(self) -> Any:
@@ -185,7 +185,7 @@ class Cluster(Pool):
     threads: int = 1
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """As Pool.solve. What a lost worker had not finished others begin again.
+        """Solve points as Pool.solve does. Unfinished points of a lost worker go to others.
 
         Raises CaseError if the scheduler does not answer or is lost.
         """
@@ -230,8 +230,8 @@ class Cluster(Pool):
                 yield submit(solved_there, case, *shared, threads=alone, key=f"solved-{point.key[:16]}-{run}"), point
 
     def _threads_of_reductions(self, groups: Sequence[tuple[Keyed, list[Point]]]) -> Sequence[int | None]:
-        """Of each group: the first ones, for which all processes wait, share their threads; later ones are made beside
-        points."""
+        """Return the threads of each group: the first ones, for which all processes wait, share their threads; later
+        ones are made beside points."""
         if self.processes is None:
             return [None] * len(groups)
         places = accumulate((len(group) for _, group in groups[:-1]), initial=0)

@@ -1,4 +1,4 @@
-"""What the study file of a sweep may say, and the points that it stands for. Documented in docs/sweep.md."""
+"""Schema of the study file of a sweep, and the points that it stands for. Documented in docs/sweep.md."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -103,7 +103,7 @@ class SweepTable(Table):
         return [_axis(name, values) for name, values in self.axes.items()]
 
     def result_axes(self) -> tuple[SweepAxis, ...]:
-        """Those of the result: with points of their own all points stand on one axis."""
+        """Return the axes of the result; a study that lists its points has one axis."""
         if not self.points:
             return tuple(axis for axis, _ in self.varied())
         values = [run.value for run in self.points if run.value is not None]
@@ -140,7 +140,7 @@ def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tup
 
 
 def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tuple[Changes, ...]]:
-    """Of keys whose values change together; numbers of the first one are where they stand on the axis."""
+    """Return the axis of keys whose values change together; numbers of the first key are its coordinates."""
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
         told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
@@ -162,7 +162,7 @@ def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tup
 
 
 def _exact(value: Any) -> str:
-    """As words, a number with all its digits."""
+    """Return words for a value, with all digits of a number."""
     return repr(value) if isinstance(value, float) and not value.is_integer() else words(value)
 
 
@@ -173,7 +173,7 @@ def _places(values: Sequence[Any]) -> Array | None:
 
 
 def _identities(values: Sequence[Any]) -> list[Hashable]:
-    """By which values are the same: where they stand, else their words. Conversion of units costs the last digits."""
+    """Return identities of values: their coordinates, else their words. Conversion of units costs the last digits."""
     places = _places(values)
     if places is None:
         return [_exact(value) for value in values]
@@ -209,7 +209,8 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
 
 
 def _unit(values: Sequence[Any]) -> str:
-    """Of values that all have their place on an axis: in SI, as place_of gives them. Raises ValueError for several."""
+    """Return the SI unit of values that all have a coordinate, as place_of gives them. Raises ValueError for
+    several."""
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):

@@ -21,11 +21,11 @@ Keyed = tuple[tuple[str, tuple[Formulation, Body]], ...]
 
 
 class Pool(ABC):
-    """Where points are solved: here, or by other processes."""
+    """A pool that solves points, in this process or in others."""
 
     @abstractmethod
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Return the points that have a case, in whatever order they are done; systems: folder of reduced systems, see
+        """Solve points as Pool.solve does, and report the progress of reductions.
         meeframe.model.cache. Points that share bodies share their reduced systems."""
 
 
@@ -43,7 +43,7 @@ class InProcess(Pool):
 def _solve_group(
     bodies: Keyed, group: Sequence[Point], systems: Path, progress: Progress
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Of points that share bodies; when it ends, their reduced systems are let go."""
+    """Solve points that share bodies, then release their reduced systems."""
     try:
         made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
     except (MeeframeError, MemoryError) as error:
@@ -69,7 +69,7 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 def pool_of(
     workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = (), threads: int | None = None
 ) -> Iterator[Pool]:
-    """This process for one worker; else as many local processes, or the workers of a Dask cluster.
+    """Return this process for one worker, otherwise as many local processes, or the workers of a Dask cluster.
 
     Local processes have one thread each; they leave theirs to the first reduced systems, for which all of them wait.
     workers: None: one for each core, or for each of the threads; scheduler: address of the cluster's scheduler, in

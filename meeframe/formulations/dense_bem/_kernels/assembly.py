@@ -119,7 +119,7 @@ def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel,
 
 @njit(cache=True, nogil=True)
 def accumulate_own(u, t, shape_weights, weights, source_shape, value_nodes, flux_nodes, value_panel, flux_panel):
-    """As accumulate, for one element that holds the source; t multiplies N_a(x) - N_a(source), which is integrable.
+    """Accumulate over the element that holds the source; t multiplies N_a(x) - N_a(source), which is integrable.
 
     weights: (n,) of the points; source_shape: (k,); value_nodes, flux_nodes: (k,).
     """
