@@ -78,12 +78,13 @@ def _conductivity(law: ConductivityLaw, states: Array) -> Array:
 
 
 def _same(one: Array, other: Array) -> NDArray[np.bool_]:
-    """Where they are equal but for round-off, (n,): powers need not be the same number in arrays of other lengths."""
+    """Return where they are equal but for round-off, (n,): powers need not be the same number in arrays of other
+    lengths."""
     return np.isclose(one, other, rtol=ROUND_OFF, atol=0.0)
 
 
 def _states(random: np.random.Generator, units: tuple[float, float, float]) -> Array:
-    """(n, 3) tractions, gaps, drops: the first half in contact, the others apart; some with no gap or drop."""
+    """Return (n, 3) tractions, gaps, drops: the first half in contact, the others apart; some with no gap or drop."""
     size = 10.0 ** random.uniform(-6.0, 2.0, (2 * _SAMPLES, 3)) * units
     size[::7, _GAP] = 0.0
     size[::5, _DROP] = 0.0

@@ -81,7 +81,7 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
-    """Pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
+    """Return the pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
 
     The compliance is symmetric. Raises ValueError unless the system holds it as a matrix.
     """
@@ -98,7 +98,8 @@ def exact_pressure(problem: ContactProblem) -> Array:
 
 
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
-    """The same problem in other units: displacements and loads multiplied by factors (5,), alike in the first three.
+    """Return the same problem in other units: displacements and loads multiplied by factors (5,), alike in the first
+    three.
 
     For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
     Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
@@ -194,7 +195,7 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
 
 
 def _freedom(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
-    """The indenter moves along one field, so far that the total of that is as prescribed."""
+    """Return the indenter moves along one field, so far that the total of that is as prescribed."""
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction
     sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
@@ -204,7 +205,7 @@ def _freedom(weights: Array, field: int, direction: float, total: float) -> Pres
 def _solved(
     problem: ContactProblem, solver: Solver, limits: StoppingCriteria, name: str, start: ContactState | None = None
 ) -> ContactSolution:
-    """The solution of a problem, all conditions of which hold."""
+    """Return the solution of a problem, all conditions of which hold."""
     with _unchanged(problem, name):
         solution = solve(problem, solver, limits, start)
     found = violations(problem, solution.state)
@@ -219,7 +220,7 @@ def _solved(
 
 @contextmanager
 def _unchanged(problem: ContactProblem, name: str) -> Iterator[None]:
-    """Requires that the problem stays as it is."""
+    """Require that the problem stays as it is."""
     kept = {part: array.copy() for part, array in _arrays(problem).items()}
     yield
     changed = [part for part, array in _arrays(problem).items() if not np.array_equal(array, kept[part])]
@@ -276,13 +277,13 @@ def _check_start(
 
 
 def _copy_of(record: Record) -> Record:
-    """A copy with arrays of its own."""
+    """Return a copy with arrays of its own."""
     copies: dict[str, Any] = {name: array.copy() for name, array in _parts(record).items()}
     return replace(record, **copies)
 
 
 def _same(one: Record, other: Record) -> bool:
-    """Whether the arrays of two records are equal."""
+    """Return whether the arrays of two records are equal."""
     return all(np.array_equal(array, _parts(other)[name], equal_nan=True) for name, array in _parts(one).items())
 
 

@@ -30,7 +30,7 @@ def check_element(element: SurfaceElement, seed: int = 0) -> None:
 
 
 def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
-    """Random points of the reference domain, (count, 2): weighted means of its corners."""
+    """Return random points of the reference domain, (count, 2): weighted means of its corners."""
     corners = _CORNERS[element.reference]
     shares = np.random.default_rng(seed).dirichlet(np.ones(len(corners)), count)
     points: Array = shares @ corners
@@ -38,7 +38,7 @@ def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
 
 
 def _placed(element: SurfaceElement, first: float, second: float) -> Array:
-    """The point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
+    """Return the point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
     if element.reference == "triangle":
         return np.array([[first, second * (1.0 - first)]])
     return np.array([[2.0 * first - 1.0, 2.0 * second - 1.0]])

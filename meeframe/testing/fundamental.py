@@ -58,26 +58,26 @@ def check_fundamental_solution(
 
 
 def unit_vectors(random: np.random.Generator, count: int) -> Array:
-    """Random unit vectors, (count, 3)."""
+    """Return random unit vectors, (count, 3)."""
     vectors = random.normal(size=(count, 3))
     unit: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return unit
 
 
 def relative_error(value: Array, reference: Array) -> float:
-    """Largest difference over the largest entry, taken point by point; the first axis numbers the points."""
+    """Return the largest difference over the largest entry, taken point by point; the first axis numbers the points."""
     return float(_errors(value, reference).max())
 
 
 def _errors(value: Array, reference: Array) -> Array:
-    """Largest difference over the largest entry at each point, (n,)."""
+    """Return the largest difference over the largest entry at each point, (n,)."""
     axes = tuple(range(1, value.ndim))
     errors: Array = np.abs(value - reference).max(axis=axes) / np.abs(reference).max(axis=axes)
     return errors
 
 
 def _agree(value: Array, reference: Array, tolerance: float, what: str, offset: Array) -> None:
-    """Requires errors within a tolerance; shows the offset (n, 3) with the largest and the error there."""
+    """Require errors within a tolerance; shows the offset (n, 3) with the largest and the error there."""
     errors = _errors(value, reference)
     worst = int(np.nan_to_num(errors, nan=np.inf).argmax())
     require(bool(errors[worst] <= tolerance), what, f"by {errors[worst]:.1e} at offset {offset[worst]}")
@@ -166,13 +166,13 @@ def check_agreement(
 
 
 def _central_difference(function: Callable[[Array], Array], offset: Array, step: float) -> Array:
-    """Derivatives along the three axes, appended as the last axis."""
+    """Return the derivatives along the three axes, appended as the last axis."""
     steps = step * np.eye(3)
     return np.stack([(function(offset + h) - function(offset - h)) / (2.0 * step) for h in steps], axis=-1)
 
 
 def _require_order(errors: list[Array], offset: Array, what: str) -> None:
-    """Requires errors (n, ...) of two steps to fall with second order; shows the offset with the largest."""
+    """Require errors (n, ...) of two steps to fall with second order; shows the offset with the largest."""
     sizes = [np.sqrt((error.reshape(len(error), -1) ** 2).mean(axis=1)) for error in errors]
     total = [float(np.sqrt((size**2).mean())) for size in sizes]
     observed = np.log2(total[0] / total[1])

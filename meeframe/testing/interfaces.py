@@ -28,7 +28,7 @@ class SoftAttractedContact(ContactLaw):
     pull: float = 0.0
 
     def project(self, trial: Array) -> Array:
-        """Coulomb's with the coefficient without slip, (n, 3) [Pa]."""
+        """Return the Coulomb's with the coefficient without slip, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
@@ -36,7 +36,7 @@ class SoftAttractedContact(ContactLaw):
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """The traction (n, 3) [Pa] of the springs, tangentially within mu |p_nu| of the slip."""
+        """Return the traction (n, 3) [Pa] of the springs, tangentially within mu |p_nu| of the slip."""
         slip = np.linalg.norm(gap[:, :2], axis=1) / self.closure
         share = 1.0 - (1.0 - _WEAKENED) * -np.expm1(-slip)
         softened = trial.copy()
@@ -47,7 +47,7 @@ class SoftAttractedContact(ContactLaw):
         return traction
 
     def adhesion(self, gap: Array) -> Array:
-        """pull pressure exp(-gap / closure), (n,) [Pa]."""
+        """Return pull pressure exp(-gap / closure), (n,) [Pa]."""
         return self.pull * self.pressure * np.exp(-np.maximum(gap, 0.0) / self.closure)
 
     def rescaled(self, length: float, pressure: float) -> Self:
@@ -70,7 +70,7 @@ class GapConductivity(ConductivityLaw):
     strength: float
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) at gaps (n,) and drops (n,)."""
+        """Return kappa (n,) at gaps (n,) and drops (n,)."""
         square = (drop / self.strength) ** 2
         return self.constant / (gap + self.residual) * (1.0 + square / (1.0 + square))
 

@@ -45,7 +45,7 @@ class Units:
     extent: float = 1e-3
 
     def lengths(self) -> list[StepLengths]:
-        """Steps r [Pa/m] to try."""
+        """Return the steps r [Pa/m] to try."""
         return [
             (normal * self.pressure / self.gap, tangential * self.pressure / self.gap)
             for normal, tangential in _LENGTHS
@@ -68,7 +68,7 @@ def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random
 
 
 def _gaps(units: Units, random: np.random.Generator) -> Array:
-    """(n, 3) [m], some without slip, some overlapping, some closed."""
+    """Return (n, 3) [m], some without slip, some overlapping, some closed."""
     gap: Array = units.gap * random.normal(size=(SAMPLES, 3)) * 10.0 ** random.uniform(-3.0, 1.0, (SAMPLES, 1))
     gap[::5, :2] = 0.0
     gap[::7, 2] = 0.0
@@ -76,7 +76,7 @@ def _gaps(units: Units, random: np.random.Generator) -> Array:
 
 
 def without_indenter(states: Array) -> Array:
-    """The same trials or gaps (n, 3) where there is no indenter above."""
+    """Return the same trials or gaps (n, 3) where there is no indenter above."""
     return np.column_stack([states[:, :2], np.full(len(states), np.inf)])
 
 
@@ -139,7 +139,7 @@ def _check_scaling(law: ContactLaw) -> None:
 
 
 def metric(law: ContactLaw) -> Array:
-    """Root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
+    """Return the root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
     values, axes = np.linalg.eigh(law.tangential_scaling())
     inverse = np.where(values > ROUND_OFF, np.maximum(values, ROUND_OFF) ** -0.5, 0.0)
     root: Array = (axes * inverse) @ axes.T
@@ -147,7 +147,7 @@ def metric(law: ContactLaw) -> Array:
 
 
 def other_slips(trial: Array, pressure: float, random: np.random.Generator) -> Array:
-    """Trials (n, 3) with other tangential parts, near and far."""
+    """Return the trials (n, 3) with other tangential parts, near and far."""
     other = trial.copy()
     other[:, :2] += pressure * random.normal(size=(len(trial), 2)) * 10.0 ** random.uniform(-3, 1, (len(trial), 1))
     return other
@@ -173,7 +173,8 @@ class Rest:
 
 
 def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float) -> Rest:
-    """Where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r gap/pressure."""
+    """Return where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r
+    gap/pressure."""
     angle = random.uniform(0.0, 2.0 * np.pi, SAMPLES)
     slip = units.gap * np.column_stack([np.cos(angle), np.sin(angle)])
     normal = -units.pressure * random.uniform(0.1, 1.0, SAMPLES)
@@ -249,7 +250,7 @@ def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -
 def _check_derivative(
     function: Callable[[Array], Array], at: Array, derivative: Array, unit: float, what: str
 ) -> NDArray[np.bool_]:
-    """Requires a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
+    """Require a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
 
     unit: of the derivative, below which its size does not count.
     """

@@ -111,6 +111,6 @@ def _check_commutes(law: ContactLaw, turn: Array, units: Units, random: np.rando
 
 
 def _axes(angle: float) -> Array:
-    """Directions at an angle and a right angle further as rows, (2, 2)."""
+    """Return the directions at an angle and a right angle further as rows, (2, 2)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])

@@ -37,7 +37,8 @@ class PathStep:
 def follow(
     system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
 ) -> Iterator[PathStep]:
-    """The steps of a path, each started from the one before; slip is measured from there (docs/theory.md, Departures).
+    """Return the steps of a path, each started from the one before; slip is measured from there (docs/theory.md,
+    Departures).
 
     No fluxes enter. A step's dissipation is the work of its own tractions on its slip: of first order in the step while
     the pressure changes, where that of results is of second, and never negative at any node. Raises MeeframeError if a

@@ -99,7 +99,8 @@ class Outcome:
 
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
-    """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.model.solve.bodies_of.
+    """Return the outcome of a case on the reduced systems of its bodies, in the order of
+    meeframe.model.solve.bodies_of.
 
     The fields on the whole boundary are not recovered. Raises ResultError if a system cannot be kept.
     """
@@ -133,7 +134,7 @@ def write_outcome(folder: Path, outcome: Outcome) -> None:
 
 
 def read_outcome(folder: Path) -> Outcome | None:
-    """The outcome that the folder of a point holds, None if it holds none that is whole."""
+    """Return the outcome that the folder of a point holds, None if it holds none that is whole."""
     try:
         result = read_result(folder)
         return None if result.status is RunStatus.UNFINISHED else Outcome.of(result)

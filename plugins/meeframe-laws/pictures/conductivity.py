@@ -32,7 +32,7 @@ DASHED: Final[dict[str, Any]] = {"color": "k", "linestyle": "--", "linewidth": 1
 
 @cache
 def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactState]:
-    """The sphere at a potential [V], no friction, insulated magnetically."""
+    """Return the sphere at a potential [V], no friction, insulated magnetically."""
     medium = library_material("batio3-cofe2o4")
     case = SphereCase(medium, Signorini(), law, Insulating(), CELLS, drag=0.0, potentials=(volts, 0.0))
     problem = case.problem()
@@ -43,7 +43,7 @@ def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactS
 
 
 def middle(problem: ContactProblem) -> tuple[Any, Array]:
-    """Which nodes are on y = 0, and x [mm] there."""
+    """Return which nodes are on y = 0, and x [mm] there."""
     row = np.abs(problem.system.points[:, 1]) < 1e-9
     return row, problem.system.points[row, 0] / MM
 

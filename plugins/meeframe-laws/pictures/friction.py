@@ -33,13 +33,13 @@ SLIDING: Final = 60 * UM
 
 @cache
 def at_rest(cells: int) -> ContactProblem:
-    """The sphere, pressed in and not dragged."""
+    """Return the sphere, pressed in and not dragged."""
     medium, insulating = library_material("batio3-cofe2o4"), Insulating()
     return SphereCase(medium, IsotropicCoulomb(0.0), insulating, insulating, cells, drag=0.0).problem()
 
 
 def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, duration: float | None = None) -> Any:
-    """(states, forces (m, 3) [N]) of increments of that duration [s] along drags [m] in the plane."""
+    """Return (states, forces (m, 3) [N]) of increments of that duration [s] along drags [m] in the plane."""
     rest = at_rest(cells)
     n, start = len(rest.gap), None
     slipped, path = np.zeros((n, 2)), np.zeros(n)
@@ -60,12 +60,12 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
 
 
 def along(drags: Iterable[float]) -> list[tuple[float, float]]:
-    """Drags along the first axis."""
+    """Drag along the first axis."""
     return [(float(drag), 0.0) for drag in drags]
 
 
 def middle_row(state: ContactState) -> tuple[Array, Array]:
-    """x [mm] and tractions (k, 3) [MPa] on y = 0."""
+    """Return x [mm] and tractions (k, 3) [MPa] on y = 0."""
     points = at_rest(FINE).system.points
     row = np.abs(points[:, 1]) < 1e-9
     return points[row, 0] / MM, state.load[row, :3] / MPA
@@ -158,7 +158,7 @@ def limit_curve(axes: Any, corners: Array, **style: Any) -> None:
 
 
 def lame(mu1: float, mu2: float, n: float) -> Array:
-    """Points (k, 2) of |x/mu1|^n + |y/mu2|^n = 1."""
+    """Return the points (k, 2) of |x/mu1|^n + |y/mu2|^n = 1."""
     angle = np.linspace(0.0, 2.0 * np.pi, 401)
     c, s = np.cos(angle), np.sin(angle)
     size = (np.abs(c) ** n + np.abs(s) ** n) ** (-1.0 / n)

@@ -32,7 +32,7 @@ YOUNG, POISSON, RADIUS, APPROACH, SIDE, CELLS = 100 * GPA, 0.3, 0.1, 50 * UM, 6 
 
 
 def solved(problem: ContactProblem, start: ContactState | None = None) -> ContactState:
-    """The solution; raises RuntimeError if there is none."""
+    """Return the solution; raises RuntimeError if there is none."""
     solution = solve(problem, SemismoothNewton(), start=start)
     if solution.status is not Status.CONVERGED:
         raise RuntimeError(f"{problem.contact_law}: {solution.message}")
@@ -41,7 +41,7 @@ def solved(problem: ContactProblem, start: ContactState | None = None) -> Contac
 
 @cache
 def block() -> DenseSystem:
-    """An elastic half space under the sphere."""
+    """Return an elastic half space under the sphere."""
     return elastic_half_space(YOUNG, POISSON, SIDE, CELLS)
 
 
@@ -52,13 +52,13 @@ def paraboloid(system: ReducedSystem, radius: float) -> Array:
 
 
 def sphere(law: ContactLaw, drag: float = 0.0) -> ContactState:
-    """Pressed on the half space and dragged."""
+    """Return the pressed on the half space and dragged."""
     height = paraboloid(block(), RADIUS) + law.initial_gap(block().points)
     return solved(indentation_problem(block(), height, APPROACH, law, translation=(drag, 0.0)))
 
 
 def middle_row(state: ContactState) -> tuple[Array, Array]:
-    """x [mm] and tractions (k, 3) [GPa] on y = 0."""
+    """Return x [mm] and tractions (k, 3) [GPa] on y = 0."""
     row = np.abs(block().points[:, 1]) < 1e-9
     return block().points[row, 0] / MM, state.load[row, :3] / GPA
 

@@ -46,7 +46,7 @@ def error(parameter: float, transition: float, cells: int) -> float:
 
 
 def least_cells(parameter: float, transition: float) -> int:
-    """Cells from which on none snaps into contact on its own, over the width that `error` takes."""
+    """Return the cells from which on none snaps into contact on its own, over the width that `error` takes."""
     unit = Maugis(RADIUS, MODULUS, WORK, 1.0)
     theory = replace(unit, stress=parameter / unit.transition)
     width = 2.4 * theory.at(CONTACTS[-1] * theory.contact_unit)[0]
