@@ -192,7 +192,7 @@ def _importable(folder: Path) -> Iterator[None]:
 
 
 def _versions() -> dict[str, str]:
-    """Of the software that the numbers depend on: libraries, providers of plugins, judges."""
+    """Return the versions of the software that the numbers depend on: libraries, plugins, reference codes."""
     found = {"python": platform.python_version()}
     found |= {provider.name: provider.version for provider in plugins.load().providers}
     for name in _LIBRARIES:

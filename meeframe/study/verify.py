@@ -1,4 +1,4 @@
-"""One case by all formulations that take it, on several meshes: do they agree within their own errors?"""
+"""One case by all formulations that take it, on several meshes, compared within their own errors."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -67,7 +67,7 @@ class Meshes:
             raise CaseError(f"order = {self.order:g}: allowed: 0.5 to 4")
 
     def sizes(self) -> Iterator[float]:
-        """Of the elements, over those of the case, falling to 1."""
+        """Return the element sizes relative to those of the case, falling to 1."""
         return (self.factor**level for level in reversed(range(self.levels)))
 
 
@@ -171,7 +171,7 @@ def _case(file: Path, tables: Mapping[str, Any], choice: Choice, size: float, re
 
 
 def _solved(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
-    """A run and what it gives, or why a solver, law or formulation refuses it."""
+    """Solve one run and return its quantities, or why a solver, law or formulation refuses it."""
     found = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
     begin = time.perf_counter()
     try:

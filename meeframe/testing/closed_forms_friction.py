@@ -103,7 +103,8 @@ class PartialSlip:
         return 3.0 * self.limit_force * (2.0 - self.hertz.poisson) / (16.0 * shear * self.hertz.contact_radius)
 
     def displacement(self, force: float) -> float:
-        """Of the indenter [m] at first loading to a tangential force [N] >= 0 (Johnson, eq. 7.42)."""
+        """Return the indenter's displacement [m] at first loading to a tangential force [N] >= 0 (Johnson, eq.
+        7.42)."""
         return self.limit_displacement * float(1.0 - (1.0 - self._share(force, self.limit_force)) ** (2 / 3))
 
     def force(self, displacement: float) -> float:

@@ -56,9 +56,9 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 
 
 def check_solver(solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True) -> None:
-    """Frozen; pure; takes, by its own check, and converges on insulated, conducting and frictional indentation, across
-    a gap that conducts, between surfaces that are soft, attract each other and wear smooth by slip, under given motions
-    and under prescribed resultants, and to the right answer.
+    """Check that a solver is frozen and pure, and that it takes and solves insulated, conducting and frictional
+    indentation, across a gap that conducts, between surfaces that are soft, attract each other and wear smooth by
+    slip, under given motions and under prescribed resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
@@ -136,7 +136,7 @@ def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: f
 
 
 def _rescaled_freedom(freedom: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
-    """The resultant is in units of the work of the fields that the freedom moves, which have to agree."""
+    """Return a prescribed resultant in the units of work of the fields that it moves, which have to agree."""
     work = (displacement * load)[freedom.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
         raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
@@ -152,7 +152,7 @@ def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution:
 def _check_drawn(
     solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, drawn: dict[str, Any]
 ) -> None:
-    """An indentation that hypothesis has drawn."""
+    """Check an indentation that hypothesis has drawn."""
     x, y, _ = system.points.T
     law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
     height = (x**2 + drawn["aspect"] * y**2) / 0.2
@@ -241,7 +241,7 @@ def _arrays(problem: ContactProblem) -> dict[str, Array]:
 
 
 def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """Its own check lets the problem pass, and the one on a rigid body as which it is asked about a case file."""
+    """Check that the solver accepts the problem, and its preview on a rigid body, as for a case file."""
     assert isinstance(problem.system, DenseSystem)
     rigid = replace(problem, system=replace(problem.system, matrix=np.zeros_like(problem.system.matrix)))
     for asked, body in ((problem, ""), (rigid, " on a rigid body")):
@@ -252,7 +252,7 @@ def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
 
 
 def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """A step changes no argument; one from the same iterate leads to the same."""
+    """Check that a step changes no argument and that equal iterates lead to equal ones."""
     with np.errstate(all="ignore"), _unchanged(problem, name):
         before = solver.init(problem, None)
         kept = _copy_of(before)
@@ -267,7 +267,7 @@ def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
 def _check_start(
     solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
 ) -> None:
-    """A solution is taken up as it is."""
+    """Check that the solver accepts a solution as it is."""
     start = _copy_of(solution.state)
     with np.errstate(all="ignore"):
         solver.step(problem, solver.init(problem, start))

@@ -106,6 +106,6 @@ def balanced_solution(
 
 
 def check_same(state: ContactState, expected: ContactState) -> None:
-    """AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
+    """Raise AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
     off = np.abs(state.load - expected.load).max(axis=0)
     require((off <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", off)

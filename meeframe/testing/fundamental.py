@@ -29,8 +29,8 @@ def check_fundamental_solution(
     traction_tolerance: float = 1e-7,
     seed: int = 0,
 ) -> None:
-    """All checks of this module for one scaled stiffness C'_iJKm (3, 5, 5, 3), in random directions and in simple ones
-    that hypothesis looks for. Raises AssertionError that names the property, the offset and why it matters.
+    """Check one scaled stiffness C'_iJKm (3, 5, 5, 3) by all tests of this module, in random directions and in simple
+    ones that hypothesis looks for. Raises AssertionError that names the property, the offset and why it matters.
 
     Tolerances are relative to the largest entry of U and of T at a point.
     """
@@ -84,7 +84,7 @@ def _agree(value: Array, reference: Array, tolerance: float, what: str, offset: 
 
 
 def check_form(kernel: Kernel, offset: Array, normal: Array) -> None:
-    """Shapes, memory order, finite values; no points are allowed, and each point is independent of the others."""
+    """Check shapes, memory order, finite values, empty input, and that each point is independent of the others."""
     n = len(offset)
     u, t = kernel.evaluate(offset, normal)
     gradient = kernel.gradient(offset)
@@ -101,7 +101,7 @@ def check_form(kernel: Kernel, offset: Array, normal: Array) -> None:
 
 
 def check_symmetry(kernel: Kernel, offset: Array, normal: Array) -> None:
-    """U symmetric, even and homogeneous of degree -1; T and U,q odd and homogeneous of degree -2."""
+    """Check that U is symmetric, even and homogeneous of degree -1; T and U,q odd and homogeneous of degree -2."""
     u, t = kernel.evaluate(offset, normal)
     gradient = kernel.gradient(offset)
     _agree(u.transpose(0, 2, 1), u, 1e-13, "U is not symmetric", offset)
@@ -118,20 +118,20 @@ def check_symmetry(kernel: Kernel, offset: Array, normal: Array) -> None:
 
 
 def check_traction(kernel: Kernel, stiffness: Array, offset: Array, normal: Array) -> None:
-    """T_JK = C_iJMl U_MK,l nu_i (eq. 47)."""
+    """Check T_JK = C_iJMl U_MK,l nu_i (eq. 47)."""
     expected = np.einsum("ni,ijml,nmkl->njk", normal, stiffness, kernel.gradient(offset))
     _agree(kernel.evaluate(offset, normal)[1], expected, 1e-11, "T is not C : grad U . nu", offset)
 
 
 def check_gradient(kernel: Kernel, offset: Array) -> None:
-    """Central differences of U approach U,q with second order."""
+    """Check that central differences of U approach U,q with second order."""
     exact = kernel.gradient(offset)
     errors = [_central_difference(lambda x: kernel.evaluate(x, x)[0], offset, step) - exact for step in (0.02, 0.01)]
     _require_order(errors, offset, "differences of U do not approach U,q")
 
 
 def check_equilibrium(kernel: Kernel, stiffness: Array, offset: Array) -> None:
-    """C_iJKm U_KL,mi = 0: central differences of U,m approach it with second order."""
+    """Check C_iJKm U_KL,mi = 0, which central differences of U,m approach with second order."""
     residuals = []
     for step in (0.04, 0.02):
         second = _central_difference(kernel.gradient, offset, step)
@@ -140,7 +140,7 @@ def check_equilibrium(kernel: Kernel, stiffness: Array, offset: Array) -> None:
 
 
 def check_unit_flux(kernel: Kernel, tolerance: float) -> None:
-    """The integral of T over a sphere about the source is minus the identity."""
+    """Check that the integral of T over a sphere about the source is minus the identity."""
     heights, weights = np.polynomial.legendre.leggauss(64)
     angles = 2.0 * np.pi * np.arange(128) / 128
     radius = np.sqrt(1.0 - heights**2)[:, None]
@@ -157,7 +157,7 @@ def check_unit_flux(kernel: Kernel, tolerance: float) -> None:
 def check_agreement(
     kernel: Kernel, reference: Kernel, offset: Array, normal: Array, displacement: float, traction: float
 ) -> None:
-    """U and T equal those of a reference within tolerances."""
+    """Check that U and T equal those of a reference within tolerances."""
     names = ("U", "T")
     tolerances = (displacement, traction)
     pairs = zip(kernel.evaluate(offset, normal), reference.evaluate(offset, normal), strict=True)

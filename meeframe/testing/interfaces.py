@@ -32,7 +32,7 @@ class SoftAttractedContact(ContactLaw):
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
-        """That of Coulomb friction."""
+        """Return the scaling of Coulomb friction."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
@@ -51,7 +51,7 @@ class SoftAttractedContact(ContactLaw):
         return self.pull * self.pressure * np.exp(-np.maximum(gap, 0.0) / self.closure)
 
     def rescaled(self, length: float, pressure: float) -> Self:
-        """In other units, of which one of before has so many."""
+        """Return the law in other units, given how many of them make one of the old ones."""
         return replace(self, pressure=self.pressure * pressure, closure=self.closure * length)
 
 
@@ -75,6 +75,6 @@ class GapConductivity(ConductivityLaw):
         return self.constant / (gap + self.residual) * (1.0 + square / (1.0 + square))
 
     def rescaled(self, length: float, potential: float, flux: float) -> Self:
-        """In other units, of which one of before has so many."""
+        """Return the law in other units, given how many of them make one of the old ones."""
         constant = self.constant * length * flux / potential
         return replace(self, constant=constant, residual=self.residual * length, strength=self.strength * potential)

@@ -16,7 +16,7 @@ from meeframe.system.reduced import ReducedSystem
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Where the indenter is: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
+    """Position of the indenter: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
     (n, 2) [m], its tangential motion since the beginning, one for each node so that it may turn."""
 
     gap: Array

@@ -85,7 +85,7 @@ class _Limited:
         return traction.reshape(n, k, 3)
 
     def one(self, tangential: Array) -> Array:
-        """As admitted, (n, 3) from (n, 2)."""
+        """Return the admissible traction, (n, 3) from (n, 2)."""
         return self.admitted(tangential[:, None])[:, 0]
 
 

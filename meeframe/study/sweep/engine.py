@@ -25,7 +25,7 @@ class Pool(ABC):
 
     @abstractmethod
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Solve points as Pool.solve does, and report the progress of reductions.
+        """Solve points and yield the outcome of each as it comes; systems: folder of reduced systems, as in
         meeframe.model.cache. Points that share bodies share their reduced systems."""
 
 
@@ -35,7 +35,7 @@ class InProcess(Pool):
     """One point after the other, in this process with all its threads."""
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """As Pool.solve; the progress of reductions is shown."""
+        """Solve points as Pool.solve does, and report the progress of reductions."""
         for bodies, group in grouped(points):
             yield from _solve_group(bodies, group, systems, progress)
 

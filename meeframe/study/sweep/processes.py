@@ -1,4 +1,4 @@
-"""What it takes to start processes: signals that wait meanwhile, an environment that stays."""
+"""Starting of processes: signals that wait meanwhile, an environment that stays."""
 
 import os
 import signal

@@ -90,7 +90,7 @@ def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
 def _swept(
     file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
 ) -> SweepResult:
-    """As sweep, in a folder that is open."""
+    """Sweep in a folder that is open."""
     gathered: dict[str, Gathered] = {}
     try:
         for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
@@ -128,8 +128,8 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What a sweep keeps of a point in memory. numbers: of each increment; fields: x, y, z [m] and those of the last
-    increment that the study names, (n,) each."""
+    """Data of a point that a sweep holds in memory. numbers: of each increment; fields: x, y, z [m] and those of the
+    last increment that the study names, (n,) each."""
 
     status: str
     message: str
@@ -138,7 +138,7 @@ class Gathered:
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
-        """Of an outcome."""
+        """Gather the data of an outcome."""
         result = outcome.result
         if result is None:
             return cls(outcome.status, outcome.message)

@@ -91,5 +91,5 @@ class DMTCoulomb(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """Of isotropic-coulomb, (2, 2)."""
+        """Return the scaling of isotropic-coulomb, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()

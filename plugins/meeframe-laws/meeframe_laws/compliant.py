@@ -41,7 +41,7 @@ class Compliant(CoulombContact):
         return self.project(self._pressed(trial, r))
 
     def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
-        """By the trial (n, 3, 3), and zero by the gap."""
+        """Return the derivatives by the trial (n, 3, 3), and zero by the gap."""
         pressed = self._pressed(trial, r)
         pressure = -pressed[:, 2]
         contact_fraction = pressure > 0.0

@@ -128,7 +128,7 @@ class AcrossGap(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Breakdown(ConductivityLaw):
-    """As AcrossGap, and beyond a breakdown field discharge conducts besides, in parallel to the capacitor.
+    """Conduction across the gap and, beyond a breakdown field, discharge in parallel to the capacitor.
 
     flux = gap_constant / g |drop| + breakdown_conductivity max(|drop| - breakdown_field g, 0), g = gap + residual_gap,
     with the sign of the drop; kappa = flux / drop is continuous and never below that of AcrossGap. The larger the
@@ -164,7 +164,7 @@ class Breakdown(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Robin(ConductivityLaw):
-    """One kappa on the whole zone under the indenter, in contact or not: a condition of the third kind.
+    """Condition of the third kind: the same kappa on the whole zone under the indenter, in contact or not.
 
     The linear case of all the others: a layer that covers the surface and touches the indenter everywhere. Source:
     Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).

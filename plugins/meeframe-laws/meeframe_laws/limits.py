@@ -1,4 +1,4 @@
-"""What the friction laws share: pressures, and the way back to a limit of the tangential traction."""
+"""Shared functions of the friction laws: pressures, and the return to a limit of the tangential traction."""
 
 from typing import Final
 

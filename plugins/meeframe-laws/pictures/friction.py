@@ -97,7 +97,7 @@ def capped(formula: Any, contact: Any) -> None:
 
 
 def force_over_drag(axes: Any, laws: dict[str, ContactLaw], drags: Array, durations: Array | None = None) -> None:
-    """Tangential over normal force; durations: of an increment [s], for each law."""
+    """Plot tangential over normal force; durations: of an increment [s], for each law."""
     for k, (label, law) in enumerate(laws.items()):
         force = history(law, along(drags), COARSE, None if durations is None else float(durations[k]))[1]
         style = {"color": "k", "linestyle": "--", "linewidth": 1.0} if label.startswith("Coulomb") else {}
@@ -106,7 +106,7 @@ def force_over_drag(axes: Any, laws: dict[str, ContactLaw], drags: Array, durati
 
 
 def regularised(formula: Any, contact: Any) -> None:
-    """Traction over slip; force over drag for several slip lengths."""
+    """Plot traction over slip, and force over drag for several slip lengths."""
     x = np.linspace(-6.0, 6.0, 300)
     formula.plot(x, np.sign(x), "k--", linewidth=1.0, label="Coulomb")
     formula.plot(x, x / np.sqrt(1.0 + x**2), color=COLOURS[0], label="regularised")
@@ -125,7 +125,7 @@ def regularised(formula: Any, contact: Any) -> None:
 
 
 def weakening(formula: Any, contact: Any) -> None:
-    """mu over slip path; force over drag: a peak, then sliding."""
+    """Plot mu over slip path, and force over drag: a peak, then sliding."""
     law, path = SlipWeakening(0.4, 0.2, 20 * UM), np.linspace(0.0, 40.0, 100)
     formula.plot(path, law.coefficient(path * UM), color=COLOURS[0])
     formula.set(xlabel="slip path [µm]", ylabel="µ", ylim=(0.0, 0.45))
@@ -139,7 +139,7 @@ def weakening(formula: Any, contact: Any) -> None:
 
 
 def rate(formula: Any, contact: Any) -> None:
-    """mu over speed; force over drag at three speeds."""
+    """Plot mu over speed, and force over drag at three speeds."""
     speed = np.geomspace(1e-2, 1e2, 200)
     for exponent, colour in zip((0.5, 1.0, 2.0), COLOURS, strict=False):
         law = RateAndPressure(0.4, 0.2, 1.0, exponent)
@@ -152,7 +152,7 @@ def rate(formula: Any, contact: Any) -> None:
 
 
 def limit_curve(axes: Any, corners: Array, **style: Any) -> None:
-    """A closed curve (k, 2) in units of the pressure."""
+    """Plot a closed curve (k, 2) in units of the pressure."""
     axes.plot(*corners.T, **style)
     axes.set(xlabel=r"$t_1/p$", ylabel=r"$t_2/p$", aspect="equal")
 
@@ -166,7 +166,7 @@ def lame(mu1: float, mu2: float, n: float) -> Array:
 
 
 def force_over_direction(axes: Any, laws: dict[str, ContactLaw]) -> None:
-    """Angle of the friction force over that of the drag, all slipping."""
+    """Plot the angle of the friction force over that of the drag, all slipping."""
     angles = np.radians(np.linspace(0.0, 90.0, 19))
     for k, (label, law) in enumerate(laws.items()):
         found = []

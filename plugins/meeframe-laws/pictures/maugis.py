@@ -27,7 +27,7 @@ PARAMETERS, TRANSITIONS = (0.1, 0.3, 0.5, 1.0), (0.4, 0.2, 1.0)
 
 
 def error(parameter: float, transition: float, cells: int) -> float:
-    """Of the force, root mean square over CONTACTS, in parts of pi w R.
+    """Return the root mean square error of the force over CONTACTS, in units of pi w R.
 
     Raises RuntimeError if the iteration does not converge.
     """
