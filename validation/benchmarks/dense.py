@@ -98,7 +98,7 @@ def section(record: Record, pictures: Path) -> str:
                 " nodes and the time to factorise them with the cube. This benchmark runs `meeframe run` on the block"
                 " of the main job and on finer and coarser meshes of the same generator, including figures and fields."
                 f" Times are medians; memory is the maximum. The status of all runs is {_statuses(runs)}. Slopes"
-                f" against the number of elements: {slopes}; the slope of assembly tends to 2, that of factorisation to 3."
+                f" against the number of elements: {slopes}; they tend to 2 (assembly) and 3 (factorisation)."
             ),
             figures(highlights(record)),
             table(heads, rows),

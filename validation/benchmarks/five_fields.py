@@ -182,7 +182,8 @@ def section(record: Record, _pictures: Path) -> str:
                 " conducting to insulated: by the default solver `auto`, which chooses conjugate gradients for the"
                 " insulated contact and Newton's method for the conducting one, and by `projected-cg` for both, which"
                 " `auto` does not choose for conduction. The column on products compares five fields with one. Steps"
-                " are those of the insulated and of the conducting contact by `projected-cg`, and of the latter by `auto`."
+                " are those of the insulated and of the conducting contact by `projected-cg`, and of the latter by"
+                " `auto`."
             ),
             table(
                 ["medium", "grid", "product", "`auto`", "`projected-cg`", "steps"],
