@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.case.load import load_case
 from meeframe.cli import app
 from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.model.load import load_case
 from meeframe.plugin.registry import load
 from meeframe.plugin.sources import OWN_PACKAGES
 from meeframe.study.validate import known_cases

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_case
-from meeframe.core.result import Resultants, resultants
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_case
+from meeframe.results.records import Resultants, resultants
 from meeframe.study.quantities import TOTALS
 from meeframe.study.validate import Check
 

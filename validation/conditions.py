@@ -7,8 +7,8 @@ import numpy as np
 from indentation import OFFSETS, Run, total_checks
 from stroh import point_response
 
-from meeframe.core.fields import Array
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.fields import Array
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.study.validate import Check, Curve, Item, Plot
 
 FIELDS = (("electric_potential", "V", 3), ("magnetic_potential", "A", 4))

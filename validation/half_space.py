@@ -7,13 +7,14 @@ from typing import Literal
 import numpy as np
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactSolution, Solver, Status
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem, Rim
+from meeframe.contact.problem import ContactSolution, Solver, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import find_rim, half_space_mesh
-from meeframe.solvers import Auto, Limits, ProjectedCG, solve_to_edges
+from meeframe.fields import Array
+from meeframe.indenters import find_indenter_edge
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import Auto, ProjectedCG, StoppingCriteria, solve_to_edges
+from meeframe.system.reduced import IndenterEdge, ReducedSystem
 from meeframe.testing.half_space import indentation_problem
 
 Height = Callable[[Array, Array], Array]
@@ -99,10 +100,10 @@ def press(
     def gaps(points: Array, _frames: Array) -> Array:
         return height(points[:, 0], points[:, 1]) - approach
 
-    def rim() -> Rim | None:
-        return find_rim(gaps, system.points, system.frames, 2.0 * max(spacing, across))
+    def rim() -> IndenterEdge | None:
+        return find_indenter_edge(gaps, system.points, system.frames, 2.0 * max(spacing, across))
 
-    solution, _ = solve_to_edges(problem, solver, Limits(tolerance=1e-8), rim=rim)
+    solution, _ = solve_to_edges(problem, solver, StoppingCriteria(tolerance=1e-8), rim=rim)
     converged(solution)
     return Pressed(system, solution.state.load, solution.state.displacement, spacing)
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from half_space import Edges, Height, Pressed, observed_order, press
 
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.geometry import indenters as rigid
+from meeframe.fields import Array
+from meeframe.indenters import shapes as rigid
+from meeframe.indenters.base import Indenter
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms import Cone, FlatPunch, Indentation, Shape, Sphere, indent
 

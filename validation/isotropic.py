@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.materials import Material
+from meeframe.fields import Array
+from meeframe.material import Material
 from meeframe.testing.closed_forms_friction import contact_modulus
 
 YOUNG, POISSON = 200e9, 0.3

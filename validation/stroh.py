@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meeframe.core.fields import Array, FieldScaling
+from meeframe.fields import Array, FieldScaling
 
 
 def point_response(stiffness: Array) -> Array:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from half_space import on_grid
 
-from meeframe.core.fields import Array
-from meeframe.report.study import Panel, Study, middle_line
+from meeframe.fields import Array
+from meeframe.study.reports.study import Panel, Study, middle_line
 from meeframe.study.validate import Curve, Map, Plot
 
 

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from meeframe.report.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
-from meeframe.report.validation_table import reason_of, words_of
+from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
+from meeframe.study.reports.validation_table import reason_of, words_of
 from meeframe.study.validate import known_cases
 
 HERE = Path(__file__).parent

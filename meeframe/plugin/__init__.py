@@ -5,20 +5,20 @@ formulations and solvers make of bodies and laws. It is contract, as the docstri
 version to version; so is meeframe.testing for their tests. Other modules may change.
 """
 
-from meeframe.core.body import Body, check_conditions
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, indenter_position, unbalance
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array, FieldScaling
-from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ConductivityLaw, ContactLaw, augmented_traction, contact_traction, lawful_traction
-from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.geometry import zone_frames
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import Switches, own_response, resistances, unloaded
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, indenter_position, unbalance
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Array, FieldScaling
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.indenters.base import Indenter
+from meeframe.laws.base import ConductivityLaw, ContactLaw, augmented_traction, contact_traction, fixed_point_map
+from meeframe.mesh import zone_frames
+from meeframe.mesh.body import Body, check_conditions
 from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.solvers.conduction import Switches, own_response, resistances, unloaded
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, silent
 
 __all__ = [
     "Array",
@@ -47,9 +47,9 @@ __all__ = [
     "check_conditions",
     "check_quantities",
     "contact_traction",
+    "fixed_point_map",
     "hookimpl",
     "indenter_position",
-    "lawful_traction",
     "own_response",
     "resistances",
     "silent",

@@ -4,19 +4,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import final
 
-from meeframe.core.fields import Array
-from meeframe.core.formulation import (
+from meeframe.fields import Array, Indices
+from meeframe.system.reduced import (
     BlockResponse,
     Coarsening,
     Edges,
-    Extension,
+    IndenterEdge,
     NodalFields,
-    Part,
+    Prolongation,
     ReducedSystem,
-    Rim,
     Stencil,
+    Subsystem,
 )
-from meeframe.core.mesh import Indices
 
 
 @final
@@ -80,7 +79,7 @@ class Counted(ReducedSystem):
         """See ReducedSystem."""
         return self.inner.approximate_inverse(fields) if self.helped else None
 
-    def extension(self, nodes: Indices) -> Extension | None:
+    def extension(self, nodes: Indices) -> Prolongation | None:
         """See ReducedSystem."""
         return self.inner.extension(nodes) if self.helped else None
 
@@ -88,7 +87,7 @@ class Counted(ReducedSystem):
         """See ReducedSystem."""
         return self.inner.coarser() if self.helped else None
 
-    def within(self, nodes: Indices) -> Part | None:
+    def within(self, nodes: Indices) -> Subsystem | None:
         """See ReducedSystem: products there are counted, too."""
         part = self.inner.within(nodes) if self.helped else None
         if part is None:
@@ -100,6 +99,6 @@ class Counted(ReducedSystem):
         """See ReducedSystem."""
         return self.inner.stencil(reach, fields) if self.helped else None
 
-    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+    def edges(self, pressure: Array, rim: IndenterEdge | None = None) -> Edges | None:
         """See ReducedSystem."""
         return self.inner.edges(pressure, rim)

@@ -1,19 +1,19 @@
-"""Conformance of a formulation and its reduced system with their contract (meeframe.core.formulation)."""
+"""Conformance of a formulation and its reduced system with their contract (meeframe.system.reduced)."""
 
 from dataclasses import replace
 
 import numpy as np
 from hypothesis import strategies as st
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import ELECTRIC, N_FIELDS, Array
-from meeframe.core.formulation import Formulation, ReducedSystem
+from meeframe.common.errors import MeeframeError
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, zone_frames
-from meeframe.materials import library_material, rotation_about
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.fields import ELECTRIC, N_FIELDS, Array
+from meeframe.material import library_material, rotation_about
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.system.reduced import Formulation, ReducedSystem
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.manufactured import ExactField, LinearField, prescribe

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import final
 
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.fields import Array
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 
 @final

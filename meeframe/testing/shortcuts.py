@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ROUGH, Coarsening, Part, ReducedSystem
-from meeframe.core.mesh import Indices
+from meeframe.fields import Array, Indices
+from meeframe.system.reduced import ROUGH, Coarsening, ReducedSystem, Subsystem
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
 
@@ -201,7 +200,7 @@ def check_parts(system: ReducedSystem) -> None:
     require(system.within(nodes[:0]) is None, "within gives a part that holds no node", 0)
 
 
-def check_part(system: ReducedSystem, part: Part, asked: Indices) -> None:
+def check_part(system: ReducedSystem, part: Subsystem, asked: Indices) -> None:
     """A part holds the nodes asked for (k,), with what belongs to them, and responds there as the whole does."""
     kept, there = part.kept, part.system
     distinct = len(np.unique(kept)) == len(kept) == len(there.points) < len(system.points)

@@ -6,17 +6,17 @@ from dataclasses import replace
 import pytest
 
 import meeframe
-from meeframe.case.cache import cached_reduce
-from meeframe.case.case import warnings_of
-from meeframe.case.counter import CounterBody
-from meeframe.case.load import load_case
-from meeframe.case.restart import read_restart
-from meeframe.case.solve import bodies_of, joined, reduce_for_contact, solve_steps
-from meeframe.core.errors import CaseError, PluginFault
-from meeframe.geometry import FrictionAxes
+from meeframe.common.errors import CaseError, PluginFault
+from meeframe.mesh import FrictionAxes
+from meeframe.model.cache import cached_reduce
+from meeframe.model.case import warnings_of
+from meeframe.model.load import load_case
+from meeframe.model.restart import read_restart
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import bodies_of, joined, reduce_for_contact, solve_steps
 from meeframe.plugin.registry import load
 from meeframe.study.compare import compare
-from meeframe.study.sweep import sweep
+from meeframe.study.sweep.run import sweep
 from meeframe.study.validate import validate
 
 SPRINGS = """
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.geometry import zone_frames
+from meeframe.mesh import zone_frames
 from meeframe.plugin import Formulation, NodalFields, Record, ReducedSystem, hookimpl, silent
 
 COMPLIANCE = 1e-14 * np.array([1.0, 1.0, 1.0, 1e13, 1e8])
@@ -125,7 +125,7 @@ def cached_twice(case, folder):
     cached_reduce(replace(case, formulation=replace(case.formulation, fails="")), folder)
     (file,) = folder.glob("*.h5")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("meeframe.case.cache.system_key", lambda *_: file.stem)
+        patch.setattr("meeframe.model.cache.system_key", lambda *_: file.stem)
         cached_reduce(case, folder)
 
 
@@ -175,19 +175,19 @@ def test_so_is_a_counter_body(plugin, springs):
     case = springs("")
     parts = case.material, case.mesh, case.conditions, case.zone
     with pytest.raises(PluginFault) as raised:
-        CounterBody(*parts, replace(case.formulation, fails="check"))
+        SecondBody(*parts, replace(case.formulation, fails="check"))
     check_fault(raised.value, plugin[0], "check")
 
 
-@pytest.mark.parametrize("table", ["", "counter_body."])
-def test_what_fails_while_a_case_is_read_has_its_cause(plugin, write_case, counter_body, table):
+@pytest.mark.parametrize("table", ["", "second_body."])
+def test_what_fails_while_a_case_is_read_has_its_cause(plugin, write_case, second_body, table):
     """At its key."""
     failing = ('name = "failing-springs"', 'name = "failing-springs"\nfails = "check"')
     if table:
-        counter = counter_body.replace(
+        second_body = second_body.replace(
             'name = "winkler", stiffness = "3e14 Pa/m"', 'name = "failing-springs", fails = "check"'
         )
-        path = write_case(WINKLER, more=counter)
+        path = write_case(WINKLER, more=second_body)
     else:
         path = write_case((WINKLER[0], failing[1]))
     with pytest.raises(CaseError) as raised:
@@ -334,7 +334,7 @@ def test_a_law_that_fails_in_a_later_step_is_told_where_that_is_looked_at(write_
 CHECKS = """
 from pathlib import Path
 import meeframe
-from meeframe.case.load import load_case
+from meeframe.model.load import load_case
 from meeframe.plugin.registry import load
 
 TITLE, SOURCE = "springs", "nobody"

@@ -9,20 +9,20 @@ import pytest
 from numba import njit
 
 import meeframe.testing as kits
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import Solver
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import CaseError
-from meeframe.core.formulation import Formulation, ReducedSystem, silent
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ContactLaw, conducts
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh
+from meeframe.indenters.base import Indenter
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.materials import library_material
+from meeframe.laws.base import ContactLaw, conducts
+from meeframe.material import library_material
+from meeframe.mesh import block_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
 from meeframe.plugin.scaffold import new_plugin
 from meeframe.solvers import SemismoothNewton
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import Formulation, ReducedSystem, silent
 from meeframe.testing.manufactured import LinearField
 
 

@@ -11,7 +11,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from meeframe.io.fclib import LocalProblem, write_local
+from meeframe.results.fclib import LocalProblem, write_local
 from meeframe.study.validate import Skip
 from meeframe.study.validate import load_case as load_validation
 

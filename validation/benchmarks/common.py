@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from meeframe.case.threads import limited
+from meeframe.model.threads import limited
 
 Record = dict[str, Any]
 WIDTH = 119

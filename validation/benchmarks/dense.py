@@ -54,7 +54,7 @@ def _run(folder: Path, mesh: tuple[int, int, int], name: str) -> Record:
 def _size(mesh: tuple[int, int, int]) -> tuple[int, int]:
     """Return the numbers of elements and nodes."""
     from meeframe.elements import Quad4
-    from meeframe.geometry import block_mesh
+    from meeframe.mesh import block_mesh
 
     made = block_mesh(0.05, 0.12, 0.005, *mesh, Quad4())
     return made.n_elements, len(made.points)

@@ -11,12 +11,12 @@ import numpy as np
 from common import Record, command_line, median_time, prose, table, threads
 from half_space_friction import MU, SHARE, dragged, timed
 
-from meeframe.core.contact import ContactProblem, Solver
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import ContactProblem, Solver
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, solve
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.half_space import indentation_problem
 
 TITLE = "Five fields against one"
@@ -52,7 +52,7 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * radius)
     load = np.random.default_rng(0).normal(size=system.offset.shape)
     normal = np.where(np.arange(5) == 2, load, 0.0)
-    limits = Limits(tolerance=TOLERANCE)
+    limits = StoppingCriteria(tolerance=TOLERANCE)
 
     def whole(kappa: float, solver: Solver) -> Any:
         given = potentials if kappa > 0.0 else (0.0, 0.0)

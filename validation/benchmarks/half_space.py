@@ -14,14 +14,14 @@ from half_space_others import TOLERANCE, WIDTH, Answer, Job, contact_mechanics_a
 from isotropic import MODULUS, STIFFNESS
 from meeframe_halfspace import HalfSpace, SelfAffine
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Freedom, Status
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini
-from meeframe.solvers import Limits, ProjectedCG, solve
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, StoppingCriteria, solve
+from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Half space by fast Fourier transforms, without friction"
 LARGE = 512
@@ -74,7 +74,7 @@ def ours(job: Job) -> Answer:
     built = process_time() - start
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))
     clock, start = perf_counter(), process_time()
-    solution = solve(pressed(job, system, place), ProjectedCG(), Limits(tolerance=OURS))
+    solution = solve(pressed(job, system, place), ProjectedCG(), StoppingCriteria(tolerance=OURS))
     times = built, process_time() - start, perf_counter() - clock
     if solution.status is not Status.CONVERGED:
         raise RuntimeError(solution.message)
@@ -94,7 +94,7 @@ def pressed(job: Job, system: ReducedSystem, place: Array) -> ContactProblem:
     """Return the job as a contact problem; place (n * n,): nodes of the system in the order of the heights."""
     press = np.zeros((len(place), 5))
     press[:, 2] = -1.0
-    freedom = Freedom(press, system.weights[:, None] * press, job.force)
+    freedom = PrescribedResultant(press, system.weights[:, None] * press, job.force)
     gap = np.empty(len(place))
     gap[place] = job.heights.ravel()
     none = np.zeros((len(place), 2))

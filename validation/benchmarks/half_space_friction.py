@@ -11,16 +11,16 @@ import numpy as np
 from common import Record, command_line, figures, loglog, prose, slope, table, threads
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Solver
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ConductivityLaw
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
-from meeframe.materials import Material
-from meeframe.solvers import Limits, SemismoothNewton, residual, solve
+from meeframe.laws.base import ConductivityLaw
+from meeframe.material import Material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
@@ -50,12 +50,14 @@ def dragged(
 ) -> ContactProblem:
     """Return a sphere under prescribed forces; drag: ratio of tangential and normal force, unused without friction."""
     x, y, _ = system.points.T
-    freedoms = [freedom(system, PRESS, force)]
+    prescribed_resultants = [freedom(system, PRESS, force)]
     if law.tangential_scaling().any():
-        freedoms += [freedom(system, SLIDE, drag * force), freedom(system, ASIDE, 0.0)]
+        prescribed_resultants += [freedom(system, SLIDE, drag * force), freedom(system, ASIDE, 0.0)]
     none = np.zeros((len(x), 2))
     flux: ConductivityLaw = StepConductivity(np.inf) if conducting else Insulating()
-    return ContactProblem(system, law, flux, flux, (x**2 + y**2) / (2.0 * radius), none, none, tuple(freedoms))
+    return ContactProblem(
+        system, law, flux, flux, (x**2 + y**2) / (2.0 * radius), none, none, tuple(prescribed_resultants)
+    )
 
 
 def mindlin(system: ReducedSystem) -> ContactProblem:
@@ -74,10 +76,10 @@ def timed(problem: ContactProblem, solver: Solver, tolerance: float = TOLERANCE)
         problem.gap,
         problem.translation,
         problem.potentials,
-        problem.freedoms,
+        problem.prescribed_resultants,
     )
     start, processor = perf_counter(), process_time()
-    solution = solve(problem, solver, Limits(tolerance=tolerance))
+    solution = solve(problem, solver, StoppingCriteria(tolerance=tolerance))
     record = {"seconds": perf_counter() - start, "processor": process_time() - processor}
     record |= {"iterations": solution.iterations, "products": len(counted.products)}
     return solution, record | {"residual": solution.residual, "status": str(solution.status)}

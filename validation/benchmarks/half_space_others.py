@@ -6,7 +6,7 @@ from time import perf_counter, process_time
 import numpy as np
 from isotropic import MODULUS, POISSON, YOUNG
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 WIDTH = 1e-2
 """Width of the zone [m]."""
@@ -73,8 +73,8 @@ def tamaas_answer(job: Job) -> Answer:
         tamaas.ModelFactory.registerNonPeriodic(model, "dcfft")
         solver.setIntegralOperator("dcfft")
     solver.max_iter = 10_000
-    counter = Counter()
-    solver.addFunctionalTerm(counter)
+    second_body = Counter()
+    solver.addFunctionalTerm(second_body)
     built = process_time() - start
     clock, start = perf_counter(), process_time()
     solver.solve(job.force / WIDTH**2)
@@ -86,7 +86,7 @@ def tamaas_answer(job: Job) -> Answer:
         raised = np.zeros_like(model.traction)
         model.operators["dcfft"](model.traction, raised)
         displacement = raised.reshape(shape)
-    return Answer(np.array(model.traction).reshape(shape), displacement, *times, counter.asked - 1)
+    return Answer(np.array(model.traction).reshape(shape), displacement, *times, second_body.asked - 1)
 
 
 def contact_mechanics_answer(job: Job) -> Answer:

@@ -68,7 +68,7 @@ def _in_a_process(what: str, divisions: int) -> Any:
 
 def refined(divisions: int) -> Any:
     """Return the case of the main job with other divisions, and rings and layers in proportion."""
-    from meeframe.case.load import case_from_tables
+    from meeframe.model.load import case_from_tables
 
     tables = tomllib.loads(CASE.read_text(encoding="utf-8"))
     mesh = tables["mesh"]
@@ -82,8 +82,8 @@ def one(divisions: int) -> Record:
     """Measure one size: times, storage, error of the elimination."""
     from meeframe_hmatrix.blocks import stored
 
-    from meeframe.case.clock import Clock, peak_memory_mb
-    from meeframe.case.solve import solve_steps
+    from meeframe.model.clock import Clock, peak_memory_mb
+    from meeframe.model.solve import solve_steps
 
     case = refined(divisions)
     with threads(THREADS):
@@ -127,8 +127,8 @@ def _seconds(action: Callable[[], object]) -> float:
 
 def errors(divisions: int) -> dict[str, float]:
     """Return the differences from dense-bem with finer integrals, by tolerance."""
-    from meeframe.case.solve import solve_steps
     from meeframe.formulations.dense_bem import DenseBEM
+    from meeframe.model.solve import solve_steps
 
     case = refined(divisions)
     with threads(THREADS):

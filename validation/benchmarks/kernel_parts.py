@@ -5,9 +5,9 @@ from common import Record, median_time
 from machine import least_times, multiply_adds
 from numba import njit
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.fundamental.tabulated import TabulatedKernel
-from meeframe.kernels.tabulated import BLOCK, DEGREE, WIDE, WIDTH, evaluate, horner, sort_by_cell, tractions
+from meeframe.fields import N_FIELDS, Array
+from meeframe.greens._kernels.tabulated import BLOCK, DEGREE, WIDE, WIDTH, evaluate, horner, sort_by_cell, tractions
+from meeframe.greens.tabulated import TabulatedKernel
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -17,14 +17,14 @@ from common import Record, command_line, figures, median_time, prose, table, use
 from kernel_parts import arithmetic, interpolation, parts_us, reused_us
 from machine import reading
 
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import Kernel
 from meeframe.elements import Quad4
 from meeframe.elements.quadrature import tensor_rule
-from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
-from meeframe.geometry import block_mesh
-from meeframe.kernels.tabulated import CHUNK
-from meeframe.materials import Material, library_material
+from meeframe.fields import Array
+from meeframe.greens import Isotropic, LineIntegral, Residue, Tabulated
+from meeframe.greens._kernels.tabulated import CHUNK
+from meeframe.greens.base import Kernel
+from meeframe.material import Material, library_material
+from meeframe.mesh import block_mesh
 
 TITLE = "Fundamental solution"
 MATRICES = ("U", "T")
@@ -36,8 +36,8 @@ START = """
 import json, time
 start = time.perf_counter()
 import numpy as np
-from meeframe.fundamental import Tabulated
-from meeframe.materials import library_material
+from meeframe.greens import Tabulated
+from meeframe.material import library_material
 material = library_material("batio3-cofe2o4")
 imported = time.perf_counter()
 kernel = Tabulated().bind(material.scaling.scale_stiffness(material.stiffness))

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from common import Record, prose, table
 
-from meeframe.case.load import case_from_tables
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.core.mesh import Indices
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import Tabulated
+from meeframe.greens import Tabulated
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.model.load import case_from_tables
 
 MOST = {"4 (2 x 2)": 4, "6 to 9": 9, "10 to 16": 16, "17 to 64": 64, "more than 64 (divided)": np.inf}
 """Largest number of points per pair, by group."""

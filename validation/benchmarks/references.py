@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from common import Record, command_line, median_time, prose, table, threads
 
-from meeframe.case.clock import Clock
-from meeframe.case.load import Case, case_from_tables
-from meeframe.case.solve import reduce
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.clock import Clock
+from meeframe.model.load import Case, case_from_tables
+from meeframe.model.solve import reduce
 
 TITLE = "Comparison with bempp: boundary elements"
 CASE = Path(__file__).parents[1] / "transversely_isotropic_indentation" / "emii.toml"

@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, Freedom
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.contact.problem import ContactProblem, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material, library_material
 from meeframe.testing.contact_cases import APPROACH, SphereCase
 
 MATERIALS = ("batio3-cofe2o4", "orthotropic-mee")
@@ -78,15 +78,15 @@ def _released(problem: ContactProblem, resultants: dict[str, float]) -> ContactP
     x = problem.system.points[:, 0]
     axes = {"x": (0, 1.0), "y": (1, 1.0), "press": (2, -1.0), "pitch": (2, -x), "electric": (3, -1.0)}
     axes["magnetic"] = (4, -1.0)
-    freedoms = []
+    prescribed_resultants = []
     for key, total in resultants.items():
         column, motion = axes[key]
         mode = np.zeros_like(problem.system.offset)
         mode[:, column] = motion
         sign = -1.0 if column > 2 else 1.0
-        freedoms.append(Freedom(mode, sign * problem.system.weights[:, None] * mode, total))
+        prescribed_resultants.append(PrescribedResultant(mode, sign * problem.system.weights[:, None] * mode, total))
     lift = 1.1 * APPROACH if "press" in resultants else 0.0
-    return replace(problem, gap=problem.gap + lift, freedoms=tuple(freedoms))
+    return replace(problem, gap=problem.gap + lift, prescribed_resultants=tuple(prescribed_resultants))
 
 
 def _force(name: str, cells: int) -> ContactProblem:

@@ -14,13 +14,22 @@ import numpy as np
 from common import Record, command_line, prose, table
 from solver_cases import PAPER_STEPS, cases, reference, sphere
 
-from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, ProjectedCG, SemismoothNewton, Uzawa, solve
+from meeframe.solvers import (
+    Auto,
+    BarzilaiBorwein,
+    Nesterov,
+    ProjectedCG,
+    SemismoothNewton,
+    StoppingCriteria,
+    Uzawa,
+    solve,
+)
 
 FACTORS = (1, 2, 5, 10, 20, 50, 100)
-LIMITS = Limits(max_iterations=10_000)
+LIMITS = StoppingCriteria(max_iterations=10_000)
 TITLE = "Solvers"
 PICTURE = "solver_profile.png"
 PLAIN = "uzawa, paper's r"

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from common import Record, command_line, figures, prose, table, threads
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_case
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_case
 from meeframe.plugin.registry import load
-from meeframe.study.sweep import sweep
-from meeframe.study.sweep_engine import pool_of
+from meeframe.study.sweep.engine import pool_of
+from meeframe.study.sweep.run import sweep
 
 TITLE = "Sweeps"
 CASE = Path(__file__).parents[1] / "orthotropic_friction" / "emii.toml"

@@ -11,8 +11,8 @@ from isotropic import APPROACH, MODULUS, STIFFNESS
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from meeframe.core.fields import Array
-from meeframe.geometry import Paraboloid
+from meeframe.fields import Array
+from meeframe.indenters import Paraboloid
 from meeframe.study.validate import Check, Curve, Item, Map, Plot
 
 TITLE = "Elliptic Hertz contact, up to cylinder-like"

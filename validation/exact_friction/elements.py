@@ -7,14 +7,14 @@ import numpy as np
 from study import FRICTION, RADIUS, YOUNG, BondedRow, SlipRow, SlipState, slip_row
 
 import meeframe
-from meeframe.case.case import Case
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.fields import Array
-from meeframe.core.result import StepResult, Zone, resultants, zone_of
+from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Signorini
+from meeframe.mesh import half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.results.records import StepResult, Zone, resultants, zone_of
 from meeframe.testing.closed_forms_friction import (
     HertzContact,
     PartialSlip,

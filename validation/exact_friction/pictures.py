@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from study import APPROACH, FRICTION, RADIUS, YOUNG, BondedRow, Loop, Pressed, SlipRow, SlipState
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 from meeframe.testing.closed_forms_friction import (
     HertzContact,
     PartialSlip,

@@ -6,10 +6,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.closed_forms_friction import (
     FullStick,
     HertzContact,

@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 from scipy import sparse
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 SOLVERS: Final = ("NSGS", "NSN_AC")
 """Nonsmooth Gauss-Seidel; Newton on the function of Alart and Curnier."""

@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from siconos_reference import SOLVERS, siconos_solves
 
-from meeframe.case.case import Case
-from meeframe.case.load import case_from_tables
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.fields import Array
-from meeframe.io.fclib import LocalSolution, natural_residual, write_local
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
+from meeframe.model.case import Case
+from meeframe.model.load import case_from_tables
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.results.fclib import LocalSolution, natural_residual, write_local
 from meeframe.study.fclib import exchanged
 
 HERE: Final = Path(__file__).parent

@@ -6,8 +6,8 @@ import numpy as np
 from half_space import press
 from meeframe_halfspace import indentation_modulus
 
-from meeframe.core.fields import Array
-from meeframe.materials import Material, rotation_about
+from meeframe.fields import Array
+from meeframe.material import Material, rotation_about
 from meeframe.study.validate import Check, Curve, Item, Plot
 
 TITLE = "Indentation moduli of anisotropic crystals"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from meeframe.case.load import case_from_tables
-from meeframe.case.solve import solve_case
-from meeframe.core.result import Result, RunStatus, resultants
+from meeframe.model.load import case_from_tables
+from meeframe.model.solve import solve_case
+from meeframe.results.records import Result, RunStatus, resultants
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 
 TITLE = "Hysteresis loop on a magneto-electro-elastic block, boundary elements"

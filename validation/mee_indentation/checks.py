@@ -7,8 +7,8 @@ from case_files import totals_of
 from conditions import at_potentials, conducting, fields, response
 from indentation import Run, convergence, pressure_plot
 
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.study.validate import Check, Item
 from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Sphere, indent
 

@@ -11,7 +11,7 @@ from criteria import Verdict
 from figures import read_figure
 from studies import study_plots
 
-from meeframe.report.study import study_json
+from meeframe.study.reports.study import study_json
 from meeframe.study.reproduce import known_studies
 from meeframe.study.solve import solve_study
 from meeframe.study.validate import Claim, Item

@@ -37,8 +37,8 @@ def _fig_03(figure: Figure) -> Found:
 
 def _fig_04(figure: Figure) -> Found:
     for panel, field, other in _conducting(figure):
-        closed = panel.of("pressure", "inf") > 0
-        left = np.abs(panel.of(field, "inf")[closed]).max()
+        contact_fraction = panel.of("pressure", "inf") > 0
+        left = np.abs(panel.of(field, "inf")[contact_fraction]).max()
         altered = change(panel, other, "inf", "0")
         yield (
             f"{panel.title}: the {field.replace('_', ' ')} tends to zero",

@@ -14,9 +14,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from half_space import Edges, observed_order
 from indentation import OFFSETS, Run
 
-from meeframe.core.fields import Array
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.fields import Array
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere
 
 APPROACH, POTENTIAL = 5e-5, -2e4

@@ -13,15 +13,15 @@ from meeframe_halfspace import HalfSpace, SelfAffine
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Freedom, contact_gap
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, contact_gap
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini
-from meeframe.solvers import Limits, ProjectedCG, solve
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, StoppingCriteria, solve
 from meeframe.study.validate import Check, Curve, Item, Map, Plot, Skip
+from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Rough surface on an elastic half space, against Tamaas"
 SOURCE = (
@@ -71,13 +71,13 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
-    freedom = Freedom(press, system.weights[:, None] * press, mean_pressure * area)
+    freedom = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))  # nodes in the order of the heights
     gap = np.empty(len(place))
     gap[place] = heights.ravel()
     none = np.zeros((len(gap), 2))
     problem = ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
-    state = converged(solve(problem, ProjectedCG(), Limits(tolerance=1e-10))).state
+    state = converged(solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))).state
     opening = contact_gap(problem, state.displacement, state.motion)[:, 2]
     shape = heights.shape
     return Contact((0.0 - state.load[:, 2])[place].reshape(shape), opening[place].reshape(shape))

@@ -7,16 +7,16 @@ from math import inf
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import SurfaceElement
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Formulation
 from meeframe.elements import Quad4, Quad9
-from meeframe.geometry import box_mesh
-from meeframe.materials import library_material
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Array
+from meeframe.material import library_material
+from meeframe.mesh import box_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind
 from meeframe.study.validate import Check, Curve, Item, Plot, Skip
+from meeframe.system.reduced import Formulation
 
 TITLE = "Slender rods: accuracy of boundary elements in bending"
 SOURCE = (

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip, shear_modulus

@@ -7,10 +7,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipkm1
 
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
 from meeframe.study.validate import Check, Curve, Item, Plot
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.load_path import PathStep, Position, follow
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import meeframe
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.result import resultants, zone_of
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.results.records import resultants, zone_of
 
 INCREMENTS = (1, 2, 5, 10, 20, 40, 80)
 

@@ -9,7 +9,7 @@ from half_space import Pressed, press
 from indentation import OFFSETS
 from isotropic import APPROACH, MODULUS, STIFFNESS
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 from meeframe.study.validate import Check, Curve, Item, Plot
 
 TITLE = "Tilted flat punch on an isotropic half space"

@@ -17,7 +17,7 @@ from study import (
     totals,
 )
 
-from meeframe.case.case import Case
+from meeframe.model.case import Case
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms import Indentation
 

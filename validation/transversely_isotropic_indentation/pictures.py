@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from study import Refinement, Sweep, closed_form, exact_totals
 
-from meeframe.case.case import Case
+from meeframe.model.case import Case
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CURVES = [("EMII", "force"), ("ECMII", "charge"), ("EIMCI", "magnetic_flux"), ("EMCI", "force")]

@@ -34,8 +34,8 @@ from study import (
     totals,
 )
 
-from meeframe.case.case import Case
-from meeframe.core.formulation import ReducedSystem
+from meeframe.model.case import Case
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms import CONDITIONS
 
 NAME = Path(__file__).parent.name

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 import meeframe
-from meeframe.case.case import Case
-from meeframe.case.solve import solve_steps
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import Resultants, StepResult, Zone, resultants, zone_of
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import StepConductivity
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import solve_steps
+from meeframe.results.records import Resultants, StepResult, Zone, resultants, zone_of
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
 HERE = Path(__file__).parent

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from study import CONDITIONS, TURN, Solved, closed_form, conducting, counter, hertz, load, roles, solve
+from study import CONDITIONS, TURN, Solved, closed_form, conducting, hertz, load, roles, second_body, solve
 
-from meeframe.case.case import Case
-from meeframe.case.solve import reduce
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, half_space_mesh
-from meeframe.report.study import middle_line
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import reduce
+from meeframe.study.reports.study import middle_line
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms import Indentation
 
@@ -37,10 +37,10 @@ def run(quick: bool) -> Iterator[Item]:
 def _opposite(quick: bool) -> Iterator[Item]:
     """Poled the same way in space: one body is the other turned over."""
     case = load("poled")
-    other = counter(case)
+    other = second_body(case)
     mesh = half_space_mesh(0.1, 0.005, 10, 5, Quad4()) if quick else case.mesh
     opposite = replace(other, mesh=mesh if quick else other.mesh, material=other.material.rotated(TURN))
-    case = replace(case, mesh=mesh, counter=opposite)
+    case = replace(case, mesh=mesh, second_body=opposite)
     system = reduce(case)
     for condition in ("EMII", "EMCI") if quick else CONDITIONS:
         variant = conducting(case, condition)
@@ -79,4 +79,4 @@ def _exchanged(quick: bool) -> Iterator[Check]:
 
 def _coarse(case: Case) -> Case:
     half, block = half_space_mesh(0.1, 0.005, 8, 4, Quad4()), block_mesh(0.05, 0.12, 0.005, 8, 3, 2, Quad4())
-    return replace(case, mesh=half, counter=replace(counter(case), mesh=block))
+    return replace(case, mesh=half, second_body=replace(second_body(case), mesh=block))

@@ -7,15 +7,15 @@ from typing import Final
 import numpy as np
 
 import meeframe
-from meeframe.case.case import Case
-from meeframe.case.counter import CounterBody
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.pair import match_nodes
-from meeframe.core.result import Region, Resultants, StepResult, Zone, resultants, zone_of
+from meeframe.fields import Array
 from meeframe.laws import OrthotropicCoulomb, StepConductivity
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.model.case import Case
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.results.records import Region, Resultants, StepResult, Zone, resultants, zone_of
+from meeframe.system.reduced import ReducedSystem
+from meeframe.system.two_body import match_nodes
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
 HERE = Path(__file__).parent
@@ -56,17 +56,17 @@ def solve(case: Case, system: ReducedSystem) -> Solved:
     return Solved(zone_of(system), steps[-1])
 
 
-def counter(case: Case) -> CounterBody:
-    """The counter body of a case that has one."""
-    if case.counter is None:
+def second_body(case: Case) -> SecondBody:
+    """The second body of a case that has one."""
+    if case.second_body is None:
         raise ValueError(f"{case.title}: one body only")
-    return case.counter
+    return case.second_body
 
 
 def closed_form(case: Case, condition: str = "EMII") -> Indentation:
     """Two axisymmetric half spaces under the case's sphere: one of xi = xi_A + D xi_B D (docs/theory.md)."""
     flip = np.array([-1.0, 1.0, 1.0])
-    first, second = (axisymmetric_compliance(body.material.stiffness) for body in (case, counter(case)))
+    first, second = (axisymmetric_compliance(body.material.stiffness) for body in (case, second_body(case)))
     joined = first + flip[:, None] * second * flip
     return indent(joined, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
 
@@ -106,8 +106,8 @@ def hertz(name: str) -> Hertz:
 
 
 def rigid_share(name: str) -> float:
-    """The tangential_share with a rigid sphere instead of the counter body."""
-    case = replace(load(name), counter=None)
+    """The tangential_share with a rigid sphere instead of the second body."""
+    case = replace(load(name), second_body=None)
     return tangential_share(solve(case, reduce(case)))
 
 
@@ -133,7 +133,9 @@ def joined() -> list[Joined]:
     for poling in ("towards each other", "the same way in space"):
         case = load("poled")
         if poling == "the same way in space":
-            case = replace(case, counter=replace(counter(case), material=counter(case).material.rotated(TURN)))
+            case = replace(
+                case, second_body=replace(second_body(case), material=second_body(case).material.rotated(TURN))
+            )
         system = reduce(case)
         for condition in CONDITIONS:
             found, exact = solve(conducting(case, condition), system).totals, closed_form(case, condition)
@@ -144,7 +146,7 @@ def joined() -> list[Joined]:
 
 def exchanged(case: Case) -> Case:
     """The same two bodies in contact seen from the other one: everything turned over about x1, and reversed."""
-    other = counter(case)
+    other = second_body(case)
     law, place = case.contact_law, case.placement
     if isinstance(law, OrthotropicCoulomb):
         law = replace(law, angle=-law.angle)
@@ -155,7 +157,7 @@ def exchanged(case: Case) -> Case:
         conditions=other.conditions,
         zone=other.zone,
         formulation=other.formulation,
-        counter=CounterBody(case.material, case.mesh, case.conditions, case.zone, case.formulation),
+        second_body=SecondBody(case.material, case.mesh, case.conditions, case.zone, case.formulation),
         contact_law=law,
         placement=replace(place, y=-place.y),
         potentials=(-case.potentials[0], -case.potentials[1]),

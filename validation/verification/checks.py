@@ -10,24 +10,24 @@ import numpy as np
 from meeframe_halfspace import HalfSpace
 from scipy.linalg import eigvalsh
 
-from meeframe.case.cache import cached_reduce
-from meeframe.case.case import Case
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_case
-from meeframe.core.contact import Status
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import resultants
+from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
-from meeframe.geometry import Grading, block_mesh, half_space_mesh
+from meeframe.fields import N_FIELDS, Array
+from meeframe.mesh import Grading, block_mesh, half_space_mesh
+from meeframe.model.cache import cached_reduce
+from meeframe.model.case import Case
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_case
 from meeframe.plugin import registry as plugins
-from meeframe.report.extrapolation import of_order, richardson
-from meeframe.report.verified import Agreement, Estimate, Measured, Verification, VerifiedRun
-from meeframe.report.verify import unit_of
+from meeframe.results.records import resultants
 from meeframe.study.choices import Choice
 from meeframe.study.quantities import TOTALS
+from meeframe.study.reports.extrapolation import of_order, richardson
+from meeframe.study.reports.verified import Agreement, Estimate, Measured, Verification, VerifiedRun
+from meeframe.study.reports.verify import unit_of
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 from meeframe.study.verify import Meshes, Planned, planned_runs, verify
+from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Three methods on the same cases: boundary elements, finite elements, half space by FFT"
 SOURCE = (

@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.fields import Array, Indices
 
 LEVELS: Final = 4
 """Scales, each twice as large as the one before, ..."""

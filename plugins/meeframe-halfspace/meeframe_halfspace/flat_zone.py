@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.geometry import frames_of
+from meeframe.common.errors import MeshError
+from meeframe.fields import Array, Indices
+from meeframe.mesh import frames_of
+from meeframe.mesh.surface import SurfaceMesh
 
 FLAT: Final = 1e-6
 """By so much, as a part of the zone, may nodes be off the plane."""
@@ -25,7 +25,7 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Contact zone of a face group, its points and frame those of meeframe.geometry.zone_frames.
+    """Contact zone of a face group, its points and frame those of meeframe.mesh.zone_frames.
 
     Raises MeshError if there is no such group, it has no elements, or it is not flat.
     """

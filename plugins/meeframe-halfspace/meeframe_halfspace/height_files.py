@@ -10,9 +10,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.quantities import Quantity
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity
 
 AnyArray = NDArray[Any]
 

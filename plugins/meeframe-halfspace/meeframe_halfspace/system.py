@@ -7,19 +7,18 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import (
+from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.system.reduced import (
     BlockResponse,
     Coarsening,
     Edges,
-    Extension,
+    IndenterEdge,
     NodalFields,
-    Part,
+    Prolongation,
     ReducedSystem,
-    Rim,
     Stencil,
+    Subsystem,
 )
-from meeframe.core.mesh import Indices
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
@@ -115,7 +114,7 @@ class HalfSpaceSystem(ReducedSystem):
         """None: see dense_matrix."""
         return None
 
-    def edges(self, pressure: Array, rim: Rim | None = None) -> Edges | None:
+    def edges(self, pressure: Array, rim: IndenterEdge | None = None) -> Edges | None:
         """The edge of the contact between the nodes, if that is asked for."""
         if self.edge_waves is None:
             return None
@@ -140,7 +139,7 @@ class HalfSpaceSystem(ReducedSystem):
 
         return inverse
 
-    def extension(self, nodes: Indices) -> Extension:
+    def extension(self, nodes: Indices) -> Prolongation:
         """See meeframe_halfspace.extension."""
         size, places = self.grid.flat
         pyramid = Pyramid.of(size, nodes if places is None else places[nodes])
@@ -155,7 +154,7 @@ class HalfSpaceSystem(ReducedSystem):
             values = pyramid.gathered(whole.reshape(size) if places is None else whole[self.grid.nodes])
             return values if shares is None else values / shares[nodes]
 
-        return Extension(extended, gathered)
+        return Prolongation(extended, gathered)
 
     def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
         """Responses to the load of a node in the middle of the grid, or of the smallest part that has them all."""
@@ -196,7 +195,7 @@ class HalfSpaceSystem(ReducedSystem):
         )
         return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
 
-    def within(self, nodes: Indices) -> Part | None:
+    def within(self, nodes: Indices) -> Subsystem | None:
         """On a free grid the half space on a smaller one, which depends on the nodes alone."""
         if not nodes.size:
             return None
@@ -207,7 +206,7 @@ class HalfSpaceSystem(ReducedSystem):
             return None
         kept, grid = places.ravel(), numbered(self.grid, size)
         parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        return Part(HalfSpaceSystem(*parts, grid, *answer, self.shares[kept]), kept)
+        return Subsystem(HalfSpaceSystem(*parts, grid, *answer, self.shares[kept]), kept)
 
     def _answer_within(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
         """Of a part of that size, wherever it is; None if it has none. The last ones that were asked for are kept."""

@@ -8,17 +8,17 @@ import pytest
 from meeframe_halfspace import HalfSpace, SelfAffine
 from meeframe_halfspace.system import dense_matrix
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Freedom, Status
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.pair import pair
-from meeframe.core.turned import turned
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini
-from meeframe.materials import Material, library_material, rotation_about
-from meeframe.solvers import Limits, ProjectedCG, residual, solve
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, StoppingCriteria, residual, solve
+from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
 from meeframe.testing.closed_forms_friction import contact_modulus
 from meeframe.testing.matrix_free import MatrixFree
 
@@ -99,8 +99,8 @@ def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
     scale = np.abs(expected).max(axis=0)[list(fields)]
     assert (np.abs(system.response(load, fields) - expected[:, list(fields)]) / scale).max() < 1e-12
     for whole, plain in (
-        (turned(system, directions), turned(MatrixFree.of(system), directions)),
-        (pair(system, system), pair(MatrixFree.of(system), MatrixFree.of(system))),
+        (rotate_frames(system, directions), rotate_frames(MatrixFree.of(system), directions)),
+        (combine_bodies(system, system), combine_bodies(MatrixFree.of(system), MatrixFree.of(system))),
     ):
         expected = plain.apply(load)[:, list(fields)]
         assert (np.abs(whole.response(load, fields) - expected) / np.abs(expected).max(axis=0)).max() < 1e-12
@@ -109,7 +109,7 @@ def test_chosen_fields_are_those_of_the_matrix(fields: tuple[int, ...]) -> None:
 def contact(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     press = np.zeros((len(gap), 5))
     press[:, 2] = -1.0
-    freedom = Freedom(press, system.weights[:, None] * press, force)
+    freedom = PrescribedResultant(press, system.weights[:, None] * press, force)
     none = np.zeros((len(gap), 2))
     return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
 
@@ -122,7 +122,7 @@ def hertz(n: int) -> ContactProblem:
 def test_hertz_in_a_number_of_steps_that_hardly_depends_on_the_grid() -> None:
     errors, steps = [], []
     for n in (64, 128, 256):
-        solution = solve(hertz(n), ProjectedCG(), Limits(tolerance=1e-10))
+        solution = solve(hertz(n), ProjectedCG(), StoppingCriteria(tolerance=1e-10))
         assert solution.status is Status.CONVERGED
         errors.append(abs(float(solution.state.motion[0]) / (CONTACT**2 / RADIUS) - 1.0))
         steps.append(solution.iterations)
@@ -141,8 +141,8 @@ def test_preconditioner_and_coarse_start_change_the_way_and_not_the_end(periodic
     gap = np.empty(n * n)
     gap[np.lexsort((system.points[:, 1], system.points[:, 0]))] = (heights - heights.min()).ravel()
     problem = contact(system, gap, 0.004 * MODULUS * WIDTH**2)
-    fast = solve(problem, ProjectedCG(), Limits(tolerance=1e-11))
-    slow = solve(replace(problem, system=MatrixFree.of(system)), ProjectedCG(), Limits(tolerance=1e-11))
+    fast = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-11))
+    slow = solve(replace(problem, system=MatrixFree.of(system)), ProjectedCG(), StoppingCriteria(tolerance=1e-11))
     assert fast.status is slow.status is Status.CONVERGED
     pressures = [-solution.state.load[:, 2] for solution in (fast, slow)]
     assert np.abs(pressures[0] - pressures[1]).max() < 1e-8 * pressures[1].max()

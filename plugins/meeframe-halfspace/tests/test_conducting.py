@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import Solver, Status
+from meeframe.contact.problem import Solver, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, solve
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import Auto, BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
 from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import indentation_problem
 
@@ -27,7 +27,7 @@ def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0), m
 
 def test_fluxes_cost_few_products_where_the_surface_is_alike_in_all_directions():
     problem = sphere(48, np.inf)
-    solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert solution.iterations <= 9
     # four at each step, and what a solution costs however few they are: scales, the start and the last residual
@@ -39,7 +39,7 @@ def test_auto_costs_no_more_products_than_the_solver_that_it_chooses(kappa: floa
     products, loads = [], []
     for solver in (ProjectedCG(), Auto()):
         problem = sphere(64, kappa, (5.0, 1.0), "orthotropic-mee")
-        solution = solve(problem, solver, Limits())
+        solution = solve(problem, solver, StoppingCriteria())
         assert solution.status is Status.CONVERGED
         products.append(len(problem.system.products))
         loads.append(solution.state.load)
@@ -50,9 +50,9 @@ def test_auto_costs_no_more_products_than_the_solver_that_it_chooses(kappa: floa
 @pytest.mark.parametrize(("n", "potentials", "most"), [(128, (5.0, 1.0), 20), (80, (50.0, 5.0), 40)])
 def test_grazing_nodes_cost_hardly_more_steps(n: int, potentials: tuple[float, float], most: int):
     """Held without pressure, and each fraction with regard to the others: by secants node by node, 33 and over 100."""
-    solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), Limits(tolerance=1e-8))
+    solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
-    assert ((solution.state.closed > 0.0) & (solution.state.closed < 1.0)).sum() >= 20
+    assert ((solution.state.contact_fraction > 0.0) & (solution.state.contact_fraction < 1.0)).sum() >= 20
     assert solution.iterations <= most
 
 
@@ -69,11 +69,11 @@ def test_grazing_nodes_cost_hardly_more_steps(n: int, potentials: tuple[float, f
 def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, graze):
     """Where nodes graze, too, whose fractions cost more than 60 steps if they go up and down without a secant."""
     problem = sphere(48, kappa, potentials, material)
-    limits = Limits(tolerance=1e-9)
+    limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (ProjectedCG(), SemismoothNewton()))
     assert ours.status is Status.CONVERGED
     assert theirs.status is Status.CONVERGED
-    assert ((ours.state.closed > 0.0) & (ours.state.closed < 1.0)).any() == graze
+    assert ((ours.state.contact_fraction > 0.0) & (ours.state.contact_fraction < 1.0)).any() == graze
     assert ours.iterations <= 45
     forces = [problem.system.weights @ solution.state.load[:, 2] for solution in (ours, theirs)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
@@ -84,7 +84,7 @@ def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material
 def test_fluxes_close_in_where_contacts_hardly_conduct(solver: Solver, kappa: float):
     """Resistances about a million times the nodes' own responses: fluxes near the answer are still of use."""
     problem = sphere(16, kappa, (2.0, 0.5), "orthotropic-mee")
-    ours, theirs = (solve(problem, one, Limits(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
+    ours, theirs = (solve(problem, one, StoppingCriteria(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
     assert ours.status is Status.CONVERGED, ours.message
     assert theirs.status is Status.CONVERGED
     assert ours.iterations <= 60

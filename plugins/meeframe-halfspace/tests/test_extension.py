@@ -8,10 +8,10 @@ from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.extension import LEVELS, Pyramid
 from meeframe_halfspace.system import HalfSpaceSystem
 
-from meeframe.core.body import Body
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
 
 MEDIUM = library_material("orthotropic-mee")
 WIDTH, NORMAL = 7e-3, 2

@@ -12,13 +12,13 @@ from meeframe_halfspace import GaussianLoad, HalfSpace
 from meeframe_halfspace.response import scaled_compliance
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError, MeshError
-from meeframe.core.fields import FieldScaling
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3
-from meeframe.geometry import block_mesh, half_space_mesh, zone_frames
-from meeframe.materials import library_material, rotation_about
+from meeframe.fields import FieldScaling
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh, half_space_mesh, zone_frames
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.model.load import load_case
 from meeframe.testing import check_formulation, check_indentation
 from meeframe.testing.formulation import check_edges
 

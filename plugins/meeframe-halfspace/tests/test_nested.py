@@ -10,22 +10,21 @@ from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.system import HalfSpaceSystem
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
-from meeframe.core.edged import edged
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Extension, NodalFields, Part, ReducedSystem
-from meeframe.core.law import ContactLaw
-from meeframe.core.mesh import Indices
-from meeframe.core.pair import pair
-from meeframe.core.turned import turned
+from meeframe.contact.nested import coarse_problem, nested_start, tensed
+from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
+from meeframe.contact.scales import problem_scales
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array, Indices
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material, rotation_about
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
-from meeframe.solvers.nested import coarse_problem, nested_start, tensed
-from meeframe.solvers.scales import problem_scales
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.system.edge_correction import correct_edge
+from meeframe.system.reduced import Coarsening, NodalFields, Prolongation, ReducedSystem, Subsystem
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.half_space import indentation_problem
@@ -55,7 +54,7 @@ def grid(n: int) -> ReducedSystem:
 
 def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     """An indenter that moves freely down."""
-    return replace(held(system, gap), freedoms=(freedom(system, PRESS, force),))
+    return replace(held(system, gap), prescribed_resultants=(freedom(system, PRESS, force),))
 
 
 def held(system: ReducedSystem, gap: Array) -> ContactProblem:
@@ -85,7 +84,7 @@ def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool
     scales, expected = problem_scales(problem), problem_scales(plain)
     assert scales.pressure == pytest.approx(expected.pressure, rel=0.5)
     assert scales.displacement[2] == pytest.approx(expected.displacement[2], rel=0.5)
-    solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert residual(plain, solution.state) < 2e-8
 
@@ -97,13 +96,13 @@ def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver
     system = grid(n)
     under = near(system, n, n // 2 - 1, n // 2 + 1, spacings)
     free = pressed_by(system, np.where(under, 0.0, np.inf), FORCE)
-    pressed = solve(free, solver, Limits(tolerance=1e-10))
+    pressed = solve(free, solver, StoppingCriteria(tolerance=1e-10))
     assert pressed.status is Status.CONVERGED
     depth = float(pressed.state.motion[0])
     if under.sum() == 1:
         own = float(system.diagonal_blocks()[under][0, 2, 2])
         assert depth == pytest.approx(own * FORCE / float(system.weights[under][0]), rel=1e-9)
-    given = solve(held(system, np.where(under, -depth, np.inf)), solver, Limits(tolerance=1e-10))
+    given = solve(held(system, np.where(under, -depth, np.inf)), solver, StoppingCriteria(tolerance=1e-10))
     assert given.status is Status.CONVERGED
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
 
@@ -114,7 +113,7 @@ def test_indenters_that_cover_no_node(solver: Solver) -> None:
     system = grid(24)
     nowhere = np.full(len(system.points), np.inf)
     assert solve(held(system, nowhere), solver).status is Status.CONVERGED
-    pressed = solve(pressed_by(system, nowhere, FORCE), solver, Limits(stall_window=3, max_iterations=50))
+    pressed = solve(pressed_by(system, nowhere, FORCE), solver, StoppingCriteria(stall_window=3, max_iterations=50))
     assert pressed.status is not Status.CONVERGED
     assert not pressed.state.load.any()
 
@@ -144,7 +143,9 @@ def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
     nodal = replace(uniform, contact_law=NodalCoulomb(np.full(n * n, mu)))
     assert coarse_problem(uniform) is not None
     assert coarse_problem(nodal) is None
-    states = [solve(problem, SemismoothNewton(), Limits(tolerance=1e-10)).state for problem in (uniform, nodal)]
+    states = [
+        solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state for problem in (uniform, nodal)
+    ]
     assert np.abs(states[0].load - states[1].load).max() < 1e-7 * np.abs(states[0].load).max()
 
 
@@ -195,7 +196,7 @@ def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int,
 def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: bool) -> None:
     """In the order in which they are asked for; of a part, too."""
     n = len(system.points)
-    whole = turned(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
+    whole = rotate_frames(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
     part = whole.within(np.arange(2 * n // 5, 2 * n // 5 + 3))
     for asked in (whole, whole if part is None else part.system):
         for fields in ((2,), (4, 0, 1), tuple(range(5))):
@@ -260,7 +261,7 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
     def solved(system: ReducedSystem, radius: float) -> Array:
         height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
         problem = indentation_problem(system, height, radius**2 / 0.1, conductivity=(np.inf, np.inf), potentials=(5, 1))
-        solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+        solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
         assert solution.status is Status.CONVERGED
         return solution.state.load
 
@@ -277,7 +278,7 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     """Their solution is no load at all, in no field: that of this one, too."""
     system = grid(64)
     problem = replace(pressed_by(system, (system.points**2).sum(axis=1), 0.0), electric_law=StepConductivity(np.inf))
-    solution = solve(problem, solver, Limits(tolerance=1e-8))
+    solution = solve(problem, solver, StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert not solution.state.load.any()
 
@@ -287,9 +288,9 @@ def test_shortcuts_of_systems_made_of_others() -> None:
     nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
     for whole in (
-        pair(system, system),
-        turned(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
-        edged(system, edge * system.diagonal_blocks()),
+        combine_bodies(system, system),
+        rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
+        correct_edge(system, edge * system.diagonal_blocks()),
         Counted.of(system),
     ):
         check_shortcuts(whole)
@@ -332,7 +333,7 @@ class Wrong(ReducedSystem):
         assert inverse is not None
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
-    def extension(self, nodes: Indices) -> Extension | None:
+    def extension(self, nodes: Indices) -> Prolongation | None:
         extension = self.inner.extension(nodes)
         assert extension is not None
         if self.wrong == "values":
@@ -354,7 +355,7 @@ class Wrong(ReducedSystem):
             return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
         return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
 
-    def within(self, nodes: Indices) -> Part | None:
+    def within(self, nodes: Indices) -> Subsystem | None:
         part = self.inner.within(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
         if part is not None and self.wrong == "response of a part":
             return replace(part, system=Wrong.of(part.system, "block_response"))

@@ -19,18 +19,18 @@ from meeframe_halfspace.system import SIGNS, HalfSpaceSystem, convolution_of
 from meeframe_halfspace.transfer import BEFORE, HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
 from meeframe_halfspace.two_grids import TwoGrids, _add_between, _gathered
 
-from meeframe.core.body import Body
-from meeframe.core.contact import Status
-from meeframe.core.edged import edged
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import ROUGH, ReducedSystem
-from meeframe.core.pair import pair
-from meeframe.core.turned import turned
+from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import N_FIELDS, Array
 from meeframe.laws import IsotropicCoulomb
-from meeframe.materials import Material, library_material, material_from_components, rotation_about
-from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.material import Material, library_material, material_from_components, rotation_about
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.system.edge_correction import correct_edge
+from meeframe.system.reduced import ROUGH, ReducedSystem
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
 from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
@@ -341,29 +341,32 @@ def test_of_a_periodic_half_space(options) -> None:
 
 def test_of_turned_frames(body) -> None:
     angle = np.arctan2(*body.points[:, :2].T) + 0.3
-    check_rough(turned(body, np.array([np.cos(angle), np.sin(angle), 0.0 * angle]).T))
-    assert turned(MatrixFree.of(body), np.tile([1.0, 1.0, 0.0], (len(angle), 1))).rough_response() is None
+    check_rough(rotate_frames(body, np.array([np.cos(angle), np.sin(angle), 0.0 * angle]).T))
+    assert rotate_frames(MatrixFree.of(body), np.tile([1.0, 1.0, 0.0], (len(angle), 1))).rough_response() is None
 
 
 def test_of_edges_between_nodes(body) -> None:
     some = np.random.default_rng(0).random(len(body.points)) < 0.05
     own = 20.0 * some[:, None, None] * body.diagonal_blocks() * (1.0 + np.eye(N_FIELDS))
-    check_rough(edged(body, own))
-    assert edged(MatrixFree.of(body), own).rough_response() is None
+    check_rough(correct_edge(body, own))
+    assert correct_edge(MatrixFree.of(body), own).rough_response() is None
 
 
 def test_of_two_bodies(body) -> None:
     other = system_of((150, 143), STRAIGHT)
-    check_rough(pair(body, other))
-    check_rough(pair(MatrixFree.of(other), body))
-    check_rough(pair(other, MatrixFree.of(body)))
+    check_rough(combine_bodies(body, other))
+    check_rough(combine_bodies(MatrixFree.of(other), body))
+    check_rough(combine_bodies(other, MatrixFree.of(body)))
     check_rough(
-        edged(turned(pair(body, other), np.tile([1.0, 2.0, 0.0], (len(body.points), 1))), body.diagonal_blocks())
+        correct_edge(
+            rotate_frames(combine_bodies(body, other), np.tile([1.0, 2.0, 0.0], (len(body.points), 1))),
+            body.diagonal_blocks(),
+        )
     )
-    assert pair(MatrixFree.of(body), MatrixFree.of(other)).rough_response() is None
-    askew = turned(other, np.tile([1.0, 1.0, 0.0], (len(body.points), 1)))
+    assert combine_bodies(MatrixFree.of(body), MatrixFree.of(other)).rough_response() is None
+    askew = rotate_frames(other, np.tile([1.0, 1.0, 0.0], (len(body.points), 1)))
     assert askew.rough_response() is not None
-    assert pair(body, askew).rough_response() is None
+    assert combine_bodies(body, askew).rough_response() is None
 
 
 def test_counted(body) -> None:
@@ -408,7 +411,7 @@ def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch)
             system, (x**2 + y**2) / (2.0 * radius), approach, IsotropicCoulomb(0.3), translation=(0.15 * approach, 0.0)
         )
         before = len(products)
-        solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-10))
+        solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10))
         assert solution.status is Status.CONVERGED
         assert (len(products) - before > 10) is rough
         found.append(solution)

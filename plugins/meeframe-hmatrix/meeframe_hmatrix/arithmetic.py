@@ -16,8 +16,8 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import DTypeLike
 
-from meeframe.core.blas import ONE_BLAS_THREAD
-from meeframe.core.fields import Array
+from meeframe.common.blas import ONE_BLAS_THREAD
+from meeframe.fields import Array
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transposed
 from meeframe_hmatrix.pending import NOTHING, Pending, handed_down, subtracted, with_product
 

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.layout import NONE, Layout
+from meeframe.mesh.surface import SurfaceMesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,22 +8,22 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.blas import ONE_BLAS_THREAD
-from meeframe.core.body import Body
-from meeframe.core.errors import CaseError, TooLargeError
-from meeframe.core.fields import N_FIELDS, Array, FieldScaling
-from meeframe.core.formulation import AnyArray, Formulation, Progress, ReducedSystem, silent
-from meeframe.core.fundamental import FundamentalSolution
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.blas import ONE_BLAS_THREAD
+from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
+from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
-from meeframe.fundamental import Tabulated
-from meeframe.geometry import check_contact_zone, check_mesh, zone_frames
-from meeframe.geometry.slenderness import bending_warnings
-from meeframe.kernels.assembly import Accuracy
+from meeframe.greens import Tabulated
+from meeframe.greens.base import FundamentalSolution
+from meeframe.mesh import check_contact_zone, check_mesh, zone_frames
+from meeframe.mesh.body import Body
+from meeframe.mesh.slenderness import bending_warnings
+from meeframe.system.reduced import AnyArray, Formulation, Progress, ReducedSystem, silent
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import shape
 from meeframe_hmatrix.clusters import cluster_tree

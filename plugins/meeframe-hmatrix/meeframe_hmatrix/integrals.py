@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.element import SurfaceElement, shape_derivatives
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.elements.base import SurfaceElement, shape_derivatives
 from meeframe.elements.quadrature import element_extents
+from meeframe.fields import Array, Indices
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.layout import NONE, Layout
-from meeframe.kernels.assembly import Accuracy
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe_hmatrix.clusters import Cluster, ClusterTree, inverse
 from meeframe_hmatrix.kernels import Columns, Elements
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
-from meeframe.kernels.quadrature_order import most_points, required_orders
-from meeframe.kernels.shape import map_rule
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
+from meeframe.elements._kernels.quadrature_order import most_points, required_orders
+from meeframe.elements._kernels.shape import map_rule
 
 
 class Elements(NamedTuple):

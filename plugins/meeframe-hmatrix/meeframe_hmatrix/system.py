@@ -8,11 +8,11 @@ from typing import Any, Final, final
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
-from meeframe.core.errors import CaseError, TooLargeError
-from meeframe.core.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
-from meeframe.core.formulation import AnyArray, NodalFields, Progress, ReducedSystem
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.common.errors import CaseError, TooLargeError
+from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.system.reduced import AnyArray, NodalFields, Progress, ReducedSystem
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense

@@ -15,15 +15,15 @@ from meeframe_hmatrix.packing import unpacked
 from meeframe_hmatrix.rows import near_rows
 from meeframe_hmatrix.system import MOST_PRODUCTS
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError, MeshError
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Tri6
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import block_mesh, half_space_mesh
-from meeframe.io.systems import read_kept, write_kept
 from meeframe.laws import IsotropicCoulomb
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
+from meeframe.results.systems import read_kept, write_kept
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing import check_formulation
 from meeframe.testing.half_space import indentation_problem

@@ -10,9 +10,8 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, triu
 from scipy.sparse.linalg import splu
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array, Indices
 
 LinearSolver = Literal["auto", "pardiso", "splu"]
 Solve = Callable[[Array], Array]

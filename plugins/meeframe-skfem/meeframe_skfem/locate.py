@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csr_array
 
-from meeframe.core.element import Reference, SurfaceElement, shape_derivatives, shape_functions
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, Indices
+from meeframe.elements.base import Reference, SurfaceElement, shape_derivatives, shape_functions
+from meeframe.fields import Array, Indices
+from meeframe.mesh.surface import ElementBlock
 
 ITERATIONS: Final = 30
 CONVERGED: Final = 1e-14  # of reference coordinates

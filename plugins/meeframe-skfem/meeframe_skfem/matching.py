@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
-from meeframe.geometry import ContactZone, area, zone_frames
+from meeframe.common.errors import MeshError
+from meeframe.elements.base import shape_functions
+from meeframe.fields import Array, Indices
+from meeframe.mesh import ContactZone, area, zone_frames
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe_skfem.locate import interpolation, nearest
 from meeframe_skfem.volume import Faces, VolumeMesh, boundary_faces
 

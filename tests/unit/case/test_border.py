@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.border import border_sides, open_sides
-from meeframe.case.load import load_case
-from meeframe.core.contact import Status
-from meeframe.geometry import FlatPunch, RectangularPunch
+from meeframe.contact.problem import Status
+from meeframe.indenters import FlatPunch, RectangularPunch
 from meeframe.laws import IsotropicCoulomb
-from meeframe.report.summary import summary
-from meeframe.solvers import Limits, Uzawa
+from meeframe.model.border import border_sides, open_sides
+from meeframe.model.load import load_case
+from meeframe.results.summary import summary
+from meeframe.solvers import StoppingCriteria, Uzawa
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_contact_that_is_cut_off_is_flagged(case, how):
 
 def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
     """Whatever touches there; that the case overlaps its whole zone is told, as nothing else tells it."""
-    dragged, limits = meeframe.Step(1e-3, translation=(1e-5, 0.0)), Limits(max_iterations=1)
+    dragged, limits = meeframe.Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
     deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
     (step,) = meeframe.solve_case(deep).steps
     assert step.status is not Status.CONVERGED

@@ -6,22 +6,23 @@ import h5py
 import numpy as np
 import pytest
 
-from meeframe.case import cache, solve
-from meeframe.case.cache import cached_reduce, system_key
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce
-from meeframe.core.body import BoundaryCondition
-from meeframe.core.errors import ResultError
-from meeframe.core.formulation import Formulation, ReducedSystem
-from meeframe.core.mesh import ElementBlock
+from meeframe.common.errors import ResultError
 from meeframe.elements import Quad8
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import LineIntegral, Tabulated
-from meeframe.geometry import FlatPunch, block_mesh, zone_frames
-from meeframe.io.systems import read_kept, write_kept
+from meeframe.greens import LineIntegral, Tabulated
+from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, Limits
+from meeframe.material import library_material
+from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh.body import BoundaryCondition
+from meeframe.mesh.surface import ElementBlock
+from meeframe.model import cache, solve
+from meeframe.model.cache import cached_reduce, system_key
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce
+from meeframe.results.systems import read_kept, write_kept
+from meeframe.solvers import Auto, StoppingCriteria
+from meeframe.system.reduced import Formulation, ReducedSystem
 
 ARRAYS = ("points", "frames", "weights", "offset")
 
@@ -161,7 +162,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
         "electric_law": StepConductivity(1.0),
         "magnetic_law": StepConductivity(1.0),
         "solver": Auto(),
-        "limits": Limits(tolerance=1e-6),
+        "limits": StoppingCriteria(tolerance=1e-6),
         "title": "another",
         "text": "another",
     }

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.cohesion import remark_on_snapping, steepest_fall
-from meeframe.core.law import ContactLaw
 from meeframe.laws import Signorini
+from meeframe.laws.base import ContactLaw
+from meeframe.model.cohesion import remark_on_snapping, steepest_fall
 
 SNAP = "they snap into contact one by one"
 

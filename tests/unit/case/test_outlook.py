@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.case.outlook import planned, undeformed
-from meeframe.core.contact import Solver
-from meeframe.core.errors import CaseError
-from meeframe.core.formulation import Formulation, silent
-from meeframe.geometry import FlatPunch
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
+from meeframe.indenters import FlatPunch
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
+from meeframe.model.load import load_case
+from meeframe.model.outlook import planned, undeformed
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
-from meeframe.solvers.frictionless import takes
+from meeframe.solvers.cg.frictionless import takes
+from meeframe.system.reduced import Formulation, silent
 
 PCG = '\n[solver]\nname = "projected-cg"\n'
 FRICTION = '\n[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n'
@@ -187,7 +187,7 @@ class Endless(Formulation):
     of_period: Formulation
     periodic: str = "along e1"  # a key of its own, of whatever name
 
-    def endless(self):
+    def is_periodic(self):
         return True
 
     def check(self, body):
@@ -211,8 +211,8 @@ def test_contact_at_the_edge_of_a_period_is_none(case):
     (step,) = meeframe.solve_case(replace(case, steps=(meeframe.Step(approach=1e-4),))).steps
     assert "the contact reaches the edge of its zone at 16 element sides" in step.message
     assert "overlaps" not in step.message, "of which the edge is enough"
-    endless = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
-    (step,) = meeframe.solve_case(endless).steps
+    is_periodic = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
+    (step,) = meeframe.solve_case(is_periodic).steps
     assert step.touching.all()
     assert "edge" not in step.message
     assert "overlaps" not in step.message

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.border import open_sides, sides_reached
-from meeframe.case.load import load_case
-from meeframe.case.remarks import remarks
-from meeframe.core.contact import Status
-from meeframe.core.result import Region
-from meeframe.geometry import FlatPunch
+from meeframe.contact.problem import Status
+from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.model.border import open_sides, sides_reached
+from meeframe.model.load import load_case
+from meeframe.model.remarks import remarks
+from meeframe.results.records import Region
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
 SLIDING = "everything slips under the prescribed force or torque"

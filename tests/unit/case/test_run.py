@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case import run as run_module
-from meeframe.case.load import load_case
-from meeframe.core.errors import CaseError, MeshError, ResultError
-from meeframe.io.output import OUTPUT_FILES
+from meeframe.common.errors import CaseError, MeshError, ResultError
+from meeframe.model import run as run_module
+from meeframe.model.load import load_case
+from meeframe.results.output import OUTPUT_FILES
 
 TWO_STEPS = '\n[[steps]]\napproach = "20 um"\n'
 

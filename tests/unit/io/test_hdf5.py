@@ -8,14 +8,14 @@ import h5py
 import numpy as np
 import pytest
 
-from meeframe.core.errors import ResultError
-from meeframe.core.sweep import SweepAxis, SweepResult
-from meeframe.io.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local, write_solution
-from meeframe.io.hdf5 import changed_file
-from meeframe.io.output import replacing
-from meeframe.io.results import append_step, create_result, finish_result, read_result
-from meeframe.io.sweep import dataset, write_sweep
-from meeframe.io.systems import read_kept, write_kept
+from meeframe.common.errors import ResultError
+from meeframe.results.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local, write_solution
+from meeframe.results.files import append_step, create_result, finish_result, read_result
+from meeframe.results.hdf5 import changed_file
+from meeframe.results.output import replacing
+from meeframe.results.sweep_files import dataset, write_sweep
+from meeframe.results.sweep_records import SweepAxis, SweepResult
+from meeframe.results.systems import read_kept, write_kept
 
 
 @pytest.fixture

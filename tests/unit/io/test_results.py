@@ -6,12 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from meeframe.core.contact import Status
-from meeframe.core.errors import MeshError, ResultError
-from meeframe.core.result import RunStatus
-from meeframe.geometry import read_mesh
-from meeframe.io import results as files
-from meeframe.io.output import OUTPUT_FILES, RESULT_FILE, check_output, clear_output, replacing
+from meeframe.common.errors import MeshError, ResultError
+from meeframe.contact.problem import Status
+from meeframe.mesh import read_mesh
+from meeframe.results import files
+from meeframe.results.output import OUTPUT_FILES, RESULT_FILE, check_output, clear_output, replacing
+from meeframe.results.records import RunStatus
 
 
 def write(folder, result):
@@ -48,10 +48,13 @@ def test_round_trip(tmp_path, synthetic):
 
 
 def test_what_few_results_have_comes_back(tmp_path, synthetic):
-    covered = np.linspace(0.0, 1.0, 25)
-    write(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), covered=covered, reaches_edge=True)))
+    area_fraction = np.linspace(0.0, 1.0, 25)
+    write(
+        tmp_path,
+        synthetic.result(dataclasses.replace(synthetic.step(1e-6), area_fraction=area_fraction, reaches_edge=True)),
+    )
     (step,) = files.read_result(str(tmp_path)).steps
-    np.testing.assert_array_equal(step.covered, covered)
+    np.testing.assert_array_equal(step.area_fraction, area_fraction)
     assert step.reaches_edge
 
 

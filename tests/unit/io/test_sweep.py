@@ -2,8 +2,8 @@
 
 import pytest
 
-from meeframe.core.errors import ResultError
-from meeframe.io.sweep import open_folder
+from meeframe.common.errors import ResultError
+from meeframe.results.sweep_files import open_folder
 
 
 class Killed(BaseException):

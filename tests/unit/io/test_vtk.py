@@ -6,9 +6,9 @@ import meshio
 import numpy as np
 import pytest
 
-from meeframe.core.errors import ResultError
-from meeframe.core.formulation import NodalFields
-from meeframe.io.vtk import write_fields
+from meeframe.common.errors import ResultError
+from meeframe.results.vtk import write_fields
+from meeframe.system.reduced import NodalFields
 
 
 def test_last_step_is_written_with_units(tmp_path, synthetic):

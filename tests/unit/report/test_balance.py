@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from meeframe.core.formulation import NodalFields
 from meeframe.elements import ELEMENTS
-from meeframe.geometry import block_mesh, half_space_mesh
-from meeframe.report.balance import remark_on_balance, unbalance
-from meeframe.report.summary import summary
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.results.balance import remark_on_balance, unbalance
+from meeframe.results.summary import summary
+from meeframe.system.reduced import NodalFields
 
 EXTENT = np.array([2.0, 2.0, 1.5])
 """Of the block along the axes [m]."""

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import meeframe.solvers.auto as auto_module
-from meeframe.core.contact import ContactProblem, Iterate, Solver, Status
+from meeframe.contact.problem import ContactProblem, Iterate, Solver, Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
-    Limits,
     Nesterov,
     ProjectedCG,
     SemismoothNewton,
+    StoppingCriteria,
     Uzawa,
     residual,
     solve,
@@ -27,7 +27,7 @@ DRAGGED = (3e-6, 1e-6)
 def spent(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
     """How many products a solution took, which is one."""
     counting = replace(problem, system=Counted.of(problem.system))
-    solution = solve(counting, solver, Limits(tolerance))
+    solution = solve(counting, solver, StoppingCriteria(tolerance))
     products = len(counting.system.products)
     assert solution.status is Status.CONVERGED, solution.message
     assert residual(problem, solution.state) <= tolerance
@@ -66,7 +66,9 @@ def test_auto_hands_it_on_to_whom_it_hands_over(conducting, monkeypatch) -> None
     problem = conducting(32, 0.3, Signorini())
     by_newton, by_gradients = aims(monkeypatch, SemismoothNewton), aims(monkeypatch, ProjectedCG)
     first, second = auto_module.CONDUCTING
-    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, patience=2), replace(second, patience=0)))
+    monkeypatch.setattr(
+        auto_module, "CONDUCTING", (replace(first, steps=0, stall_window=2), replace(second, stall_window=0))
+    )
     monkeypatch.setattr(auto_module, "FALL", 0.0)
     solver = Auto()
     iterate, stages = solver.aimed(solver.init(problem, None), 3e-5), list[Solver]()
@@ -86,7 +88,7 @@ def test_auto_that_was_not_told_tells_nobody(conducting, monkeypatch) -> None:
     problem = conducting(32, 0.3, Signorini())
     told = [aims(monkeypatch, kind) for kind in (SemismoothNewton, ProjectedCG)]
     first, second = auto_module.CONDUCTING
-    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, patience=1), second))
+    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, stall_window=1), second))
     solver = Auto()
     iterate = solver.init(problem, None)
     for _ in range(4):
@@ -105,7 +107,7 @@ def test_by_default_nobody_cares(solver: Solver, conducting) -> None:
 def test_nothing_but_what_is_remembered_changes(solver: Solver, conducting) -> None:
     iterate = solver.init(conducting(32, 0.3, Signorini()), None)
     aimed = solver.aimed(iterate, 1e-3)
-    for name in ("load", "closed", "motion"):
+    for name in ("load", "contact_fraction", "motion"):
         np.testing.assert_array_equal(getattr(aimed, name), getattr(iterate, name))
     assert aimed.estimate == iterate.estimate
     with pytest.raises(TypeError, match="was not made by"):

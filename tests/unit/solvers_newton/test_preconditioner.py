@@ -9,20 +9,20 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.system import HalfSpaceSystem
 
-from meeframe.core.body import Body
-from meeframe.core.contact import AT_REST, ContactProblem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material, library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
 from meeframe.solvers.krylov import gmres
-from meeframe.solvers.newton_preconditioner import preconditioner
-from meeframe.solvers.newton_rows import Rows
-from meeframe.solvers.newton_steps import _coupled
-from meeframe.solvers.nonsmooth import Equation
+from meeframe.solvers.newton.globalization import _coupled
+from meeframe.solvers.newton.jacobian import Rows
+from meeframe.solvers.newton.preconditioner import preconditioner
+from meeframe.solvers.newton.residual import Equation
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 N, MU = 60, 0.3
 RANDOM = np.random.default_rng(8)

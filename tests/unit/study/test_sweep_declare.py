@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.core.sweep import SweepResult
-from meeframe.io.sweep import write_sweep
+from meeframe.common.errors import CaseError
+from meeframe.results.sweep_files import write_sweep
+from meeframe.results.sweep_records import SweepResult
 from meeframe.study.declare import checked
-from meeframe.study.sweep_declare import SweepTable
+from meeframe.study.sweep.declare import SweepTable
 
 STUDY = """
 case = "case.toml"

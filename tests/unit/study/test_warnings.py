@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.case.case import Case
-from meeframe.case.step import Step
+from meeframe.model.case import Case
+from meeframe.model.step import Step
 from meeframe.study.compare import compare
-from meeframe.study.sweep import sweep
+from meeframe.study.sweep.run import sweep
 from meeframe.study.verify import verify
 
 AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"

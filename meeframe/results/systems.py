@@ -1,0 +1,91 @@
+"""Files of reduced systems: what a reduction computes, kept so that it need not be computed again."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import h5py
+import numpy as np
+
+from meeframe.fields import Array
+from meeframe.results.hdf5 import changed_file
+from meeframe.results.output import replacing
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import AnyArray, NodalFields, ReducedSystem
+
+Found = TypeVar("Found")
+
+FORMAT: Final = "meeframe-system 1"
+KEPT: Final = "meeframe-kept-system 1"
+"""Of systems without a matrix, in the arrays that their formulation restores them from."""
+
+_UNITS: Final = {
+    "points": "m",
+    "frames": "1",
+    "weights": "m^2",
+    "offset": "m, m, m, V, A",
+    "matrix": "displacement (m, m, m, -V, -A) per load (Pa, Pa, Pa, C/m^2, Wb/m^2)",
+}
+
+
+def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:
+    """Write a reduced system; matrix: its compliance (n, 5, n, 5); key: what it is known by, kept with it.
+
+    The file is whole or not there. Raises ResultError if it cannot be written.
+    """
+    arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}
+    with _written(path, FORMAT, key) as file:
+        for name, unit in _UNITS.items():
+            _put(file, name, arrays[name]).attrs["units"] = unit
+        for number, (cell_type, connectivity) in enumerate(system.cells):
+            _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
+
+
+def write_kept(path: Path, key: str, kept: Mapping[str, AnyArray]) -> None:
+    """Write what a reduced system without a matrix keeps (ReducedSystem.kept); see write_system."""
+    with _written(path, KEPT, key) as file:
+        for name, array in kept.items():
+            _put(file, name, array)
+
+
+def read_kept(path: Path, key: str) -> dict[str, AnyArray] | None:
+    """What write_kept wrote; None if there is no whole file of this key."""
+    return _read(path, KEPT, key, lambda file: {name: file[name][()] for name in file})
+
+
+def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
+    """The reduced system of a file, bit for bit; None if there is no whole file of this key.
+
+    recovery: how fields on the whole boundary are found, which no file holds.
+    """
+
+    def system(file: Any) -> DenseSystem:
+        blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
+        cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
+        return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+
+    return _read(path, FORMAT, key, system)
+
+
+def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
+    """What is taken from a file of this kind and key; None if there is no whole one."""
+    try:
+        with h5py.File(path, "r") as file:
+            return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
+    except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
+        return None
+
+
+@contextmanager
+def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
+    """A file in the making."""
+    with replacing(path) as temporary, changed_file(temporary, "w") as file:
+        file.attrs.update({"format": kind, "key": key})
+        yield file
+
+
+def _put(file: Any, name: str, array: Any) -> Any:
+    """A dataset with a check sum, so that a change on the disk shows when it is read; single numbers have none."""
+    checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
+    return file.create_dataset(name, data=array, **checked)

@@ -1,0 +1,73 @@
+"""A reduced system held as one matrix: what dense boundary elements and finite elements hand over."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class DenseSystem(ReducedSystem):
+    """displacement = offset + matrix : load.
+
+    matrix: (n, 5, n, 5), response (node, field) to the load (node, field), signs as in ReducedSystem;
+    recovery: gives the fields on the whole boundary for a load (n, 5).
+    """
+
+    matrix: Array
+    recovery: Callable[[Array], NodalFields]
+
+    def apply(self, load: Array) -> Array:
+        """compliance(load), (n, 5) for load (n, 5): one matrix-vector product."""
+        size = self.offset.size
+        response: Array = self.matrix.reshape(size, size) @ np.ravel(load)
+        return response.reshape(load.shape)
+
+    def diagonal_blocks(self) -> Array:
+        """Response of each node to its own load, (n, 5, 5)."""
+        nodes = np.arange(len(self.offset))
+        return self.matrix[nodes, :, nodes, :]
+
+    def dense(self) -> Array | None:
+        """The compliance, (n, 5, n, 5)."""
+        return self.matrix
+
+    def recover(self, load: Array) -> NodalFields:
+        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+        return self.recovery(load)
+
+
+def in_local_frames(
+    points: Array,
+    frames: Array,
+    weights: Array,
+    cells: tuple[tuple[str, Indices], ...],
+    offset: Array,
+    compliance: Array,
+    fields: Callable[[Array], NodalFields],
+) -> DenseSystem:
+    """The reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
+
+    points, frames, weights, cells: as in ReducedSystem; offset: (n, 5) and compliance: (n, 5, n, 5) of the extended
+    displacement, potentials not negated; fields: on the whole boundary for extended tractions (n, 5) in global axes.
+    """
+    to_load = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    to_load[:, MECHANICAL, MECHANICAL] = frames
+    to_load[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    to_displacement = to_load.copy()
+    to_displacement[:, ELECTRIC:] *= -1.0
+    matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
+    return DenseSystem(
+        points=points,
+        frames=frames,
+        weights=weights,
+        cells=cells,
+        offset=np.einsum("naj,nj->na", to_displacement, offset),
+        matrix=np.ascontiguousarray(matrix),
+        recovery=lambda load: fields(np.einsum("naj,na->nj", to_load, load)),
+    )
