@@ -8,9 +8,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.results.canvas import prefixed
 from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
 
@@ -69,7 +69,7 @@ _STYLES: Final = {
 
 def validation_table(validation: Validation) -> RenderableType:
     """Return the table for the terminal, the reasons of what did not pass, and the headline."""
-    table = Table()
+    table = LiteralTable()
     for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
         table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
     remarks = []
