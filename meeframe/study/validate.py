@@ -73,9 +73,7 @@ def load_case(folder: Path) -> ValidationCase:
     module = _import(folder / MODULE)
     for name, kind in (("TITLE", str), ("SOURCE", str), ("run", Callable)):
         if not isinstance(getattr(module, name, None), kind):  # type: ignore[arg-type]
-            raise CaseError(
-                f"{folder / MODULE}: {name} is missing; a case defines the texts TITLE and SOURCE and the function run(quick)"
-            )
+            raise CaseError(f"{folder / MODULE}: {name} is missing; a case defines TITLE, SOURCE and run(quick)")
     return ValidationCase(folder.name, module.TITLE, module.SOURCE, module.run)
 
 
