@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import meeframe
-from meeframe.case.threads import limited
-from meeframe.core.toml import toml_text
+from meeframe.common.toml import toml_text
+from meeframe.model.threads import limited
 from meeframe.study.compare import compare
-from meeframe.study.sweep import sweep
+from meeframe.study.sweep.run import sweep
 from meeframe.study.verify import verify
 
 Array = NDArray[np.float64]
 
-SECOND_BODY = "counter_body"
+SECOND_BODY = "second_body"
 """Key of the second body in case files; cases say second_body."""
 
 LINE = np.array([[-0.43, -0.21], [0.41, 0.27]])
@@ -165,15 +165,15 @@ def _fields(zone: Any, step: Any) -> Iterator[tuple[str, Any, float]]:
         "electric flux": step.fluxes[:, 0],
         "magnetic flux density": step.fluxes[:, 1],
     }
-    if step.counter is not None:
-        fields["displacement of the second body"] = step.counter.displacement
-        fields["electric potential of the second body"] = step.counter.potentials[:, 0]
-        fields["magnetic potential of the second body"] = step.counter.potentials[:, 1]
+    if step.second_body is not None:
+        fields["displacement of the second body"] = step.second_body.displacement
+        fields["electric potential of the second body"] = step.second_body.potentials[:, 0]
+        fields["magnetic potential of the second body"] = step.second_body.potentials[:, 1]
     for name, values in fields.items():
         yield name, values[nodes], _largest(values[nodes])
     everywhere = fields | {
         "gap": np.where(above, step.gap, 0.0),
-        "contact fraction": step.closed,
+        "contact fraction": step.contact_fraction,
         "slip": np.where(above[:, None], step.total_slip, 0.0),
         "slip path": step.slip_path,
         "dissipation": step.dissipation,
