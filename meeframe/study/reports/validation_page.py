@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML file with tables and zoomable plots, which loads nothing from anywhere."""
+"""Report of a validation: one HTML file with tables and zoomable plots, which loads nothing from the network."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from meeframe.study.reports.validation_table import reason_of, words_of
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star")
 _DIGITS: Final = 6
-"""Of the numbers in plots."""
+"""Significant digits of the numbers in plots."""
 
 _STYLE: Final = """
 :root { color-scheme: light; font: 15px/1.5 system-ui, sans-serif; }
@@ -49,14 +49,14 @@ def plot_library() -> str:
         from plotly.offline import get_plotlyjs
     except ImportError:
         raise MeeframeError(
-            "plotly, which draws the report's plots, is not installed; install meeframe[validation]"
+            "plotly, which draws the plots of the report, is not installed; install meeframe[validation]"
         ) from None
     library: str = get_plotlyjs()
     return library
 
 
 def page(validation: Validation, library: str) -> str:
-    """Return the whole page; library: of plot_library()."""
+    """Return the page; library: JavaScript from plot_library()."""
     return "\n".join(_page(validation, library)) + "\n"
 
 
@@ -179,7 +179,7 @@ def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return the rounded to few digits; null where not finite."""
+    """Return values rounded to few digits, None where not finite."""
     return [
         float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in np.ravel(np.asarray(values, float))
     ]
