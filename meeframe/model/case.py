@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
@@ -25,7 +26,6 @@ from meeframe.model.second_body import SecondBody, check_alike, check_match
 from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.solvers import Auto, StoppingCriteria
-from meeframe.system.reduced import Formulation
 
 Warn = Callable[[str], None]
 """Is told what may come out wrong, in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from meeframe.indenters import longest_side
 from meeframe.laws.base import ContactLaw, attracts
 from meeframe.results.records import StepResult
+from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
 _NOTICED: Final = 1e-3
@@ -38,7 +39,7 @@ def remark_on_snapping(system: ReducedSystem, law: ContactLaw, step: StepResult)
     """
     if not attracts(law) or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED * np.abs(step.traction).max():
         return
-    ratio = steepest_fall(law) * float(system.own_response((2,)).max())
+    ratio = steepest_fall(law) * float(diagonal(system, (2,)).max())
     if ratio <= 1.0:
         return
     size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))

@@ -26,7 +26,8 @@ from meeframe.model.history import Controls, Converged, at_rest, held
 from meeframe.model.laws import gap_of_law, law_of_increment
 from meeframe.model.step import resisted
 from meeframe.results.records import Region, zone_of
-from meeframe.system.reduced import IndenterEdge, ReducedSystem
+from meeframe.system.capabilities import IndenterEdge
+from meeframe.system.reduced import ReducedSystem
 
 if TYPE_CHECKING:
     from meeframe.model.case import Case

@@ -11,14 +11,16 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solv
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
+from meeframe.formulations.base import Formulation, PersistentFormulation
 from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw, augmented_traction, contact_traction, fixed_point_map
 from meeframe.mesh import zone_frames
 from meeframe.mesh.body import Body, check_conditions
 from meeframe.plugin.hookspecs import Record, hookimpl
+from meeframe.system.capabilities import Persistence
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, silent
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 __all__ = [
     "Array",
@@ -36,6 +38,8 @@ __all__ = [
     "Iterate",
     "Kernel",
     "NodalFields",
+    "Persistence",
+    "PersistentFormulation",
     "Progress",
     "Quantity",
     "Record",

@@ -9,9 +9,10 @@ from pydantic import Field
 from meeframe.common.errors import CaseError, MeshError
 from meeframe.fields import N_FIELDS, VALUE_NAMES, Array
 from meeframe.fields.units import check_quantities
+from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import Body, check_conditions
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, silent
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid

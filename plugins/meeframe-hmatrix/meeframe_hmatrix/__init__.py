@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
+from meeframe.formulations.base import Formulation
 from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.system.reduced import Formulation
 from meeframe_hmatrix.formulation import HierarchicalBEM
 
 __all__ = ["HierarchicalBEM", "meeframe_formulations"]
