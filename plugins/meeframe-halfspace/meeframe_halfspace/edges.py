@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.fields import Array
-from meeframe.system.capabilities import EdgeCorrection, IndenterEdge
+from meeframe.plugin import Array, EdgeCorrection, IndenterEdge
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.outline import find_outline, fourfold
 from meeframe_halfspace.response import series_blocks

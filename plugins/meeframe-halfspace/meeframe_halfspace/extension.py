@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 
 LEVELS: Final = 4
 """Number of levels, each with cells twice as wide as the one before."""

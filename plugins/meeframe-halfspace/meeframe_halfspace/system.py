@@ -7,23 +7,27 @@ from typing import Final, TypeVar, final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
-from meeframe.system.capabilities import (
+from meeframe.plugin import (
+    MECHANICAL,
+    N_FIELDS,
     ApproximateApply,
     ApproximateInverse,
+    Array,
     Coarsening,
     EdgeCorrection,
     EdgeResolution,
     FieldwiseApply,
     IndenterEdge,
+    Indices,
     LatticeStencil,
     Multigrid,
+    NodalFields,
     Prolongation,
+    ReducedSystem,
     Restriction,
     Stencil,
     Subsystem,
 )
-from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges

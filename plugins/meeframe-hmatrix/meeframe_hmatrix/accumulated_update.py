@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_hmatrix.blocks import (
     Block,
     Dense,

@@ -16,8 +16,7 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import DTypeLike
 
-from meeframe.common.blas import ONE_BLAS_THREAD
-from meeframe.fields import Array
+from meeframe.plugin import ONE_BLAS_THREAD, Array
 from meeframe_hmatrix.accumulated_update import NOTHING, AccumulatedUpdate, handed_down, subtracted, with_product
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transposed
 

@@ -8,24 +8,36 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.common.blas import ONE_BLAS_THREAD
-from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import N_FIELDS, Array, FieldScaling
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.formulations.base import PersistentFormulation
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.formulations.dense_bem.collocation import collocate
-from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
-from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import characteristic_length
-from meeframe.greens import Tabulated
-from meeframe.greens.base import FundamentalSolution
-from meeframe.mesh import check_contact_zone, check_mesh, zone_frames
-from meeframe.mesh.body import Body
-from meeframe.mesh.slenderness import bending_warnings
-from meeframe.system.capabilities import AnyArray
-from meeframe.system.reduced import Progress, ReducedSystem, silent
+from meeframe.plugin import (
+    N_FIELDS,
+    ONE_BLAS_THREAD,
+    AnyArray,
+    Array,
+    Body,
+    CaseError,
+    FieldScaling,
+    FundamentalSolution,
+    PersistentFormulation,
+    Progress,
+    Quantity,
+    ReducedSystem,
+    TooLargeError,
+    check_quantities,
+    silent,
+    zone_frames,
+)
+from meeframe.plugin.boundary_elements import (
+    Accuracy,
+    Layout,
+    Tabulated,
+    Units,
+    anisotropy,
+    characteristic_length,
+    collocate,
+    find_patches,
+    lay_out,
+)
+from meeframe.plugin.surfaces import bending_warnings, check_contact_zone, check_mesh
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import shape
 from meeframe_hmatrix.clusters import cluster_tree

@@ -8,12 +8,24 @@ from typing import Any, Final, final
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
-from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
-from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
-from meeframe.mesh.surface import SurfaceMesh
-from meeframe.system.capabilities import AnyArray, ApproximateInverse, FieldwiseApply, Persistence
-from meeframe.system.reduced import NodalFields, Progress, ReducedSystem
+from meeframe.plugin import (
+    ELECTRIC,
+    MECHANICAL,
+    N_FIELDS,
+    AnyArray,
+    ApproximateInverse,
+    Array,
+    CaseError,
+    FieldwiseApply,
+    Indices,
+    NodalFields,
+    Persistence,
+    Progress,
+    ReducedSystem,
+    SurfaceMesh,
+    TooLargeError,
+)
+from meeframe.plugin.boundary_elements import Layout, Units, boundary_fields
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
