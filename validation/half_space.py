@@ -14,7 +14,8 @@ from meeframe.indenters import find_indenter_edge
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, StoppingCriteria, solve_to_edges
-from meeframe.system.reduced import IndenterEdge, ReducedSystem
+from meeframe.system.capabilities import IndenterEdge
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.half_space import indentation_problem
 
 Height = Callable[[Array, Array], Array]

@@ -14,13 +14,14 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import ResultError
+from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case
 from meeframe.model.solve import bodies_of, joined, recovery_of, reduce_for_contact
 from meeframe.model.systems import checked
 from meeframe.plugin.sources import LOCAL, faults_of_plugins
-from meeframe.results.systems import read_kept, read_system, write_kept, write_system
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, kept_of, silent
+from meeframe.results.systems import read_arrays, read_system, write_arrays, write_system
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 _ROOMS: Final = ("common", "elements", "fields", "formulations", "greens", "material", "mesh", "model", "system")
 _CONTACT_ROOMS: Final = ("contact", "indenters", "laws", "solvers")
@@ -34,8 +35,8 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
     there.
 
     There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
-    bit for bit; `recover` reduces the body again when it is first called. Systems that are neither a matrix nor keep
-    anything are computed each time. Raises as meeframe.model.solve.reduce, and ResultError if the folder cannot be
+    bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix or `Persistence`
+    are computed each time. Raises as meeframe.model.solve.reduce, and ResultError if the folder cannot be
     written.
     """
     return joined(case, (cached_body(*body, folder, progress) for body in bodies_of(case)))
@@ -50,22 +51,22 @@ def cached_body(
     found = read_system(path, key, recovery_of(formulation, body, progress))
     if found is not None:
         return found
-    arrays = read_kept(path, key)
-    if arrays is not None:
-        with suppress(ValueError), faults_of_plugins(ValueError):  # not what this formulation kept
-            return checked(formulation, formulation.restored(body, arrays))
+    stored = read_arrays(path, key)
+    if stored is not None and isinstance(formulation, PersistentFormulation):
+        with suppress(ValueError), faults_of_plugins(ValueError):  # not arrays of this formulation
+            return checked(formulation, formulation.from_arrays(body, stored))
     system = reduce_for_contact(formulation, body, progress)
     with faults_of_plugins():
-        matrix, kept = system.dense(), kept_of(formulation, system)
-    if matrix is not None or kept is not None:
+        matrix, arrays = system.dense(), stored_arrays(formulation, system)
+    if matrix is not None or arrays is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"cache folder {folder} cannot be made: {error.strerror or error}") from None
         if matrix is not None:
             write_system(path, key, system, matrix)
-        elif kept is not None:
-            write_kept(path, key, kept)
+        elif arrays is not None:
+            write_arrays(path, key, arrays)
     return system
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
 from meeframe.laws.base import ConductivityLaw, ContactLaw
@@ -22,7 +23,6 @@ from meeframe.model.restart import check_same_zone
 from meeframe.model.second_body import check_alike, check_match
 from meeframe.model.step import check_duration, check_first, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
-from meeframe.system.reduced import Formulation
 
 Warn = Callable[[str], None]
 """Is told what may come out wrong, in words."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
@@ -18,7 +19,6 @@ from meeframe.model.second_body import SecondBody
 from meeframe.model.step import Step
 from meeframe.results.schema import optional_fields
 from meeframe.solvers import Auto, StoppingCriteria
-from meeframe.system.reduced import Formulation
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from meeframe.mesh.measures import corners
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.results.records import Region, StepResult, Zone, zone_of
+from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
 _LARGEST_ANGLE: Final = 0.1
@@ -245,7 +246,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
         or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
     ):
         return
-    ratio = steepest_fall(law) * float(system.own_response((2,)).max())
+    ratio = steepest_fall(law) * float(diagonal(system, (2,)).max())
     if ratio <= 1.0:
         return
     size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))

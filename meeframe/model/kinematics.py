@@ -26,7 +26,8 @@ from meeframe.model.history import Controls, Converged, at_rest, held
 from meeframe.model.laws import gap_of_law, law_of_increment
 from meeframe.model.step import resisted
 from meeframe.results.records import Region
-from meeframe.system.reduced import IndenterEdge, ReducedSystem
+from meeframe.system.capabilities import IndenterEdge
+from meeframe.system.reduced import ReducedSystem
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""

@@ -17,6 +17,7 @@ from pydantic import (
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
@@ -55,7 +56,6 @@ from meeframe.plugin.registry import CONTRACTS
 from meeframe.plugin.validation import Problem, TableError, build
 from meeframe.results.schema import optional_fields
 from meeframe.solvers import StoppingCriteria
-from meeframe.system.reduced import Formulation
 
 
 def _axes(value: Any) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
 from meeframe.fields import Array, Indices
+from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
@@ -36,9 +37,9 @@ from meeframe.results.records import (
 )
 from meeframe.solvers import solve_to_edges
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, kept_of, silent
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
-from meeframe.system.two_body import TwoBodySystem, combine_bodies
+from meeframe.system.two_body import combine_bodies, second_displacement
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -100,8 +101,10 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
         with faults_of_plugins():
-            kept = kept_of(formulation, system)
-            return system if kept is None else checked(formulation, formulation.restored(body, kept))
+            arrays = stored_arrays(formulation, system)
+            if arrays is None or not isinstance(formulation, PersistentFormulation):
+                return system
+            return checked(formulation, formulation.from_arrays(body, arrays))
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 
@@ -248,7 +251,7 @@ def _step_result(
 
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, SecondSurface | None]:
     """Displacement and potentials of the body, and those of the second body if there is one."""
-    if not isinstance(system, TwoBodySystem):
+    second_body = second_displacement(system, state.load)
+    if second_body is None:
         return *split_displacement(state.displacement), None
-    second_body = system.second_displacement(state.load)
     return *split_displacement(state.displacement + second_body), SecondSurface(*split_displacement(second_body))

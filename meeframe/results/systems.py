@@ -1,4 +1,4 @@
-"""Files of reduced systems: what a reduction computes, kept so that it need not be computed again."""
+"""Files of reduced systems: the results of reductions, stored so that they are computed once."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,14 +11,15 @@ import numpy as np
 from meeframe.fields import Array
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
+from meeframe.system.capabilities import AnyArray
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import AnyArray, NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 Found = TypeVar("Found")
 
 FORMAT: Final = "meeframe-system 1"
-KEPT: Final = "meeframe-kept-system 1"
-"""Of systems without a matrix, in the arrays that their formulation restores them from."""
+ARRAYS: Final = "meeframe-kept-system 1"
+"""Format of systems without a matrix, stored as the arrays of `Persistence.to_arrays`."""
 
 _UNITS: Final = {
     "points": "m",
@@ -42,16 +43,16 @@ def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> 
             _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
-def write_kept(path: Path, key: str, kept: Mapping[str, AnyArray]) -> None:
-    """Write what a reduced system without a matrix keeps (ReducedSystem.kept); see write_system."""
-    with _written(path, KEPT, key) as file:
-        for name, array in kept.items():
+def write_arrays(path: Path, key: str, arrays: Mapping[str, AnyArray]) -> None:
+    """Write the arrays of a reduced system without a matrix (`Persistence.to_arrays`); see write_system."""
+    with _written(path, ARRAYS, key) as file:
+        for name, array in arrays.items():
             _put(file, name, array)
 
 
-def read_kept(path: Path, key: str) -> dict[str, AnyArray] | None:
-    """Return what write_kept wrote; None if there is no whole file of this key."""
-    return _read(path, KEPT, key, lambda file: {name: file[name][()] for name in file})
+def read_arrays(path: Path, key: str) -> dict[str, AnyArray] | None:
+    """Return the arrays of a file of write_arrays; None if there is no complete file with this key."""
+    return _read(path, ARRAYS, key, lambda file: {name: file[name][()] for name in file})
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:

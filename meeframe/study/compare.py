@@ -8,6 +8,7 @@ from typing import Final
 
 from meeframe.common.errors import MeeframeError
 from meeframe.common.toml import read_toml
+from meeframe.formulations.base import Formulation
 from meeframe.mesh import zone_frames
 from meeframe.mesh.body import Body
 from meeframe.model.cache import distinct_bodies, system_key
@@ -20,7 +21,7 @@ from meeframe.results.output import check_output, replacing, rewriting
 from meeframe.results.records import Zone, zone_of
 from meeframe.study.choices import Combination, combinations, read_choices
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_figure, comparison_json
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, silent
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "compare.json"
 FIGURE_FILE: Final = "sections.png"

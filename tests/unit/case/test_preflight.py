@@ -8,13 +8,14 @@ import pytest
 import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import FlatPunch
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
 from meeframe.model.load import load_case
 from meeframe.model.preflight import planned, undeformed
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
 from meeframe.solvers.cg.frictionless import takes
-from meeframe.system.reduced import Formulation, silent
+from meeframe.system.reduced import silent
 
 PCG = '\n[solver]\nname = "projected-cg"\n'
 FRICTION = '\n[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n'
