@@ -6,11 +6,22 @@ from meeframe.fields import N_FIELDS, Array
 
 
 def stroh_eigenvalues(forms: Array) -> Array:
-    """The five roots p of det(Q + p (R + R^T) + p^2 T) with positive imaginary part (eq. 46), (n, 5) complex.
+    """Compute the five roots p of det(Q + p (R + R^T) + p^2 T) with positive imaginary part (eq. 46).
 
-    forms: (n, 3, 5, 5), Q, R + R^T and T of scaled stiffnesses. They are the eigenvalues of the companion matrix of the
-    quadratic polynomial (eq. 44) rather than the roots of its determinant, which loses far more digits at multiple
-    roots.
+    Parameters
+    ----------
+    forms : Array
+        Q, R + R^T and T of scaled stiffnesses, (n, 3, 5, 5).
+
+    Returns
+    -------
+    Array
+        Roots, (n, 5), complex.
+
+    Notes
+    -----
+    The roots are the eigenvalues of the companion matrix of the quadratic polynomial (eq. 44). Roots of its determinant
+    would lose far more digits where they are multiple.
     """
     companion = np.zeros((len(forms), 2 * N_FIELDS, 2 * N_FIELDS))
     companion[:, :N_FIELDS, N_FIELDS:] = np.eye(N_FIELDS)

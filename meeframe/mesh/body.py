@@ -39,7 +39,7 @@ class Body:
 
 
 def check_conditions(body: Body) -> None:
-    """Every condition is complete, names a face group other than the contact zone, and says what no other one does.
+    """Check that conditions are complete, outside the contact zone, and do not repeat each other.
 
     Raises MeshError for an unknown face group, else CaseError.
     """

@@ -56,7 +56,7 @@ def read_arrays(path: Path, key: str) -> dict[str, AnyArray] | None:
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
-    """The reduced system of a file, bit for bit; None if there is no whole file of this key.
+    """Return the reduced system of a file, bit for bit; None if there is no whole file of this key.
 
     recovery: how fields on the whole boundary are found, which no file holds.
     """
@@ -70,7 +70,7 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
 
 
 def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
-    """What is taken from a file of this kind and key; None if there is no whole one."""
+    """Return what is taken from a file of this kind and key; None if there is no whole one."""
     try:
         with h5py.File(path, "r") as file:
             return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
@@ -80,13 +80,14 @@ def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Foun
 
 @contextmanager
 def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
-    """A file in the making."""
+    """Return a file in the making."""
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         file.attrs.update({"format": kind, "key": key})
         yield file
 
 
 def _put(file: Any, name: str, array: Any) -> Any:
-    """A dataset with a check sum, so that a change on the disk shows when it is read; single numbers have none."""
+    """Return a dataset with a check sum, so that a change on the disk shows when it is read; single numbers have
+    none."""
     checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
     return file.create_dataset(name, data=array, **checked)

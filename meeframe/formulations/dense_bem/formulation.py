@@ -60,7 +60,7 @@ class DenseBEM(Formulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings of slender parts, whose bending may be wrong, for a body that `check` accepts."""
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -77,7 +77,7 @@ class DenseBEM(Formulation):
         return in_local_frames(*parts, offset, compliance, solution.fields)
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
-        """Fields on the boundary of a body without contact zone. Raises as reduce."""
+        """Return the fields on the boundary of a body without contact zone. Raises as reduce."""
         if body.contact_group is not None:
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
         return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
@@ -108,12 +108,13 @@ def _scaled(body: Body) -> Array:
 
 @lru_cache(maxsize=4)
 def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """The kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by content."""
+    """Return the kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by
+    content."""
     return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
 
 
 def _check_memory(body: Body) -> None:
-    """Raises TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
+    """Raise TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
     unknowns = N_FIELDS * len(body.mesh.points)
     loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
     needed = 8 * unknowns * (unknowns + loads)

@@ -1,4 +1,4 @@
-"""What a verification shows: table, picture of convergence, JSON."""
+"""Table, convergence plot and JSON of a verification."""
 
 import json
 import math
@@ -7,36 +7,23 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
+from meeframe.results import schema
 from meeframe.results.canvas import sheet
 from meeframe.study.reports.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_UNITS: Final = {
-    "force": "N",
-    "moment": "N m",
-    "torque": "N m",
-    "charge": "C",
-    "magnetic_flux": "Wb",
-    "contact_area": "m^2",
-    "max_pressure": "Pa",
-    "approach": "m",
-    "translation": "m",
-    "tilt": "rad",
-    "twist": "rad",
-}
-"""By the beginning of the name."""
 _COLUMNS: Final = 3
 """Pictures side by side."""
 
 
 def verification_json(verification: Verification) -> str:
-    """All numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
+    """Return all numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
     return json.dumps(_plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
 
 
@@ -99,7 +86,7 @@ def _agreement(agreement: Agreement) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Lists, tables and numbers of JSON."""
+    """Return the lists, tables and numbers of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -110,7 +97,8 @@ def _plain(value: Any) -> Any:
 
 
 def verification_table(verification: Verification) -> RenderableType:
-    """Values on the meshes with their limits, then each pair; what refused or did not converge; the verdict."""
+    """Return the values on the meshes with their limits, then each pair; what refused or did not converge; the
+    verdict."""
     failed = [run for run in verification.runs if run.status != Status.CONVERGED]
     return Group(
         _values(verification),
@@ -122,7 +110,7 @@ def verification_table(verification: Verification) -> RenderableType:
 
 
 def _basis(verification: Verification) -> str:
-    """What a verdict rests on where some comparisons say little, and what to do then."""
+    """Return what a verdict rests on where some comparisons say little, and what to do then."""
     verdicts = [agreement.verdict for agreement in verification.agreements]
     unresolved = verdicts.count(Verdict.UNRESOLVED)
     if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
@@ -131,9 +119,9 @@ def _basis(verification: Verification) -> str:
     return f": {agree}, and of {unresolved} the errors are too large to say much; finer meshes say more"
 
 
-def _values(verification: Verification) -> Table:
+def _values(verification: Verification) -> LiteralTable:
     estimates = verification.estimates
-    table = Table(title=verification.title or None, title_justify="left")
+    table = LiteralTable(verification.title)
     meshes = len(estimates[0].values) if estimates else 0
     for title in ("step", "quantity", "unit", "formulation"):
         table.add_column(title)
@@ -156,8 +144,8 @@ def _values(verification: Verification) -> Table:
     return table
 
 
-def _pairs(verification: Verification) -> Table:
-    table = Table()
+def _pairs(verification: Verification) -> LiteralTable:
+    table = LiteralTable()
     for title in ("step", "quantity", "formulations"):
         table.add_column(title)
     for title in ("finest, difference %", "extrapolated, difference %", "allowed %"):
@@ -176,10 +164,18 @@ def _words(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """SI unit of a quantity."""
-    if quantity.endswith("potential"):
-        return "V" if "electric" in quantity else "A"
-    return next((unit for name, unit in _UNITS.items() if quantity.startswith(name)), "")
+    """Return the SI unit of a quantity that a verification compares, '' if there is none of this name.
+
+    Its names are those of the table of results, without `abs`, with x and y for components in the plane, and with
+    `indenter` before potentials of the indenter.
+    """
+    name = quantity.removeprefix("indenter_").replace("max_electric", "max_abs_electric")
+    row = _row(name.replace("max_magnetic", "max_abs_magnetic"))
+    return "" if row is None else row.unit
+
+
+def _row(name: str) -> schema.Total | None:
+    return schema.total_named(name) or schema.total_named(name.removesuffix("_x").removesuffix("_y"))
 
 
 def _percent(value: float, scale: float) -> str:
@@ -187,7 +183,8 @@ def _percent(value: float, scale: float) -> str:
 
 
 def verification_figure(verification: Verification) -> "Figure | None":
-    """Values over the size of the elements, in per cent of the mean limit, with limits and their errors at zero.
+    """Return the values over the size of the elements, in per cent of the mean limit, with limits and their errors at
+    zero.
 
     Of the last load step that was compared; None if there is nothing to show.
     """
@@ -214,7 +211,7 @@ def verification_figure(verification: Verification) -> "Figure | None":
 
 
 def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) -> None:
-    """place: number of the formulation; theoretical order."""
+    """Draw one formulation; place: its number; theoretical order."""
     number, theoretical = place
     limit, style = estimate.limit, {"color": f"C{number}"}
     sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)

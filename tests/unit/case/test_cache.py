@@ -146,7 +146,7 @@ def test_a_file_counts_by_its_content(tmp_path):
 def test_code_and_versions_are_in_the_key(case, monkeypatch, what):
     before = key(case)
     if what == "version":
-        monkeypatch.setattr(cache.meeframe, "__version__", "99")
+        monkeypatch.setattr(cache.metadata, "version", lambda _: "99")
     else:
         monkeypatch.setattr(cache, what, getattr(cache, what)[1:])
     cache._sources.cache_clear()
