@@ -395,7 +395,7 @@ def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch)
     """Friction under a drag, contact over much of the zone. The residual judges in double precision either way: errors
     of rough responses show in the steps."""
     products: list[int] = []
-    respond = TwoGrids.response
+    respond, has = TwoGrids.response, HalfSpaceSystem.capability
 
     def counted(self: TwoGrids, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         products.append(len(loaded))
@@ -406,7 +406,9 @@ def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch)
     for rough in (True, False):
         system = system_of((160, 160), Material.isotropic(200e9, 0.3).stiffness)
         if not rough:
-            monkeypatch.setattr(HalfSpaceSystem, "rough_response", lambda self: None)
+            monkeypatch.setattr(
+                HalfSpaceSystem, "capability", lambda self, kind: None if kind is ApproximateApply else has(self, kind)
+            )
         x, y, _ = (system.points - system.points.mean(axis=0)).T
         radius = 0.1
         approach = (0.4 * WIDTH) ** 2 / radius

@@ -146,6 +146,6 @@ def test_contact_without_friction_costs_less_by_what_goes_on_beside_it(
             return multiply(values)
 
         solutions.append(gmres(counted, preconditioner(rows), right.ravel(), 1e-9)[0])
-        monkeypatch.setattr(HalfSpaceSystem, "extension", lambda system, nodes: None)
+        monkeypatch.setattr(HalfSpaceSystem, "prolongation", lambda system, nodes: None)
     np.testing.assert_allclose(solutions[0], solutions[1], rtol=0.0, atol=1e-6 * np.abs(solutions[0]).max())
     assert counts[0] < 0.8 * counts[1], counts
