@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from meeframe.common.errors import MeshError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import gauss_rule, normal_vectors, volume_shares
-from meeframe.mesh.nearby import close_pairs
+from meeframe.mesh.nearby import close_point_pairs
 from meeframe.mesh.parts import connected_surfaces
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.mesh.topology import Edges, find_edges, reflection
@@ -72,18 +72,18 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
         raise MeshError(f"merge_tolerance = {tolerance!r}: must be a length of at least zero")
     _check_numbers(mesh)
     _check_finite(mesh)
-    pairs = close_pairs(mesh.points, tolerance)
+    pairs = close_point_pairs(mesh.points, tolerance)
     n = len(mesh.points)
     _, label = connected_components(coo_array((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n)), directed=False)
     first = np.unique(label, return_index=True)[1]
     target = first[label].astype(np.int64)
     blocks = tuple(ElementBlock(b.element, target[b.connectivity], b.groups) for b in mesh.blocks)
-    merged = drop_unused(replace(mesh, blocks=blocks))
+    merged = remove_unused_points(replace(mesh, blocks=blocks))
     _check_repeats(merged)
     return merged
 
 
-def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
+def remove_unused_points(mesh: SurfaceMesh) -> SurfaceMesh:
     """Return the mesh without points that no element uses. Raises MeshError if numbers are out of range."""
     _check_numbers(mesh)
     used = _used(mesh)
@@ -151,7 +151,7 @@ def _check_points(mesh: SurfaceMesh) -> None:
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     extent = np.ptp(mesh.points, axis=0).max()
     shortest = lengths[lengths > 1e-12 * extent].min(initial=extent)
-    pairs = close_pairs(mesh.points, COINCIDENT * shortest)
+    pairs = close_point_pairs(mesh.points, COINCIDENT * shortest)
     if len(pairs):
         places = mesh.points[np.sort(pairs.max(axis=1))]
         _refuse("the surface has points that coincide with others (merge_tolerance merges them)", places, "pair")

@@ -14,7 +14,7 @@ _PASSES: Final = 50
 """Neighbours along it that are looked at; a tree is quicker than more of them."""
 
 
-def close_pairs(points: Array, distance: float) -> Indices:
+def close_point_pairs(points: Array, distance: float) -> Indices:
     """Return the pairs of points (p, 3) not farther apart than a distance [m], which few are: (k, 2), the lower number
     first.
 

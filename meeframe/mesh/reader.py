@@ -13,7 +13,7 @@ import numpy as np
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Indices
-from meeframe.mesh.checks import check_mesh, drop_unused, merge_points, orient_outward
+from meeframe.mesh.checks import check_mesh, merge_points, orient_outward, remove_unused_points
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 UNNAMED = "surface"
@@ -48,7 +48,7 @@ def read_mesh(
         if not (np.isfinite(length_unit) and length_unit > 0):
             raise MeshError(f"length_unit = {length_unit!r}: must be a positive number of metres")
         data = read_any(file)
-        mesh = drop_unused(_convert(data, elements, length_unit, group_data))
+        mesh = remove_unused_points(_convert(data, elements, length_unit, group_data))
         if merge_tolerance is not None:
             mesh = merge_points(mesh, merge_tolerance)
         if reorient:

@@ -31,7 +31,7 @@ class ContactZone:
     numbers: Indices
 
 
-def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
+def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     """Return the contact zone of a face group.
 
     Normals at points are means over the zone's elements alone, weighted by their areas. Raises MeshError if there is no
@@ -59,7 +59,7 @@ def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (lengths > 0).all():
         raise MeshError(f"contact zone {group!r}: no normal at {mesh.points[numbers[np.argmin(lengths)]]} [m]")
-    zone = ContactZone(mesh.points[numbers], frames_of(normals / lengths), weights, tuple(cells), numbers)
+    zone = ContactZone(mesh.points[numbers], local_frames(normals / lengths), weights, tuple(cells), numbers)
     _check_smooth(corners, zone, group)
     for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in cells)):
         array.setflags(write=False)
@@ -68,12 +68,12 @@ def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 def check_contact_zone(mesh: SurfaceMesh, group: str) -> None:
     """Raise MeshError unless the group exists, has elements, leaves some of the surface free and is smooth."""
-    zone_frames(mesh, group)
+    find_contact_zone(mesh, group)
     if sum(len(block.connectivity) for block in _zone_blocks(mesh, group)) == mesh.n_elements:
         raise MeshError(f"contact zone {group!r}: it is the whole surface, so that nothing holds the body")
 
 
-def frames_of(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
+def local_frames(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
     """Return the right-handed orthonormal frames (n, 3, 3), rows e1, e2, nu, for unit normals (n, 3).
 
     e1 is as close to first_axis as the tangent plane allows; where the normal is nearly parallel to that axis it

@@ -14,7 +14,7 @@ from meeframe.fields.units import Quantity, check_quantities
 from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw, augmented_traction, contact_traction, fixed_point_map
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.mesh.body import Body, check_conditions
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.system.dense import DenseSystem
@@ -47,6 +47,7 @@ __all__ = [
     "check_conditions",
     "check_quantities",
     "contact_traction",
+    "find_contact_zone",
     "fixed_point_map",
     "hookimpl",
     "indenter_position",
@@ -55,5 +56,4 @@ __all__ = [
     "silent",
     "unbalance",
     "unloaded",
-    "zone_frames",
 ]

@@ -10,7 +10,7 @@ from meeframe.elements import Quad4
 from meeframe.fields import ELECTRIC, N_FIELDS, Array
 from meeframe.material import library_material, rotation_about
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.system.reduced import Formulation, ReducedSystem
@@ -65,7 +65,7 @@ def check_formulation(
 
 def check_form(system: ReducedSystem, body: Body) -> None:
     """Shapes, finite numbers; points, frames and weights of the body's contact zone."""
-    zone = zone_frames(body.mesh, body.contact_group or "")
+    zone = find_contact_zone(body.mesh, body.contact_group or "")
     n, size = len(system.points), np.ptp(zone.points, axis=0).max()
     shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,), "offset": (n, 5)}
     for name, shape in shapes.items():

@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.common.errors import MeshError
 from meeframe.fields import Array, Indices
-from meeframe.mesh import frames_of
+from meeframe.mesh import local_frames
 from meeframe.mesh.surface import SurfaceMesh
 
 FLAT: Final = 1e-6
@@ -25,7 +25,7 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Contact zone of a face group, its points and frame those of meeframe.mesh.zone_frames.
+    """Contact zone of a face group, its points and frame those of meeframe.mesh.find_contact_zone.
 
     Raises MeshError if there is no such group, it has no elements, or it is not flat.
     """
@@ -42,7 +42,7 @@ def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
     cells = tuple((element.meshio_type, places[nodes]) for element, nodes in chosen)
     first, second, third = points[cells[0][1][0, :3]]
     normal = np.cross(second - first, third - first)
-    frame = frames_of(normal[None] / np.linalg.norm(normal))[0]
+    frame = local_frames(normal[None] / np.linalg.norm(normal))[0]
     along, across, level = frame @ points.T
     depth = float(np.ptp(level))
     if depth > FLAT * max(float(np.ptp(along)), float(np.ptp(across))):

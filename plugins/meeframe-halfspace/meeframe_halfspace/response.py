@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from meeframe.common.errors import MaterialError
 from meeframe.fields import MECHANICAL, N_FIELDS, Array, FieldScaling, Indices
 from meeframe.material.half_space import surface_compliance
-from meeframe.mesh.zone import frames_of
+from meeframe.mesh.zone import local_frames
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
 
 UPPER: Final = np.triu_indices(N_FIELDS)
@@ -142,7 +142,7 @@ def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -
     of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
     """
     nu = np.asarray(normal, float) / np.linalg.norm(normal)
-    mean = PointResponse.of(stiffness, frames_of(nu[None])[0]).even[0, 0, NORMAL]
+    mean = PointResponse.of(stiffness, local_frames(nu[None])[0]).even[0, 0, NORMAL]
     return float(1.0 / (np.pi * mean * FieldScaling.of(stiffness).factors[2] ** 2))
 
 

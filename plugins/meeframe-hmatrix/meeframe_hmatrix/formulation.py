@@ -20,7 +20,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import characteristic_length
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution
-from meeframe.mesh import check_contact_zone, check_mesh, zone_frames
+from meeframe.mesh import check_contact_zone, check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
 from meeframe.system.reduced import AnyArray, Formulation, Progress, ReducedSystem, silent
@@ -101,7 +101,7 @@ class HierarchicalBEM(Formulation):
         self.check(body)
         boundary = self.boundary(body, progress)
         compliance = condense(boundary.system, boundary.factors, BLOCK_SHARE * self.tolerance, progress)
-        zone = zone_frames(body.mesh, body.contact_group or "")
+        zone = find_contact_zone(body.mesh, body.contact_group or "")
         order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
         own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
@@ -118,7 +118,7 @@ class HierarchicalBEM(Formulation):
         names = (*OWN, "table", "numbers")
         if set(kept) != set(names):
             raise ValueError(f"a hierarchical system kept {', '.join(names)}, not {', '.join(kept) or 'nothing'}")
-        zone = zone_frames(body.mesh, body.contact_group or "")
+        zone = find_contact_zone(body.mesh, body.contact_group or "")
         own, n = {name: kept[name] for name in OWN}, len(zone.points)
         compliance, whole = unpacked(kept["table"], kept["numbers"]), Whole(partial(self.boundary, body))
         found = {name: array.shape for name, array in own.items()} | {"table": shape(compliance)}

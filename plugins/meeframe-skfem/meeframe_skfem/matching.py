@@ -9,7 +9,7 @@ import scipy  # its parts load where they are used
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import shape_functions
 from meeframe.fields import Array, Indices
-from meeframe.mesh import ContactZone, area, zone_frames
+from meeframe.mesh import ContactZone, area, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe_skfem.locate import interpolation, nearest
@@ -56,7 +56,7 @@ def match(body: Body, volume: VolumeMesh) -> Matched:
     surface = SurfaceMesh(points, (block,), body.mesh.group_names)
     _check_areas(body.mesh, surface)
     conditions = _carried(body, surface, REACH * size)
-    zone = zone_frames(body.mesh, body.contact_group)
+    zone = find_contact_zone(body.mesh, body.contact_group)
     zone_points = _zone_points(zone, surface, body.contact_group)
     return Matched(volume, faces, replace(body, mesh=surface, conditions=conditions), nodes, zone, zone_points)
 

@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3
 from meeframe.elements.base import SurfaceElement
 from meeframe.mesh import box_mesh, check_mesh, merge_points, orient_outward, sphere_mesh, volume
-from meeframe.mesh.checks import drop_unused
+from meeframe.mesh.checks import remove_unused_points
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.mesh.topology import reflection
 
@@ -69,7 +69,7 @@ def test_open(element: SurfaceElement) -> None:
     mesh = cube(element)
     cells = 1 if element.reference == "quadrilateral" else 2
     refused(
-        drop_unused(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
+        remove_unused_points(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
         "not closed, only one element has an edge: 4 edges, at",
     )
 
@@ -181,7 +181,7 @@ def test_mid_sides_must_conform() -> None:
         ElementBlock(Quad8(), block.connectivity[:half], block.groups[:half]),
         ElementBlock(Quad4(), block.connectivity[half:, :4], block.groups[half:]),
     )
-    refused(drop_unused(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
+    refused(remove_unused_points(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
 
 
 def test_mixed_triangles_and_quadrilaterals_conform() -> None:

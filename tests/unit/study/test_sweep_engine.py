@@ -46,9 +46,9 @@ class Hidden(Formulation):
         pass
 
     def reduce(self, body, progress=None):
-        from meeframe.mesh import zone_frames
+        from meeframe.mesh import find_contact_zone
 
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         parts = zone.points, zone.frames, zone.weights, zone.cells, np.zeros((len(zone.points), 5))
         return HiddenSystem(*parts, None if self.portable else Lock())
 
