@@ -1,4 +1,4 @@
-"""Meshes, their generators, readers and checks, and the contact zone."""
+"""Surface meshes, their generators, readers and checks, and the contact zone."""
 
 from meeframe.mesh.axes import FrictionAxes
 from meeframe.mesh.checks import check_mesh, merge_points, orient_outward

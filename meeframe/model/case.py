@@ -46,7 +46,7 @@ class Case:
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
     contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
     from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
-    axes: which way the local axis e1 points, from which a contact law measures its angle, by default as local_frames has
+    axes: direction of the local axis e1, from which a contact law measures its angle, by default as local_frames has
     it; second_body: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose
     distance from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
 

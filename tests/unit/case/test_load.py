@@ -361,7 +361,7 @@ def test_inadmissible_material(write_case, registry):
     [
         (lambda quads: quads.pop("x+"), "not closed"),
         (lambda quads: quads.update({"x+": quads["x+"][::-1]}), "orient"),
-        (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true turns those of a file"),
+        (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true flips those of a file"),
     ],
 )
 def test_bad_mesh_files(write_case, registry, tmp_path, change, expected):

@@ -142,7 +142,7 @@ def test_unfit_zones_are_refused() -> None:
         check_contact_zone(replace(box, group_names=(*box.group_names, "empty")), "empty")
     block = box.blocks[0]
     edge = replace(box, blocks=(replace(block, groups=np.where(block.groups == 1, 5, block.groups)),))
-    with pytest.raises(MeshError, match=r"'z\+': it turns by more than 45 degrees at 3 points"):
+    with pytest.raises(MeshError, match=r"'z\+': it bends by more than 45 degrees at 3 points"):
         check_contact_zone(edge, "z+")
     whole = sphere_mesh(1.0, 6, Quad9())
     with pytest.raises(MeshError, match="'surface': it is the whole surface"):
