@@ -9,7 +9,7 @@ from typing import Final
 from meeframe.common.errors import MeeframeError
 from meeframe.common.toml import read_toml
 from meeframe.formulations.base import Formulation
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.model.cache import distinct_bodies, system_key
 from meeframe.model.case import Case, Warn, ignore, warnings_of
@@ -80,7 +80,7 @@ def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> I
     steps."""
     done: tuple[ComparedRun, ...] = ()
     shared = _Shared({})
-    place = zone_frames(model.mesh, model.zone)
+    place = find_contact_zone(model.mesh, model.zone)
     zone = Zone(place.points, place.frames, place.weights, place.cells)
     for number, combination in enumerate(chosen):
         case = combination.case
