@@ -7,7 +7,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from meeframe_hmatrix import arithmetic, pending
+from meeframe_hmatrix import accumulated_update, arithmetic
 from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, helpers, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
@@ -191,10 +191,10 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
             recompress(np.eye(6, dtype=precision), matrix, 1e-3)
 
 
-@pytest.mark.parametrize("small", [0, pending.SMALL], ids=["random vectors", "entry by entry"])
+@pytest.mark.parametrize("small", [0, accumulated_update.SMALL], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
-    monkeypatch.setattr(pending, "SMALL", small)
+    monkeypatch.setattr(accumulated_update, "SMALL", small)
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     tall = whole(np.ascontiguousarray(wide.T), 1e-9)
