@@ -42,6 +42,6 @@ def pytest_testnodedown(node: object) -> None:
     config.stash[DESELECTED] = max(config.stash[DESELECTED], getattr(node, "workeroutput", {}).get("deselected", 0))
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
     if config.stash[DESELECTED]:
         terminalreporter.write_line(f"{config.stash[DESELECTED]} tests of the full tier deselected; --full runs them.")
