@@ -102,7 +102,7 @@ def section(record: Record, _pictures: Path) -> str:
                 "What a command costs before it does anything. Whole processes, medians, in turns. "
                 "`meeframe check` loads all that a case needs: kernels and plugins; what only some cases need, such as "
                 "units other than prefixed ones, what draws and what sweeps is loaded where it is used "
-                "(tests/cli/test_start_up.py)."
+                "(tests/integration/cli/test_start_up.py)."
             ),
             demands(verdicts(record)),
             table(("process", "seconds", "processor time [s]"), rows),

@@ -18,7 +18,7 @@ from meeframe.plugin.registry import load
 from meeframe.plugin.sources import OWN_PACKAGES
 from meeframe.study.validate import known_cases
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EMII = ROOT / "validation" / "transversely_isotropic_indentation" / "emii.toml"
