@@ -117,7 +117,8 @@ def section(record: Record, _pictures: Path) -> str:
                 "Studies solve one case for many values of its keys. Points whose bodies are the same share the costly "
                 "part, the reduced system of the body. [Figures 3 to 14](reproduce.md) run through the same engine, "
                 "by `meeframe reproduce`. After a kill the [same command goes on](sweep.md#it-goes-on-where-it-ended): "
-                "finished points are not computed again, those that were being solved are (tests/integration/cli/test_sweep.py)."
+                "finished points are not computed again, those that were being solved are "
+                "(tests/integration/cli/test_sweep.py)."
             ),
             demands(verdicts(record)),
             prose(
