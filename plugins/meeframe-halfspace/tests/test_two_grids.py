@@ -110,6 +110,7 @@ def worst(whole: Convolution, size: tuple[int, int]) -> float:
     return max(error(whole, load) for load in loads_on(size).values())
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @pytest.mark.parametrize("medium", ["turned", "straight", "ceramic"])
 def test_responses_to_all_fields_at_once(medium, grid) -> None:
@@ -139,6 +140,7 @@ def test_smooth_responses_are_near_within_some_of_the_wider_spacings(medium, spa
     assert LEAST <= reach(response, spacing, np.inf) / max(spacing) < 1.2 * LEAST
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("along", "across"), [(1.0, 1.0), (1.0, 2.0), (3.0, 1.0)])
 def test_sharp_responses_are_near_farther_out(along, across) -> None:
     """By as much whichever axis they are sharp across, and the less, the closer nodes are there."""
@@ -228,6 +230,7 @@ def test_periodic_grids_have_none() -> None:
 # Between the grids
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("count", [*range(1, 14), 40, 41, 42, 43])
 def test_interpolation_is_exact_of_the_fifth_degree(count) -> None:
     nodes, places = np.arange(count), HOP * (np.arange(coarse_count(count)) - BEFORE)

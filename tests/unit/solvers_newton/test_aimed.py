@@ -46,6 +46,7 @@ def aims(monkeypatch: pytest.MonkeyPatch, kind: type[Solver]) -> list[float]:
     return told
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()], ids=["newton", "auto"])
 def test_what_is_not_asked_for_costs_nothing(solver: Solver, conducting, monkeypatch) -> None:
     """Fewer products than for more digits, and than without being told."""

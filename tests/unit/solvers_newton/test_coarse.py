@@ -119,6 +119,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     return Start(point, part.kept, given.coarse, Equation.of(below), np.arange(len(below.gap)))
 
 
+@pytest.mark.full(except_for=8)
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, made, start) -> None:
@@ -183,6 +184,7 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     assert (found.motion != point.motion).any() == (name == "free")
 
 
+@pytest.mark.full
 def test_fewer_steps_are_needed(made, monkeypatch: pytest.MonkeyPatch) -> None:
     """Than without a correction, to the same solutions."""
     problems = [made(name) for name in CASES]

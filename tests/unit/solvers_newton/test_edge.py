@@ -103,6 +103,7 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
     assert unlike[1] <= 0.2 * unlike[0]
 
 
+@pytest.mark.full
 def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPatch, conducting) -> None:
     def steps(problem: ContactProblem) -> int:
         solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))

@@ -159,6 +159,7 @@ def steps(problem: ContactProblem) -> int:
     return solution.iterations
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", LAWS)
 def test_the_first_step_from_a_coarser_grid_goes_farther(law: ContactLaw, conducting, monkeypatch) -> None:
     """Where the edge has been relaxed, too: else that decides."""
@@ -168,6 +169,7 @@ def test_the_first_step_from_a_coarser_grid_goes_farther(law: ContactLaw, conduc
     assert merits[:, 0].sum() < 0.4 * merits[:, 1].sum()
 
 
+@pytest.mark.full
 def test_fewer_steps_are_needed_from_a_coarser_grid(conducting, monkeypatch) -> None:
     """Where the indenter is dragged by little and by some of what friction bears."""
     sizes, ways = (81, 96, 113, 129), ((2e-7, 1e-7), DRAGGED)

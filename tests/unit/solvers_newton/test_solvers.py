@@ -65,6 +65,7 @@ def is_insulated(problem):
     return all(law == Insulating() for law in (problem.electric_law, problem.magnetic_law))
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize(
@@ -74,6 +75,7 @@ def test_solvers_agree(sphere, condition, material, law) -> None:
     assert_agree(sphere(material, law, CONDITIONS[condition], cells=12), ALL if law == Signorini() else FRICTIONAL)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
 def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa), cells=12), FRICTIONAL)
@@ -271,6 +273,7 @@ def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-6)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", FRICTIONAL, ids=name)
 def test_conformance(solver) -> None:
     check_solver(solver)

@@ -249,6 +249,7 @@ def test_auto_loses_nothing_where_it_leaves_conjugate_gradients(monkeypatch) -> 
     assert iterate.memory.residual <= max(10.0 * before, 1e-9)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("exponent", [0.5, 0.95])
 def test_conductivities_that_are_steepest_without_pressure(growing, exponent: float, monkeypatch) -> None:
     """From zero by Newton steps alone: one that went by the slope there would be of no use."""

@@ -7,7 +7,7 @@ import pytest
 from meeframe.report.validation import BAD
 from meeframe.study.validate import known_cases, validate
 
-FOLDER = Path(__file__).parents[2] / "validation"
+FOLDER = Path(__file__).parents[3] / "validation"
 AT_LEAST = {
     "cone", "elliptic_hertz", "exact_friction", "fclib", "flat_punch", "hertz", "indentation_moduli", "load_histories",
     "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "slender_rods",
