@@ -16,7 +16,6 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Step
 from meeframe.materials import library_material
 from meeframe.solvers import BarzilaiBorwein, Limits, SemismoothNewton, residual, solve
 from meeframe.solvers.conduction import own_response
-from meeframe.solvers.newton_steps import newton_step
 from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 
@@ -162,13 +161,11 @@ def test_answers_are_those_without_a_coarser_grid() -> None:
 
 def test_gradient_iterations_conduct_as_without_it() -> None:
     """The potentials eliminated with the approximate inverse and without."""
-    found, products = [], []
+    found = []
     for helped in (True, False):
         system = Counted.of(reduced(24), helped)
         found.append(solved(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
-        products.append(len(system.products))
     assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
-    assert products[0] < 0.6 * products[1]
 
 
 def test_products_hardly_grow_with_the_grid() -> None:
@@ -180,16 +177,3 @@ def test_products_hardly_grow_with_the_grid() -> None:
         counts[n, helped] = len(system.products)
     assert counts[128, True] < 1.5 * counts[32, True]
     assert counts[64, False] > counts[32, False] > counts[32, True]
-
-
-def test_a_newton_step_takes_half_the_products() -> None:
-    """Stick, slip and flux together, to eight digits, with the approximate inverse and without."""
-    counts = []
-    for helped in (True, False):
-        system = Counted.of(reduced(48), helped)
-        problem = dragged(system, kappa=CONDUCTING)
-        point = SemismoothNewton().init(problem, None).memory.point
-        system.products.clear()
-        newton_step(point.equation, point.linearise(), 1e-8)
-        counts.append(len(system.products))
-    assert counts[0] < 0.5 * counts[1]

