@@ -109,7 +109,6 @@ def test_residuals_are_judged_by_what_all_are_asked_for(tmp_path):
     assert "or that of the best other code | 2e-10 | met |" in page
 
 
-@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("theirs", "word"), [(1e-6, "met"), (1e-9, "**not met**")])
 def test_friction_is_to_converge_where_others_do_not(tmp_path, theirs, word):
     def one(residual, products=40):
