@@ -13,16 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 import meeframe
-from meeframe.case.solve import solve_steps
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.result import StepResult, zone_of
-from meeframe.geometry import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.report.canvas import MAP_COLOURS
-from meeframe.report.figures import save_figure
-from meeframe.report.history import history
-from meeframe.report.picture import Picture
+from meeframe.fields import Array
+from meeframe.indenters import Cone, Cylinder, Paraboloid, Placement, RectangularPunch
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.model.solve import solve_steps
+from meeframe.results.canvas import MAP_COLOURS
+from meeframe.results.figures import save_figure
+from meeframe.results.history import history
+from meeframe.results.picture import Picture
+from meeframe.results.records import StepResult, zone_of
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, indent
 
 HERE = Path(__file__).parent

@@ -10,32 +10,32 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from meeframe.case.case import Case as Case
-    from meeframe.case.case import Output as Output
-    from meeframe.case.load import load_case as load_case
-    from meeframe.case.run import run as run
-    from meeframe.case.solve import solve_case as solve_case
-    from meeframe.case.step import Step as Step
-    from meeframe.core.body import BoundaryCondition as BoundaryCondition
-    from meeframe.core.errors import MeeframeError as MeeframeError
-    from meeframe.core.result import Result as Result
-    from meeframe.core.result import resultants as resultants
-    from meeframe.io.results import read_result as read_result
+    from meeframe.common.errors import MeeframeError as MeeframeError
+    from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
+    from meeframe.model.case import Case as Case
+    from meeframe.model.data import Output as Output
+    from meeframe.model.load import load_case as load_case
+    from meeframe.model.solve import solve_case as solve_case
+    from meeframe.model.step import Step as Step
+    from meeframe.results.files import read_result as read_result
+    from meeframe.results.records import Result as Result
+    from meeframe.results.records import resultants as resultants
+    from meeframe.study.run import run as run
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Case": "meeframe.case.case",
-    "Output": "meeframe.case.case",
-    "load_case": "meeframe.case.load",
-    "run": "meeframe.case.run",
-    "solve_case": "meeframe.case.solve",
-    "Step": "meeframe.case.step",
-    "BoundaryCondition": "meeframe.core.body",
-    "MeeframeError": "meeframe.core.errors",
-    "Result": "meeframe.core.result",
-    "resultants": "meeframe.core.result",
-    "read_result": "meeframe.io.results",
+    "Case": "meeframe.model.case",
+    "Output": "meeframe.model.data",
+    "load_case": "meeframe.model.load",
+    "run": "meeframe.study.run",
+    "solve_case": "meeframe.model.solve",
+    "Step": "meeframe.model.step",
+    "BoundaryCondition": "meeframe.mesh.body",
+    "MeeframeError": "meeframe.common.errors",
+    "Result": "meeframe.results.records",
+    "resultants": "meeframe.results.records",
+    "read_result": "meeframe.results.files",
 }
 
 __all__ = ["__version__", *_HOMES]

@@ -8,16 +8,17 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from meeframe.core.body import check_conditions
-from meeframe.core.contact import Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.formulation import Formulation, NodalFields, silent
-from meeframe.core.quantities import Quantity
-from meeframe.core.result import Loading, Provenance, Region, Result, StepResult, Zone
-from meeframe.geometry import check_supports, zone_frames
+from meeframe.contact.problem import Status
+from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
+from meeframe.mesh import check_supports, zone_frames
+from meeframe.mesh.body import check_conditions
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
+from meeframe.results.records import Loading, Provenance, Region, Result, StepResult, Zone
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields, silent
 
 CASE = """
 title = "tiny"
@@ -53,14 +54,14 @@ approach = "10 um"
 
 
 COUNTER = """
-[counter_body]
+[second_body]
 zone = "contact"
 formulation = { name = "winkler", stiffness = "3e14 Pa/m" }
 
-[counter_body.material]
+[second_body.material]
 name = "pzt-4"
 
-[counter_body.mesh]
+[second_body.mesh]
 half_width = "40 mm"
 height = "60 mm"
 contact_width = "5 mm"
@@ -68,7 +69,7 @@ divisions = 4
 rings = 3
 layers = 2
 
-[[counter_body.boundary]]
+[[second_body.boundary]]
 group = "base"
 displacement = [0, 0, 0]
 electric_potential = 0
@@ -144,7 +145,7 @@ def case_file(write_case) -> Path:
 
 
 @pytest.fixture(scope="session")
-def counter_body():
+def second_body():
     """Tables of a second body for the tiny case, a bed of springs three times as stiff."""
     return COUNTER
 
@@ -183,7 +184,7 @@ def step(approach: float, status: Status = Status.CONVERGED, number: int = 1, in
         displacement=np.column_stack([np.zeros(n), np.zeros(n), -approach * inside]),
         potentials=np.column_stack([-5.0 * inside, 7.0 * inside]),
         fluxes=np.column_stack([2.0 * inside, -3.0 * inside]),
-        closed=inside.astype(float),
+        contact_fraction=inside.astype(float),
         slip=slip,
         total_slip=2.0 * slip,
         slip_path=3.0 * slip[:, 0],

@@ -25,11 +25,11 @@ def run(
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         with console.loading():
-            from meeframe.case.load import load_case
-            from meeframe.case.run import run as run_case
-            from meeframe.case.threads import limited
-            from meeframe.core.result import RunStatus
-            from meeframe.report.summary import AT_EDGE, summary_table
+            from meeframe.model.load import load_case
+            from meeframe.model.threads import limited
+            from meeframe.results.records import RunStatus
+            from meeframe.results.summary import AT_EDGE, summary_table
+            from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
@@ -45,8 +45,8 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Validate a case without running it."""
     with console.exit_status():
         with console.loading():
-            from meeframe.case.load import load_case
-            from meeframe.geometry import zone_frames
+            from meeframe.mesh import zone_frames
+            from meeframe.model.load import load_case
 
             checked = load_case(case, console.registry(plugin))
         steps = len(checked.steps)
@@ -63,7 +63,7 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
 def show(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")]) -> None:
     """Print the summary of a run as a table."""
     with console.exit_status():
-        from meeframe.io.results import read_result
-        from meeframe.report.summary import summary_table
+        from meeframe.results.files import read_result
+        from meeframe.results.summary import summary_table
 
         console.stdout().print(summary_table(read_result(folder)))

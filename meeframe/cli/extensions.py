@@ -24,9 +24,9 @@ def plugins(
         context.obj = plugin
         return
     with console.exit_status():
+        from meeframe.plugin.listing import plugin_list
         from meeframe.plugin.registry import Kind
         from meeframe.plugin.scaffold import kind_called
-        from meeframe.report.plugins import plugin_list
 
         kinds = tuple(Kind) if kind is None else (kind_called(kind),)
         console.stdout().print(plugin_list(console.registry(plugin), kinds))
@@ -40,7 +40,7 @@ def show_plugin(
 ) -> None:
     """Print the parameters of what has this name, with units, bounds and defaults, its formula and its source."""
     with console.exit_status():
-        from meeframe.report.plugins import plugin_page
+        from meeframe.plugin.listing import plugin_page
 
         console.stdout().print(plugin_page(console.registry([*(context.obj or ()), *(plugin or ())]), name))
 

@@ -25,7 +25,7 @@ def fclib_export(
     Exit status 0 if the increment converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"{out} was not written"):
-        from meeframe.case.load import load_case
+        from meeframe.model.load import load_case
         from meeframe.study.fclib import export_increment
 
         with console.progress() as progress:

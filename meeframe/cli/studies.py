@@ -28,9 +28,9 @@ def compare(
     case that fit it. Exit status 0 if every run converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
-        from meeframe.case.threads import limited
-        from meeframe.report.compare import comparison_table
+        from meeframe.model.threads import limited
         from meeframe.study.compare import compare as compare_runs
+        from meeframe.study.reports.compare import comparison_table
 
         options = {
             "contact-law": contact_law or [],
@@ -69,9 +69,9 @@ def verify(
     disagree, 1 if some do or a run did not converge, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
-        from meeframe.case.threads import limited
-        from meeframe.report.verified import Verdict
-        from meeframe.report.verify import verification_table
+        from meeframe.model.threads import limited
+        from meeframe.study.reports.verified import Verdict
+        from meeframe.study.reports.verify import verification_table
         from meeframe.study.verify import Meshes
         from meeframe.study.verify import verify as verify_case
 
@@ -108,9 +108,9 @@ def sweep(
     status 0 if every point converged, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was computed; {out} stays as it was"):
-        from meeframe.report.sweep import sweep_table
-        from meeframe.study.sweep import sweep as run_sweep
-        from meeframe.study.sweep_engine import pool_of
+        from meeframe.study.reports.sweep import sweep_table
+        from meeframe.study.sweep.engine import pool_of
+        from meeframe.study.sweep.run import sweep as run_sweep
 
         registry = console.registry(plugin)
         with console.progress() as progress, pool_of(workers, scheduler, plugin or (), threads) as pool:
@@ -136,7 +136,7 @@ def reproduce(
     """
     with console.exit_status(console.NOT_CONVERGED):
         from meeframe.study.reproduce import reproduce as reproduce_figures
-        from meeframe.study.sweep_engine import pool_of
+        from meeframe.study.sweep.engine import pool_of
 
         console.registry(None)
         missed: list[str] = []
@@ -162,7 +162,7 @@ def validate(
     Exit status 0 if every check passed, 1 if not, 2 for bad input, 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
-        from meeframe.report.validation_table import validation_table
+        from meeframe.study.reports.validation_table import validation_table
         from meeframe.study.validate import validate as validate_cases
 
         console.registry(None)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from meeframe.core.element import SurfaceElement
+from meeframe.elements.base import SurfaceElement
 from meeframe.elements.lagrange import Quad4, Quad8, Quad9, Tri3, Tri6
 
 ELEMENTS: Final[dict[str, SurfaceElement]] = {e.name: e for e in (Quad4(), Quad8(), Quad9(), Tri3(), Tri6())}

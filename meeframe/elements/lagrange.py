@@ -5,8 +5,8 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.core.element import Reference, SurfaceElement
-from meeframe.core.fields import Array
+from meeframe.elements.base import Reference, SurfaceElement
+from meeframe.fields import Array
 
 
 def _frozen(rows: list[tuple[float, float]]) -> Array:

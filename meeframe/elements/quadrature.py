@@ -1,24 +1,23 @@
-"""Quadrature rules over one element as records: the Python face of meeframe.kernels.quadrature."""
+"""Quadrature rules over one element as records: the Python face of meeframe.elements._kernels.quadrature."""
 
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from meeframe.core.element import SurfaceElement, shape_coefficients
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
-from meeframe.kernels import quadrature as kernels
-from meeframe.kernels.quadrature_order import MODERATE_ANISOTROPY
-from meeframe.kernels.shape import ShapeTable, map_rule
+from meeframe.common.errors import MeshError
+from meeframe.elements._kernels import quadrature as kernels
+from meeframe.elements._kernels.quadrature_order import MODERATE_ANISOTROPY
+from meeframe.elements._kernels.shape import ShapeTable, map_rule
+from meeframe.elements.base import SurfaceElement, shape_coefficients
+from meeframe.fields import Array, Indices
 
 MOST_GAUSS_POINTS = 24
 
 
 @lru_cache(maxsize=64)
 def shape_table(element: SurfaceElement) -> ShapeTable:
-    """The element as plain, read-only arrays for the kernels."""
+    """Return the element as plain, read-only arrays for the kernels."""
     arrays = (element.exponents.astype(np.int64), shape_coefficients(element).copy(), element.nodes.copy())
     for array in arrays:
         array.setflags(write=False)
@@ -27,7 +26,7 @@ def shape_table(element: SurfaceElement) -> ShapeTable:
 
 @lru_cache(maxsize=1)
 def gauss_table() -> kernels.GaussTable:
-    """Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
+    """Return the Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
     points = np.zeros((MOST_GAUSS_POINTS + 1, MOST_GAUSS_POINTS))
     weights = np.zeros_like(points)
     for n in range(1, MOST_GAUSS_POINTS + 1):
@@ -61,12 +60,13 @@ def pair_rule(
     own_xi: Array | None = None,
     anisotropy: float = MODERATE_ANISOTROPY,
 ) -> ElementRule:
-    """Rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from source (3,).
+    """Return the rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from
+    source (3,).
 
     own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
     that vanish at the source; tolerance: relative to the integral of the absolute value; anisotropy: of the medium,
     see meeframe.elements.anisotropy. Raises MeshError if own_xi is not given and yet the source lies on the element.
-    See meeframe.kernels.quadrature for the method.
+    See meeframe.elements._kernels.quadrature for the method.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
@@ -88,7 +88,7 @@ def pair_rule(
 
 
 def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: int | None = None) -> ElementRule:
-    """Tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
+    """Return the tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
 
     order_eta: points along eta if they are not as many as along xi.
     """
@@ -99,7 +99,7 @@ def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: in
 
 
 def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
-    """A rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
+    """Return a rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
     m, n = len(weights), len(element.nodes)
     positions, normals = np.empty((m, 3)), np.empty((m, 3))
     measures, shapes = np.empty(m), np.empty((m, n))
@@ -110,7 +110,8 @@ def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array)
 
 @dataclass(frozen=True, eq=False)
 class ElementExtents:
-    """What the order of a rule on a whole element depends on, for required_orders of meeframe.kernels.quadrature_order.
+    """What the order of a rule on a whole element depends on, for required_orders of
+    meeframe.elements._kernels.quadrature_order.
 
     centres: (e, 3); sizes: (e, 2) lengths along xi and eta, enlarged for skew and curvature; least_orders: (e,) points
     per direction that shape functions and the turning of the normal ask for at any distance.
@@ -122,7 +123,7 @@ class ElementExtents:
 
 
 def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> ElementExtents:
-    """Extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
+    """Return the extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     count = len(nodes)
     extents = ElementExtents(np.empty((count, 3)), np.empty((count, 2)), np.empty(count, np.int64))

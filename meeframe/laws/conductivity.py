@@ -5,18 +5,18 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ConductivityLaw
 
 
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """No flux through the contact: kappa = 0."""
+    """Insulating contact without flux: kappa = 0."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Zero, (n,)."""
+        """Return zero, (n,)."""
         return np.zeros_like(normal_traction)
 
 
@@ -35,5 +35,5 @@ class StepConductivity(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa where normal_traction < 0, else 0, (n,)."""
+        """Return kappa where normal_traction < 0, else 0, (n,)."""
         return np.where(normal_traction < 0.0, self.kappa, 0.0)

@@ -7,10 +7,10 @@ from typing import Annotated, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.laws.base import ContactLaw
 
 LARGEST_RATIO: Final = 1e3
 """Of finite principal friction coefficients."""
@@ -30,15 +30,15 @@ class IsotropicCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
         return _radial_return(trial, np.array([self.mu, self.mu]))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if mu is zero."""
+        """Return the identity; zero if mu is zero."""
         return _scaling(np.array([self.mu, self.mu]))
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu, self.mu]), np.eye(2))
 
 
@@ -70,7 +70,7 @@ class OrthotropicCoulomb(ContactLaw):
             )
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
         axes = self._axes()
         principal = np.column_stack([trial[:, :2] @ axes.T, trial[:, 2]])
         traction = _radial_return(principal, np.array([self.mu1, self.mu2]))
@@ -78,31 +78,31 @@ class OrthotropicCoulomb(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
+        """Return M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
         axes = self._axes()
         scaling: Array = axes.T @ _scaling(np.array([self.mu1, self.mu2])) @ axes
         return scaling
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu1, self.mu2]), self._axes())
 
     def _axes(self) -> Array:
-        """Principal directions as rows, (2, 2)."""
+        """Return the principal directions as rows, (2, 2)."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, s], [-s, c]])
 
 
 def _scaling(mu: Array) -> Array:
-    """diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any scaling will
-    then do, and one is the fastest."""
+    """Return diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any
+    scaling will then do, and one is the fastest."""
     largest = mu[np.isfinite(mu)].max(initial=0.0)
     factors = np.where(np.isinf(mu), 1.0, 0.0 if largest == 0.0 else (mu / (largest or 1.0)) ** 2)
     return np.diag(factors)
 
 
 def _radial_return(trial: Array, mu: Array) -> Array:
-    """Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
+    """Return the Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
     traction = np.zeros_like(trial)
     pressure = -np.minimum(trial[:, 2], 0.0)
     traction[:, 2] = -pressure
@@ -117,33 +117,34 @@ def _radial_return(trial: Array, mu: Array) -> Array:
 
 
 def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
-    """Derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along axes (2, 2), one a row.
+    """Return the derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along axes (2, 2), one a row.
 
     On the limit that of stick is taken, at zero normal trial that of open contact.
     """
     bounded = (mu > 0.0) & np.isfinite(mu)
     sticking, slipping = ((axes.T * which) @ axes for which in (mu > 0.0, bounded))
-    closed = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
+    contact_fraction = np.isfinite(trial).all(axis=1) & (trial[:, 2] < 0.0)
     inverse = np.divide(1.0, mu, out=np.zeros(2), where=bounded)
-    factor, unit = _slip(trial, closed, inverse[:, None] * axes)
+    factor, unit = _slip(trial, contact_fraction, inverse[:, None] * axes)
     along, across = (axes.T * np.where(bounded, mu, 0.0)) @ unit, (axes.T * inverse) @ unit
     tangent = np.zeros((3, 3, len(trial))).transpose(2, 0, 1)
-    tangent[:, 2, 2] = closed
+    tangent[:, 2, 2] = contact_fraction
     tangent[:, :2, 2] = -along.T
     along *= factor
     factor -= 1.0
     for i, j in np.ndindex(2, 2):
-        tangent[:, i, j] = closed * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
+        tangent[:, i, j] = contact_fraction * sticking[i, j] + factor * slipping[i, j] - along[i] * across[j]
     return tangent
 
 
-def _slip(trial: Array, closed: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
-    """Factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial, zero in stick.
+def _slip(trial: Array, contact_fraction: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
+    """Return the factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial,
+    zero in stick.
 
     Components before nodes, here and in what follows: numpy is much faster along the longer axis.
     """
-    reach = reduce @ [np.where(closed, part, 0.0) for part in trial[:, :2].T]
+    reach = reduce @ [np.where(contact_fraction, part, 0.0) for part in trial[:, :2].T]
     norm = np.linalg.norm(reach, axis=0)
-    slips = closed & (norm > -trial[:, 2])
+    slips = contact_fraction & (norm > -trial[:, 2])
     norm[~slips] = 1.0
     return np.where(slips, -trial[:, 2] / norm, 1.0), np.array([np.where(slips, part / norm, 0.0) for part in reach])

@@ -6,12 +6,12 @@ from typing import Generic, TypeVar
 
 import pluggy
 
-from meeframe.core.contact import Solver
-from meeframe.core.element import SurfaceElement
-from meeframe.core.formulation import Formulation
-from meeframe.core.fundamental import FundamentalSolution
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.contact.problem import Solver
+from meeframe.elements.base import SurfaceElement
+from meeframe.formulations.base import Formulation
+from meeframe.greens.base import FundamentalSolution
+from meeframe.indenters.base import Indenter
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)
@@ -39,28 +39,28 @@ class HookSpecs:
 
     @hookspec
     def meeframe_fundamental_solutions(self) -> Iterable[Record[FundamentalSolution]]:  # type: ignore[empty-body]
-        """Fundamental solutions (contract: meeframe.core.fundamental)."""
+        """Return the fundamental solutions (contract: meeframe.greens.base)."""
 
     @hookspec
     def meeframe_elements(self) -> Iterable[Record[SurfaceElement]]:  # type: ignore[empty-body]
-        """Surface elements (contract: meeframe.core.element)."""
+        """Return the surface elements (contract: meeframe.elements.base)."""
 
     @hookspec
     def meeframe_formulations(self) -> Iterable[Record[Formulation]]:  # type: ignore[empty-body]
-        """Formulations (contract: meeframe.core.formulation)."""
+        """Return the formulations (contract: meeframe.system.reduced)."""
 
     @hookspec
     def meeframe_contact_laws(self) -> Iterable[Record[ContactLaw]]:  # type: ignore[empty-body]
-        """Normal and tangential contact laws (contract: meeframe.core.law)."""
+        """Return the normal and tangential contact laws (contract: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
-        """Electric and magnetic conductivity laws (contract: meeframe.core.law)."""
+        """Return the electric and magnetic conductivity laws (contract: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]
-        """Contact solvers (contract: meeframe.core.contact)."""
+        """Return the contact solvers (contract: meeframe.contact.problem)."""
 
     @hookspec
     def meeframe_indenters(self) -> Iterable[Record[Indenter]]:  # type: ignore[empty-body]
-        """Indenter shapes (contract: meeframe.core.indenter)."""
+        """Return the indenter shapes (contract: meeframe.indenters.base)."""

@@ -1,4 +1,4 @@
-"""From tables of a case file to objects, and from pydantic's errors to located messages."""
+"""Conversion of case-file tables to objects, and of pydantic's errors to located messages."""
 
 import dataclasses
 import difflib
@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, Union, get_args, get_origin, get_type_
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, PydanticUserError, Strict, ValidationError, create_model
 
-from meeframe.core.errors import CaseError, MeeframeError
-from meeframe.core.quantities import Quantity
+from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.fields.units import Quantity
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
@@ -24,6 +24,8 @@ _SIMILAR: Final = 0.7  # of difflib: 'form' is near to 'from', 'friction' not to
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 # pydantic's kinds of errors whose own texts speak of Python and not of TOML
+RENAMED_KEYS: Final = {"counter_body": "second_body"}
+"""Keys of earlier versions and what they are called now."""
 _TEXTS = {
     "dict_type": "should be a table",
     "model_type": "should be a table",
@@ -52,11 +54,12 @@ class Problem:
     cause: BaseException | None = dataclasses.field(default=None, compare=False)
 
     def inside(self, *outer: str | int) -> "Problem":
-        """The same problem seen from an enclosing table."""
+        """Return the same problem seen from an enclosing table."""
         return replace(self, location=(*outer, *self.location))
 
     def quoting(self, tables: Mapping[str, Any]) -> "Problem":
-        """The same problem with the value that tables have in its place, as it was written there, if they have one."""
+        """Return the same problem with the value that tables have in its place, as it was written there, if they have
+        one."""
         value: Any = tables
         try:
             for key in self.location:
@@ -91,7 +94,7 @@ def build(
     other_keys: tuple[str, ...] = (),
     unit: str = "",
 ) -> Any:
-    """factory(**table) with every entry checked against the fields of the dataclass `factory`.
+    """Return factory(**table) with every entry checked against the fields of the dataclass `factory`.
 
     other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. unit: the only one taken
     by quantities that have it among others. Raises TableError.
@@ -127,7 +130,7 @@ def _model(factory: Callable[..., Any], converters: Converters, unit: str) -> ty
 
 
 def _settled(hint: Any, unit: str) -> Any:
-    """The hint with every quantity in it settled on a unit if that is one of its units."""
+    """Return the hint with every quantity in it settled on a unit if that is one of its units."""
     if get_origin(hint) is Annotated:
         marks = [mark.only(unit) if isinstance(mark, Quantity) else mark for mark in hint.__metadata__]
         return Annotated[(hint.__origin__, *marks)]
@@ -137,7 +140,7 @@ def _settled(hint: Any, unit: str) -> Any:
 
 
 def _strict(hint: Any, converters: Converters) -> Any:
-    """The hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
+    """Return the hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
     convert = converters(hint)
     if convert is not None:
         return Annotated[hint, BeforeValidator(convert)]
@@ -153,8 +156,11 @@ def _strict(hint: Any, converters: Converters) -> Any:
 
 
 def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
-    """Validator of a union that says in one text what all its parts allow; pydantic's own gives one error for each."""
-    models = [create_model("Part", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)]
+    """Return the validator of a union that says in one text what all its parts allow; pydantic's own gives one error
+    for each."""
+    models = [
+        create_model("Subsystem", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)
+    ]
 
     def choose(value: Any) -> Any:
         if value is None and len(models) < len(hints):
@@ -180,8 +186,8 @@ def _no_nan(value: Any) -> Any:
 
 
 def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tuple[str, ...] = ()) -> list[Problem]:
-    """Located problems of a pydantic error, those of nested tables included; unknown keys first, as they often are the
-    missing ones misspelt."""
+    """Return the located problems of a pydantic error, those of nested tables included; unknown keys first, as they
+    often are the missing ones misspelt."""
     items = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     # pydantic also calls a list too short if its entries are wrong
     wrong_lists = {item["loc"][: len(item["loc"]) - k] for item in items for k in range(1, len(item["loc"]))}
@@ -210,7 +216,9 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
 
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
-    """What is allowed where an unknown key was found."""
+    """Say what is allowed where an unknown key was found, or its new name if it has been renamed."""
+    if location[-1] in RENAMED_KEYS:
+        return f"unknown key; it is now called {RENAMED_KEYS[str(location[-1])]!r}"
     current = _model_within(_hint_at(location[:-1], model))
     fields = {} if current is None else current.model_fields
     keys = [*(field.alias or key for key, field in fields.items()), *other_keys]
@@ -218,7 +226,8 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
 
 
 def choices(name: str, names: Collection[str]) -> str:
-    """'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like one."""
+    """Return 'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like
+    one."""
     close = [other for other in names if str(name) in other.split("-")]
     close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
@@ -226,7 +235,7 @@ def choices(name: str, names: Collection[str]) -> str:
 
 
 def _hint_at(location: tuple[str | int, ...], model: type[BaseModel]) -> Any:
-    """What type a place in nested pydantic models has; None if they do not lead there."""
+    """Return what type a place in nested pydantic models has; None if they do not lead there."""
     hint: Any = model
     for key in location:
         if isinstance(key, str):

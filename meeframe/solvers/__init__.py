@@ -1,21 +1,21 @@
 """Contact solvers and the one driver loop around them."""
 
-from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
+from meeframe.contact.residual import residual
 from meeframe.solvers.auto import Auto
-from meeframe.solvers.conjugate_gradients import ProjectedCG
-from meeframe.solvers.driver import Limits, solve
-from meeframe.solvers.edges import solve_to_edges
-from meeframe.solvers.newton import SemismoothNewton
-from meeframe.solvers.residual import residual
-from meeframe.solvers.uzawa import Uzawa
+from meeframe.solvers.cg.projected_cg import ProjectedCG
+from meeframe.solvers.driver import StoppingCriteria, solve
+from meeframe.solvers.edge_resolution import solve_to_edges
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
+from meeframe.solvers.gradient.uzawa import Uzawa
+from meeframe.solvers.newton.method import SemismoothNewton
 
 __all__ = [
     "Auto",
     "BarzilaiBorwein",
-    "Limits",
     "Nesterov",
     "ProjectedCG",
     "SemismoothNewton",
+    "StoppingCriteria",
     "Uzawa",
     "residual",
     "solve",

@@ -5,15 +5,16 @@ from typing import ClassVar, Final, final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.solvers.accelerated import BarzilaiBorwein, Nesterov
-from meeframe.solvers.conduction import conducting
-from meeframe.solvers.conjugate_gradients import ProjectedCG
-from meeframe.solvers.frictionless import takes
-from meeframe.solvers.newton import SemismoothNewton
-from meeframe.solvers.residual import evaluate, law_residual
-from meeframe.solvers.scales import Scales, problem_scales
-from meeframe.solvers.uzawa import Uzawa
+from meeframe.contact.conduction import conducting
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
+from meeframe.contact.residual import evaluate, law_residual
+from meeframe.contact.scales import Scales, problem_scales
+from meeframe.solvers.cg.frictionless import takes
+from meeframe.solvers.cg.projected_cg import ProjectedCG
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
+from meeframe.solvers.gradient.uzawa import Uzawa
+from meeframe.solvers.newton.method import SemismoothNewton
+from meeframe.system.capabilities import EdgeResolution
 
 FALL: Final = 0.9
 """Progress is a residual below this fraction of the smallest so far."""
@@ -26,7 +27,7 @@ class _Stage:
 
     solver: Solver
     steps: int
-    patience: float
+    stall_window: float
     grazing: bool = True
 
 
@@ -70,7 +71,7 @@ class Auto(Solver):
     the driver judges it. A step is one of Newton's method or of conjugate gradients, or 25 of a gradient iteration.
     """
 
-    patience: ClassVar[int] = 240
+    stall_window: ClassVar[int] = 240
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         """The converged state of the previous load step, or no load at all."""
@@ -93,8 +94,8 @@ class Auto(Solver):
             memory = replace(memory, inner=inner, residual=residual, best=inner, idle=0)
         else:
             memory = replace(memory, inner=inner, idle=memory.idle + 1)
-        grazing = not stage.grazing and bool(((inner.closed > 0.0) & (inner.closed < 1.0)).any())
-        if grazing or memory.idle > stage.patience:
+        grazing = not stage.grazing and bool(((inner.contact_fraction > 0.0) & (inner.contact_fraction < 1.0)).any())
+        if grazing or memory.idle > stage.stall_window:
             begun = _begun(problem, memory.stages[1:], evaluate(problem, memory.best), memory.scales)
             return begun if memory.aim is None else self.aimed(begun, memory.aim)
         return replace(inner, memory=memory)
@@ -116,8 +117,9 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
 
 
 def _resolves_edges(problem: ContactProblem) -> bool:
-    """Whether edges lie between nodes, or are to once the problem has been solved (meeframe.solvers.edges)."""
-    return problem.covered is not None or problem.system.edges(np.zeros(len(problem.gap))) is not None
+    """Whether edges lie between nodes, or are to once the problem has been solved
+    (meeframe.solvers.edge_resolution)."""
+    return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
 
 
 def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:

@@ -8,16 +8,16 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from scipy.linalg import LinAlgWarning
 
-from meeframe.core.blas import ONE_BLAS_THREAD
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.formulation import Progress, silent
-from meeframe.core.memory import keep_freed_memory
-from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.solvers.reach import beyond_friction, unreachable
-from meeframe.solvers.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
-from meeframe.solvers.scales import Scales, largest, motion_scales, problem_scales
+from meeframe.common.blas import ONE_BLAS_THREAD
+from meeframe.common.errors import CaseError
+from meeframe.common.memory import keep_freed_memory
+from meeframe.contact.feasibility import beyond_friction, unreachable
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
+from meeframe.contact.residual import ALL_FIELDS, evaluate, judged_fields, law_residual
+from meeframe.contact.scales import Scales, largest, motion_scales, problem_scales
+from meeframe.fields import MECHANICAL, Array
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.system.reduced import Progress, silent
 
 Criterion = Literal["residual", "paper"]
 
@@ -39,10 +39,10 @@ GIGA: Final = 1e9
 
 
 @dataclass(frozen=True)
-class Limits:
+class StoppingCriteria:
     """When to stop.
 
-    criterion: 'residual', the dimensionless violation of the laws (meeframe.solvers.residual), or 'paper', the largest
+    criterion: 'residual', the dimensionless violation of the laws (meeframe.contact.residual), or 'paper', the largest
     of the Euclidean norms of the changes of displacement, potentials and tractions over the contact nodes in one step
     (section 6), in the paper's units: m, GV, GA, GPa, which are coherent with its Tables 1 and 3. A short step changes
     little wherever it is: with this criterion the residual must have fallen to ACCEPTABLE besides;
@@ -61,7 +61,7 @@ class Limits:
             value = getattr(self, name)
             unset = name == "stall_window" and value is None
             if not unset and (not isinstance(value, int) or value < 1):
-                raise CaseError(f"Limits: {name} = {value!r}: allowed: whole numbers from 1")
+                raise CaseError(f"StoppingCriteria: {name} = {value!r}: allowed: whole numbers from 1")
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class _Orbit:
 def solve(
     problem: ContactProblem,
     solver: Solver,
-    limits: Limits | None = None,
+    limits: StoppingCriteria | None = None,
     start: ContactState | None = None,
     progress: Progress = silent,
 ) -> ContactSolution:
@@ -135,10 +135,10 @@ def solve(
     An iteration that goes astray raises nothing.
     """
     keep_freed_memory()
-    limits = limits or Limits()
+    limits = limits or StoppingCriteria()
     by_residual = limits.criterion == "residual"
     fields = judged_fields(problem) if by_residual else ALL_FIELDS
-    hopeless = cache(lambda: unreachable(problem, scales) if problem.freedoms else None)
+    hopeless = cache(lambda: unreachable(problem, scales) if problem.prescribed_resultants else None)
     # one thread: products of contact size are too small to share, and waiting for each other costs far more
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         scales = problem_scales(problem)
@@ -155,14 +155,14 @@ def solve(
         units = motion_scales(problem, scales)
         orbit = _Orbit()
         iteration = 0
-        window = limits.stall_window or solver.patience
+        window = limits.stall_window or solver.stall_window
         while (verdict := _verdict(trend, limits, window, orbit.repeated)) is None:
             iteration += 1
             iterate = solver.step(problem, iterate)
             due = not by_residual or iteration >= limits.max_iterations or _due(solver, iterate, iteration, limits)
             if iterate.estimate is None:
                 orbit = orbit.next(iteration, _point(iterate, scales, units), limits.tolerance)
-            elif problem.freedoms:
+            elif problem.prescribed_resultants:
                 pace = _next(pace, (iteration, iterate.estimate))
                 if pace.idle >= HOPELESS and beyond_friction(problem, evaluate(problem, iterate), scales):
                     window = 0
@@ -226,16 +226,16 @@ def _missed(problem: ContactProblem, state: ContactState, scales: Scales) -> str
     )
 
 
-def _due(solver: Solver, iterate: Iterate, iteration: int, limits: Limits) -> bool:
+def _due(solver: Solver, iterate: Iterate, iteration: int, limits: StoppingCriteria) -> bool:
     """Whether to look at an iterate: every stride, unless the solver itself says that it is not there yet."""
     if iterate.estimate is None:
-        return iteration % solver.stride == 0
-    return iterate.estimate <= limits.tolerance or iteration % (UNTROUBLED * solver.stride) == 0
+        return iteration % solver.check_interval == 0
+    return iterate.estimate <= limits.tolerance or iteration % (UNTROUBLED * solver.check_interval) == 0
 
 
 def _point(iterate: Iterate, scales: Scales, units: Array) -> Array:
     """Load, closed fraction and motion in characteristic units, as one vector."""
-    return np.concatenate([(iterate.load / scales.load).ravel(), iterate.closed, iterate.motion / units])
+    return np.concatenate([(iterate.load / scales.load).ravel(), iterate.contact_fraction, iterate.motion / units])
 
 
 def _paper_change(previous: ContactState, state: ContactState) -> float:
@@ -246,7 +246,7 @@ def _paper_change(previous: ContactState, state: ContactState) -> float:
     return max(float(np.linalg.norm(change)) for change in changes)
 
 
-def _verdict(trend: _Trend | None, limits: Limits, window: int, repeated: bool) -> tuple[Status, str] | None:
+def _verdict(trend: _Trend | None, limits: StoppingCriteria, window: int, repeated: bool) -> tuple[Status, str] | None:
     """Status and the reason in words; None to go on."""
     if trend is None:
         return None

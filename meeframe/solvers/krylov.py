@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 Linear = Callable[[Array], Array]
 """A linear map from (k,) to (k,)."""

@@ -6,21 +6,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from meeframe.case.cache import distinct_bodies, system_key
-from meeframe.case.case import Case, Warn, unheard, warnings_of
-from meeframe.case.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps
-from meeframe.core.body import Body
-from meeframe.core.errors import MeeframeError
-from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
-from meeframe.core.result import Zone, zone_of
-from meeframe.core.toml import read_toml
-from meeframe.geometry import zone_frames
-from meeframe.io.output import check_output, replacing, rewriting
+from meeframe.common.errors import MeeframeError
+from meeframe.common.toml import read_toml
+from meeframe.formulations.base import Formulation
+from meeframe.mesh import zone_frames
+from meeframe.mesh.body import Body
+from meeframe.model.cache import distinct_bodies, system_key
+from meeframe.model.case import Case, Warn, ignore, warnings_of
+from meeframe.model.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
-from meeframe.report.compare import ComparedRun, Comparison, comparison_figure, comparison_json
-from meeframe.report.figures import save_figure
+from meeframe.results.figures import save_figure
+from meeframe.results.output import check_output, replacing, rewriting
+from meeframe.results.records import Zone, zone_of
 from meeframe.study.choices import Combination, combinations, read_choices
+from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_figure, comparison_json
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "compare.json"
 FIGURE_FILE: Final = "sections.png"
@@ -33,14 +34,14 @@ def compare(
     overwrite: bool = False,
     registry: Registry | None = None,
     progress: Progress = silent,
-    warn: Warn = unheard,
+    warn: Warn = ignore,
 ) -> Comparison:
     """Run all combinations of a case file; write compare.json, after every increment anew, and sections.png into `out`.
 
     options: for options of OPTIONS names or inline tables. A table stands for that of the case; a name takes the keys
     of the case's table that fit it. A conductivity law is that of both fields, but for a table with the keys electric
     and magnetic; a formulation or fundamental solution that of both bodies, but for a formulation with the keys body
-    and counter_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
+    and second_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
     comparison. warn: is told first what formulations and cases warn of, each once.
     Raises CaseError or PluginError, before anything is computed, for options with problems, unknown names, and if no
     combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
@@ -50,8 +51,8 @@ def compare(
     chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
     cases = [combination.case for combination in chosen if combination.case is not None]
-    doubts = dict.fromkeys(text for case in cases for text in case.doubts)
-    for warning in (*warnings_of(distinct_bodies(cases).values()), *doubts):
+    foreseen = dict.fromkeys(text for case in cases for text in case.preflight)
+    for warning in (*warnings_of(distinct_bodies(cases).values()), *foreseen):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), text, versions)
@@ -68,7 +69,8 @@ def compare(
 
 
 def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
-    """The runs so far, after every increment and at the end of every run. model: any case, as to its zone and steps."""
+    """Return the runs so far, after every increment and at the end of every run. model: any case, as to its zone and
+    steps."""
     done: tuple[ComparedRun, ...] = ()
     shared = _Shared({})
     place = zone_frames(model.mesh, model.zone)
@@ -101,11 +103,11 @@ class _Shared:
     seconds: float = 0.0
 
     def of(self, body: tuple[Formulation, Body]) -> ReducedSystem:
-        """The system of a body with its formulation."""
+        """Return the system of a body with its formulation."""
         return self.systems[system_key(*body)]
 
     def next(self, case: Case, progress: Progress) -> "_Shared":
-        """Those of a case. Raises as meeframe.case.solve.reduce."""
+        """Return the reduced systems of a case. Raises as meeframe.model.solve.reduce."""
         keyed = {system_key(*body): body for body in bodies_of(case)}
         if keyed.keys() == self.systems.keys():
             return self
@@ -116,7 +118,7 @@ class _Shared:
 
 
 def _increments(run: ComparedRun, case: Case, system: ReducedSystem) -> Iterator[ComparedRun]:
-    """The run after every increment. Raises CaseError if a solver or law refuses it."""
+    """Return the run after every increment. Raises CaseError if a solver or law refuses it."""
     begin = time.perf_counter()
     for step in solve_steps(case, system, boundary=False):
         run = replace(run, steps=(*run.steps, step), seconds=run.seconds + time.perf_counter() - begin)

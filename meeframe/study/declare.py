@@ -1,4 +1,4 @@
-"""What a study file may say: one frozen model for each table. Documented in docs/reproduce.md."""
+"""Schema of study files: one frozen model for each table. Documented in docs/reproduce.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -9,11 +9,12 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
 
-from meeframe.core.errors import CaseError
-from meeframe.core.quantities import read_quantity
-from meeframe.core.toml import read_toml
+from meeframe.common.errors import CaseError
+from meeframe.common.toml import read_toml
+from meeframe.fields.units import read_quantity
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
-from meeframe.study.quantities import NODAL, TOTALS
+from meeframe.results import schema
+from meeframe.study.quantities import TOTALS
 
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
@@ -33,7 +34,7 @@ Text = Annotated[str, Strict(), Field(min_length=1), AfterValidator(_without_nul
 
 
 def key_parts(key: str) -> list[str | int]:
-    """The parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
+    """Return the parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
     found, position = [], 0
     while position < len(key):
         match = _PART.match(key, position)
@@ -45,7 +46,7 @@ def key_parts(key: str) -> list[str | int]:
 
 
 def checked_keys(changes: Changes) -> Changes:
-    """The changes, whose keys are such as may be. Raises ValueError."""
+    """Return the changes, whose keys are such as may be. Raises ValueError."""
     for key in changes:
         key_parts(key)
     return changes
@@ -55,7 +56,8 @@ CheckedChanges = Annotated[Changes, AfterValidator(checked_keys)]
 
 
 def words(value: Any) -> str:
-    """A value of a case file in one line: of a table its name and then its other keys, tables in it in brackets."""
+    """Return a value of a case file in one line: of a table its name and then its other keys, tables in it in
+    brackets."""
     if isinstance(value, Mapping):
         items = ((key, item) for key, item in value.items() if key != "name")
         rest = (f"{key}=({words(item)})" if isinstance(item, Mapping) else f"{key}={item}" for key, item in items)
@@ -64,7 +66,8 @@ def words(value: Any) -> str:
 
 
 def place_of(value: Any) -> float | None:
-    """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
+    """Return where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything
+    else."""
     if isinstance(value, str):
         with suppress(ValueError):
             return float(read_quantity(value).magnitude)
@@ -111,7 +114,7 @@ class PanelTable(Table):
         return self
 
     def all_runs(self) -> tuple[RunTable, ...]:
-        """Those of vary and values, then the others."""
+        """Return the runs of `vary` and `values`, then the others."""
         varied = (
             RunTable(label=words(value), set={self.vary: value}, value=place_of(value))
             for value in self.values
@@ -140,7 +143,7 @@ class StudyTable(Table):
 
     @model_validator(mode="after")
     def _quantities_are_known(self) -> "StudyTable":
-        names = TOTALS if self.kind == "curves" else NODAL
+        names = TOTALS if self.kind == "curves" else schema.nodal(schema.View.STUDY)
         for panel in self.panels:
             shown = self.shown(panel)
             if not shown:
@@ -156,12 +159,12 @@ class StudyTable(Table):
         return self
 
     def shown(self, panel: PanelTable) -> dict[str, str | float]:
-        """The quantities of a panel and what they are divided by."""
+        """Return the quantities of a panel and the scales that divide them."""
         return self.quantities if panel.quantities is None else panel.quantities
 
 
 def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
-    """The checked study of a file, and the tables of its case file.
+    """Return the checked study of a file, and the tables of its case file.
 
     Raises CaseError with a line for each problem found.
     """
@@ -170,7 +173,7 @@ def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
 
 
 def checked(model: type[Model], file: Path) -> Model:
-    """The tables of a file as a model. Raises CaseError with a line for each problem found."""
+    """Return the tables of a file as a model. Raises CaseError with a line for each problem found."""
     _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
         raise CaseError(f"{file}: is a case file; allowed: a study, whose key `case` names one (docs/sweep.md)")
@@ -182,12 +185,12 @@ def checked(model: type[Model], file: Path) -> Model:
 
 
 def _brief(problem: Problem) -> Problem:
-    """The problem; of a whole study without the study, as its text names what is wrong in it."""
+    """Return the problem; of a whole study without the study, as its text names what is wrong in it."""
     return problem if problem.location else Problem((), problem.text)
 
 
 def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
-    """A copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
+    """Return a copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
 
     Raises TableError if a key leads into something that is no table or list, or past the end of a list.
     """

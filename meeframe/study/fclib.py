@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from meeframe.case.case import Case
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.contact import ContactProblem, Status
-from meeframe.core.errors import CaseError, ResultError
-from meeframe.core.formulation import Progress, ReducedSystem, silent
-from meeframe.core.result import StepResult
-from meeframe.io.fclib import (
+from meeframe.common.errors import CaseError, ResultError
+from meeframe.contact.problem import ContactProblem, Status
+from meeframe.model.case import Case
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.results.fclib import (
     LocalProblem,
     LocalSolution,
     natural_residual,
@@ -21,11 +20,12 @@ from meeframe.io.fclib import (
     write_local,
     write_solution,
 )
-from meeframe.io.fclib_contact import friction_coefficient, local_problem, local_solution, solve_local
-from meeframe.io.output import check_place
-from meeframe.plugin.registry import Kind, Registry
-from meeframe.solvers import Limits
+from meeframe.results.fclib_contact import friction_coefficient, local_problem, local_solution, solve_local
+from meeframe.results.output import check_place
+from meeframe.results.records import StepResult
+from meeframe.solvers import StoppingCriteria
 from meeframe.study.choices import Choice
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 
 def export_increment(
@@ -35,7 +35,7 @@ def export_increment(
 
     number: of the increment, counted through all load steps from 1; the last one if None. The file has our solution
     besides if it converged. Raises CaseError if there is no such increment or FCLIB cannot say the problem (see
-    meeframe.io.fclib_contact.local_problem), ResultError if the file exists and overwrite is false, or cannot be
+    meeframe.results.fclib_contact.local_problem), ResultError if the file exists and overwrite is false, or cannot be
     written.
     """
     wanted = case.n_increments if number is None else number
@@ -54,7 +54,7 @@ def export_increment(
 
 @dataclass(frozen=True)
 class SolvedFile:
-    """What became of a file's problem: status of the solver, and all in words."""
+    """Outcome of a file's problem: status of the solver, and a description in words."""
 
     status: Status
     summary: str
@@ -67,7 +67,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
     anything is computed; a solution of the file that cannot be read is bad input unless overwrite.
     """
     chosen = registry.create(Kind.SOLVER, Choice.read("solver", solver).value)
-    limits = Limits(tolerance=tolerance)
+    limits = StoppingCriteria(tolerance=tolerance)
     problem = read_local(path)
     try:
         before = read_solution(path)
@@ -95,7 +95,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
 
 
 def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[LocalProblem, LocalSolution]:
-    """An increment of a case as a problem of FCLIB, and our solution of it.
+    """Return an increment of a case as a problem of FCLIB, and our solution of it.
 
     What was free to move, and what conducts, is held where the increment ended. Raises CaseError as `local_problem`.
     """
@@ -108,7 +108,7 @@ def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[Loca
 
 
 def held_problem(case: Case, system: ReducedSystem, step: StepResult) -> ContactProblem:
-    """The contact problem of an increment with its indenter where it was found: nothing is free."""
+    """Return the contact problem of an increment with its indenter where it was found: nothing is free."""
     here = step.state
     laws = case.contact_law, case.electric_law, case.magnetic_law
     translation = step.slip + here.displacement[:, :2]

@@ -1,4 +1,4 @@
-"""Validation: the cases of a folder, run one after the other, with table, numbers and report written as they come.
+"""Run the validation cases of a folder one after the other, and write table, numbers and report along the way.
 
 A case is a folder with a module checks.py: TITLE, SOURCE (where the references are published) and a generator
 `run(quick)` of the records below. At its top it may import modules beside it, and those beside its folder, by name.
@@ -17,12 +17,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final, get_args
 
-from meeframe.core.errors import CaseError, MeeframeError, PluginFault, ResultError
-from meeframe.core.formulation import Progress, silent
-from meeframe.io.output import check_output, replacing
+from meeframe.common.errors import CaseError, MeeframeError, PluginFault, ResultError
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.validation import choices
-from meeframe.report.validation import (
+from meeframe.results.output import check_output, replacing
+from meeframe.study.reports.validation import (
     CaseReport,
     Check,
     Claim,
@@ -35,8 +34,9 @@ from meeframe.report.validation import (
     Validation,
     Verdict,
 )
-from meeframe.report.validation_page import page, plot_library
-from meeframe.report.validation_table import validation_json
+from meeframe.study.reports.validation_page import page, plot_library
+from meeframe.study.reports.validation_table import validation_json
+from meeframe.system.reduced import Progress, silent
 
 __all__ = ["Check", "Claim", "Curve", "Item", "Map", "Plot", "Skip", "Verdict", "known_cases", "load_case", "validate"]
 
@@ -48,7 +48,7 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba", "tamaas")
 
 @dataclass(frozen=True, eq=False)
 class ValidationCase:
-    """A case to run. items: what its run yields, for a quick or a full validation."""
+    """A case to run. items: function that yields its items, for a quick or a full validation."""
 
     name: str
     title: str
@@ -57,12 +57,14 @@ class ValidationCase:
 
 
 def known_cases(folder: Path) -> dict[str, Path]:
-    """Case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
+    """Return the case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
     if not folder.is_dir():
-        raise CaseError(f"folder of cases {folder} does not exist; name the one that holds them with --validation")
+        raise CaseError(f"folder of validation cases {folder} does not exist; name another folder with --validation")
     found = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
     if not found:
-        raise CaseError(f"folder of cases {folder} holds no */{MODULE}; name another one with --validation")
+        raise CaseError(
+            f"folder of validation cases {folder} contains no */{MODULE}; name another folder with --validation"
+        )
     return found
 
 
@@ -71,7 +73,7 @@ def load_case(folder: Path) -> ValidationCase:
     module = _import(folder / MODULE)
     for name, kind in (("TITLE", str), ("SOURCE", str), ("run", Callable)):
         if not isinstance(getattr(module, name, None), kind):  # type: ignore[arg-type]
-            raise CaseError(f"{folder / MODULE}: {name} is missing; a case has the texts TITLE, SOURCE and run(quick)")
+            raise CaseError(f"{folder / MODULE}: {name} is missing; a case defines TITLE, SOURCE and run(quick)")
     return ValidationCase(folder.name, module.TITLE, module.SOURCE, module.run)
 
 
@@ -121,7 +123,7 @@ def _clear(out: Path) -> None:
 
 
 def _left(found: Validation, out: Path) -> str:
-    """What an interruption leaves."""
+    """Return what an interruption leaves."""
     done = f"{len(found.cases)} of {found.planned} cases finished"
     written = [str(out / name) for name in (NUMBERS_FILE, REPORT_FILE) if (out / name).exists()]
     return f"{done}; what was found so far is in {' and '.join(written)}" if written else f"{done}; nothing was written"
@@ -132,7 +134,7 @@ def _with(validation: Validation, case: CaseReport) -> Validation:
 
 
 def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
-    """The report of a case after every item, and at its end."""
+    """Return the report of a case after every item, and at its end."""
     report = CaseReport(folder.name, folder.name, "")
     begin = time.perf_counter()
     try:
@@ -159,7 +161,7 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
 
 
 def _import(file: Path) -> ModuleType:
-    """A module by its path, under a name of its own."""
+    """Return a module by its path, under a name of its own."""
     with _importable(file.parent.resolve()):
         name = f"meeframe_validation_{file.parent.name}"
         spec = importlib.util.spec_from_file_location(name, file)
@@ -173,7 +175,7 @@ def _import(file: Path) -> ModuleType:
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """Lets a module import those of its folder and of the one above by their plain names, for as long as this takes.
+    """Let a module import those of its folder and of the one above by their plain names, for as long as this takes.
 
     Every case may have a study.py: modules of these names are set aside before, and no trace is left after.
     """
@@ -192,7 +194,7 @@ def _importable(folder: Path) -> Iterator[None]:
 
 
 def _versions() -> dict[str, str]:
-    """Of the software that the numbers depend on: libraries, providers of plugins, judges."""
+    """Return the versions of the software that the numbers depend on: libraries, plugins, reference codes."""
     found = {"python": platform.python_version()}
     found |= {provider.name: provider.version for provider in plugins.load().providers}
     for name in _LIBRARIES:

@@ -9,13 +9,21 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.optimize import nnls
 
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Iterate, Solver, Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ConductivityLaw
+from meeframe.contact.problem import (
+    ContactProblem,
+    ContactSolution,
+    ContactState,
+    Iterate,
+    PrescribedResultant,
+    Solver,
+    Status,
+)
+from meeframe.fields import Array
 from meeframe.laws import OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import Limits, residual, solve
+from meeframe.laws.base import ConductivityLaw
+from meeframe.solvers import StoppingCriteria, residual, solve
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.half_space import half_space_system, indentation_problem
 from meeframe.testing.interfaces import GapConductivity, SoftAttractedContact
 from meeframe.testing.requirements import check_frozen, require
@@ -47,10 +55,10 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 """Of paraboloids on a half space; SI units."""
 
 
-def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = True) -> None:
-    """Frozen; pure; takes, by its own check, and converges on insulated, conducting and frictional indentation, across
-    a gap that conducts, between surfaces that are soft, attract each other and wear smooth by slip, under given motions
-    and under prescribed resultants, and to the right answer.
+def check_solver(solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True) -> None:
+    """Check that a solver is frozen and pure, and that it takes and solves insulated, conducting and frictional
+    indentation, across a gap that conducts, between surfaces that are soft, attract each other and wear smooth by
+    slip, under given motions and under prescribed resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
@@ -58,7 +66,7 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
     friction: False for a solver that takes frictionless contact of hard surfaces only.
     """
     check_frozen(solver)
-    limits = limits or Limits()
+    limits = limits or StoppingCriteria()
     for name, problem in _problems(friction).items():
         with _unchanged(problem, name):
             _check_taken(solver, problem, name)
@@ -73,7 +81,7 @@ def check_solver(solver: Solver, limits: Limits | None = None, friction: bool = 
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
-    """Pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
+    """Return the pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
 
     The compliance is symmetric. Raises ValueError unless the system holds it as a matrix.
     """
@@ -90,7 +98,8 @@ def exact_pressure(problem: ContactProblem) -> Array:
 
 
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
-    """The same problem in other units: displacements and loads multiplied by factors (5,), alike in the first three.
+    """Return the same problem in other units: displacements and loads multiplied by factors (5,), alike in the first
+    three.
 
     For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
     Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
@@ -114,7 +123,9 @@ def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> Conta
         gap=problem.gap * displacement[2],
         translation=problem.translation * displacement[0],
         potentials=problem.potentials * displacement[3:],
-        freedoms=tuple(_rescaled_freedom(freedom, displacement, load) for freedom in problem.freedoms),
+        prescribed_resultants=tuple(
+            _rescaled_freedom(freedom, displacement, load) for freedom in problem.prescribed_resultants
+        ),
     )
 
 
@@ -124,22 +135,24 @@ def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: f
     return StepConductivity(law.kappa * flux / potential) if isinstance(law, StepConductivity) else law
 
 
-def _rescaled_freedom(freedom: Freedom, displacement: Array, load: Array) -> Freedom:
-    """The resultant is in units of the work of the fields that the freedom moves, which have to agree."""
+def _rescaled_freedom(freedom: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
+    """Return a prescribed resultant in the units of work of the fields that it moves, which have to agree."""
     work = (displacement * load)[freedom.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
         raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
-    return Freedom(freedom.mode * displacement, freedom.measure * work[0] / load, freedom.total * work[0])
+    return PrescribedResultant(freedom.mode * displacement, freedom.measure * work[0] / load, freedom.total * work[0])
 
 
-def _check_pressure(problem: ContactProblem, limits: Limits, solution: ContactSolution, name: str) -> None:
+def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str) -> None:
     expected = exact_pressure(problem)
     error = np.abs(solution.state.load[:, 2] + expected).max() / max(expected.max(), np.finfo(float).tiny)
     require(error <= 1e4 * limits.tolerance, f"{name}: differs from non-negative least squares", error)
 
 
-def _check_drawn(solver: Solver, limits: Limits, friction: bool, system: ReducedSystem, drawn: dict[str, Any]) -> None:
-    """An indentation that hypothesis has drawn."""
+def _check_drawn(
+    solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, drawn: dict[str, Any]
+) -> None:
+    """Check an indentation that hypothesis has drawn."""
     x, y, _ = system.points.T
     law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
     height = (x**2 + drawn["aspect"] * y**2) / 0.2
@@ -174,23 +187,25 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
         problems["soft surfaces"] = indentation_problem(system, height, 5e-5, soft, translation=drag)
     moved = problems["friction" if friction else "conducting"]
     push, pull, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
-    freedoms = (push, pull, charge) if friction else (push, charge)
-    problems["resultants"] = replace(moved, freedoms=tuple(_freedom(system.weights, *which) for which in freedoms))
+    prescribed_resultants = (push, pull, charge) if friction else (push, charge)
+    problems["resultants"] = replace(
+        moved, prescribed_resultants=tuple(_freedom(system.weights, *which) for which in prescribed_resultants)
+    )
     return problems
 
 
-def _freedom(weights: Array, field: int, direction: float, total: float) -> Freedom:
-    """The indenter moves along one field, so far that the total of that is as prescribed."""
+def _freedom(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
+    """Return the indenter moves along one field, so far that the total of that is as prescribed."""
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction
     sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
-    return Freedom(mode, np.where(mode == 0.0, 0.0, sign * weights[:, None]), total)
+    return PrescribedResultant(mode, np.where(mode == 0.0, 0.0, sign * weights[:, None]), total)
 
 
 def _solved(
-    problem: ContactProblem, solver: Solver, limits: Limits, name: str, start: ContactState | None = None
+    problem: ContactProblem, solver: Solver, limits: StoppingCriteria, name: str, start: ContactState | None = None
 ) -> ContactSolution:
-    """The solution of a problem, all conditions of which hold."""
+    """Return the solution of a problem, all conditions of which hold."""
     with _unchanged(problem, name):
         solution = solve(problem, solver, limits, start)
     found = violations(problem, solution.state)
@@ -205,7 +220,7 @@ def _solved(
 
 @contextmanager
 def _unchanged(problem: ContactProblem, name: str) -> Iterator[None]:
-    """Requires that the problem stays as it is."""
+    """Require that the problem stays as it is."""
     kept = {part: array.copy() for part, array in _arrays(problem).items()}
     yield
     changed = [part for part, array in _arrays(problem).items() if not np.array_equal(array, kept[part])]
@@ -226,7 +241,7 @@ def _arrays(problem: ContactProblem) -> dict[str, Array]:
 
 
 def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """Its own check lets the problem pass, and the one on a rigid body as which it is asked about a case file."""
+    """Check that the solver accepts the problem, and its preview on a rigid body, as for a case file."""
     assert isinstance(problem.system, DenseSystem)
     rigid = replace(problem, system=replace(problem.system, matrix=np.zeros_like(problem.system.matrix)))
     for asked, body in ((problem, ""), (rigid, " on a rigid body")):
@@ -237,7 +252,7 @@ def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
 
 
 def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """A step changes no argument; one from the same iterate leads to the same."""
+    """Check that a step changes no argument and that equal iterates lead to equal ones."""
     with np.errstate(all="ignore"), _unchanged(problem, name):
         before = solver.init(problem, None)
         kept = _copy_of(before)
@@ -249,24 +264,26 @@ def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
         require(_same(solver.step(problem, before), once), f"{name}: step depends on earlier calls", name)
 
 
-def _check_start(solver: Solver, problem: ContactProblem, limits: Limits, solution: ContactSolution, name: str) -> None:
-    """A solution is taken up as it is."""
+def _check_start(
+    solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
+) -> None:
+    """Check that the solver accepts a solution as it is."""
     start = _copy_of(solution.state)
     with np.errstate(all="ignore"):
         solver.step(problem, solver.init(problem, start))
     require(_same(start, solution.state), f"{name}: init or step changes the start", name)
     again = _solved(problem, solver, limits, name, start)
-    require(again.iterations <= solver.stride, f"{name}: leaves its own solution", again.iterations)
+    require(again.iterations <= solver.check_interval, f"{name}: leaves its own solution", again.iterations)
 
 
 def _copy_of(record: Record) -> Record:
-    """A copy with arrays of its own."""
+    """Return a copy with arrays of its own."""
     copies: dict[str, Any] = {name: array.copy() for name, array in _parts(record).items()}
     return replace(record, **copies)
 
 
 def _same(one: Record, other: Record) -> bool:
-    """Whether the arrays of two records are equal."""
+    """Return whether the arrays of two records are equal."""
     return all(np.array_equal(array, _parts(other)[name], equal_nan=True) for name, array in _parts(one).items())
 
 
@@ -275,13 +292,15 @@ def _parts(record: Iterate | ContactState) -> dict[str, Array]:
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def _check_units(solver: Solver, problem: ContactProblem, limits: Limits, solution: ContactSolution, name: str) -> None:
+def _check_units(
+    solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
+) -> None:
     for displacement, load in ((1e-9, 1e9), (1e9, 1e-9), (1e6, 1e6)):
         displacements = displacement * np.array([1.0, 1.0, 1.0, 1e-7, 1e5])
         loads = load * np.array([1.0, 1.0, 1.0, 1e6, 1e-8])
         other = _solved(rescaled(problem, displacements, loads), solver, limits, f"{name}: in other units")
         change = abs(other.iterations - solution.iterations)
-        require(change <= solver.stride, f"{name}: the number of iterations depends on units", change)
+        require(change <= solver.check_interval, f"{name}: the number of iterations depends on units", change)
         # at round-off a grazing node may settle a step earlier or later, so that answers agree to the tolerance only
         error = np.abs(other.state.load / loads - solution.state.load).max(axis=0)
         largest = np.maximum(np.abs(solution.state.load).max(axis=0), np.finfo(float).tiny)

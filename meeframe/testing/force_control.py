@@ -5,23 +5,23 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import (
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import (
     ContactProblem,
     ContactSolution,
     ContactState,
-    Freedom,
+    PrescribedResultant,
     Solver,
     Status,
     resultant,
     unbalance,
 )
-from meeframe.core.fields import ELECTRIC, MAGNETIC, Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.laws import Insulating, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Limits, residual, solve
-from meeframe.solvers.conduction import own_response
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.solvers import StoppingCriteria, residual, solve
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.contact_cases import APPROACH, SphereCase
 from meeframe.testing.requirements import require
 
@@ -29,19 +29,21 @@ PRESS: Final = np.array([0.0, 0.0, -1.0, 0.0, 0.0])
 SLIDE: Final = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
 ASIDE: Final = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
 VOLTAGE, MAGNETOMOTIVE = -np.eye(5)[[ELECTRIC, MAGNETIC]]
-TIGHT: Final = Limits(tolerance=1e-11, max_iterations=5000)
+TIGHT: Final = StoppingCriteria(tolerance=1e-11, max_iterations=5000)
 BALANCED: Final = 1e-11
 SAME: Final = 1e-8
 
 
-def freedom(system: ReducedSystem, mode: Array, total: float, measure: Array | None = None) -> Freedom:
-    """The force or moment along a mode, or its outward charge or flux, is the total [N, N m, C, Wb].
+def freedom(system: ReducedSystem, mode: Array, total: float, measure: Array | None = None) -> PrescribedResultant:
+    """Return the force or moment along a mode, or its outward charge or flux, is the total [N, N m, C, Wb].
 
     mode: (5,) of every node or (n, 5); measure: as mode, of which the resultant is the weighted sum instead.
     """
     outward = -1.0 if mode[..., 3:].any() else 1.0
     modes = np.broadcast_to(mode, system.offset.shape).copy()
-    return Freedom(modes, outward * system.weights[:, None] * (modes if measure is None else measure), float(total))
+    return PrescribedResultant(
+        modes, outward * system.weights[:, None] * (modes if measure is None else measure), float(total)
+    )
 
 
 def conducting_sphere(
@@ -51,7 +53,8 @@ def conducting_sphere(
     cells: int = 8,
     potentials: tuple[float, float] = (2e4, -15.0),
 ) -> ContactProblem:
-    """The sphere of SphereCase on the orthotropic medium; kappa in units of the inverse own response of a node."""
+    """Return the sphere of SphereCase on the orthotropic medium; kappa in units of the inverse own response of a
+    node."""
     medium = library_material("orthotropic-mee")
     case = SphereCase(medium, law, Insulating(), Insulating(), cells, drag, potentials=potentials)
     own = own_response(case.problem())[0]
@@ -60,46 +63,49 @@ def conducting_sphere(
 
 
 def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple[ContactProblem, Array]:
-    """A problem of SphereCase with the resultants of its solution instead of motions, and the motions to be found.
+    """Return a problem of SphereCase with the resultants of its solution instead of motions, and the motions to be
+    found.
 
     given: those that are set free, of 'approach', 'translation' and 'potentials'.
     """
     system, nothing = problem.system, np.zeros_like(problem.potentials)
     force, charge, flux = resultant(system, state.load)
-    freedoms: list[Freedom] = []
+    prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
     if "approach" in given:
-        freedoms += [freedom(system, PRESS, -force[2])]
+        prescribed_resultants += [freedom(system, PRESS, -force[2])]
         motions += [APPROACH]
         problem = replace(problem, gap=problem.gap + APPROACH)
     if "translation" in given:
-        freedoms += [freedom(system, SLIDE, force[0]), freedom(system, ASIDE, force[1])]
+        prescribed_resultants += [freedom(system, SLIDE, force[0]), freedom(system, ASIDE, force[1])]
         motions += [*problem.translation[0]]
         problem = replace(problem, translation=nothing)
     if "potentials" in given:
-        freedoms += [freedom(system, VOLTAGE, charge), freedom(system, MAGNETOMOTIVE, flux)]
+        prescribed_resultants += [freedom(system, VOLTAGE, charge), freedom(system, MAGNETOMOTIVE, flux)]
         motions += [*problem.potentials[0]]
         problem = replace(problem, potentials=nothing)
-    return replace(problem, freedoms=tuple(freedoms)), np.array(motions)
+    return replace(problem, prescribed_resultants=tuple(prescribed_resultants)), np.array(motions)
 
 
 def balanced_solution(
-    problem: ContactProblem, solver: Solver, limits: Limits = TIGHT, start: ContactState | None = None
+    problem: ContactProblem, solver: Solver, limits: StoppingCriteria = TIGHT, start: ContactState | None = None
 ) -> ContactSolution:
-    """The solution of a problem; AssertionError unless it has converged and has the prescribed resultants."""
+    """Return the solution of a problem; AssertionError unless it has converged and has the prescribed resultants."""
     solution = solve(problem, solver, limits, start)
     state = solution.state
     require(solution.status is Status.CONVERGED, f"{solver}: {solution.message}", solution.residual)
     value = residual(problem, state)
     require(value <= 2.0 * limits.tolerance, f"{solver}: residual of the state handed over", value)
-    require(len(state.motion) == len(problem.freedoms), f"{solver}: one motion for each freedom", state.motion)
-    for off, free in zip(unbalance(problem, state.load), problem.freedoms, strict=True):
+    require(
+        len(state.motion) == len(problem.prescribed_resultants), f"{solver}: one motion for each freedom", state.motion
+    )
+    for off, free in zip(unbalance(problem, state.load), problem.prescribed_resultants, strict=True):
         size = max(abs(free.total), float(np.abs(free.measure * state.load).sum()))
         require(abs(off) <= BALANCED * size, f"{solver}: resultant off by", off)
     return solution
 
 
 def check_same(state: ContactState, expected: ContactState) -> None:
-    """AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
+    """Raise AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
     off = np.abs(state.load - expected.load).max(axis=0)
     require((off <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", off)

@@ -5,18 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
+from meeframe.common.errors import MeeframeError
+from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status, contact_gap, resultant
+from meeframe.fields import Array
 from meeframe.laws import Insulating
+from meeframe.laws.base import ContactLaw
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.system.reduced import ReducedSystem
 
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Where the indenter is: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
+    """Position of the indenter: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
     (n, 2) [m], its tangential motion since the beginning, one for each node so that it may turn."""
 
     gap: Array
@@ -37,7 +37,8 @@ class PathStep:
 def follow(
     system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
 ) -> Iterator[PathStep]:
-    """The steps of a path, each started from the one before; slip is measured from there (docs/theory.md, Departures).
+    """Return the steps of a path, each started from the one before; slip is measured from there (docs/theory.md,
+    Departures).
 
     No fluxes enter. A step's dissipation is the work of its own tractions on its slip: of first order in the step while
     the pressure changes, where that of results is of second, and never negative at any node. Raises MeeframeError if a

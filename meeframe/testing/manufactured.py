@@ -7,12 +7,12 @@ from typing import Literal, final
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import shape_derivatives
-from meeframe.core.fields import N_FIELDS, Array, FieldScaling
-from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
-from meeframe.fundamental import LineIntegral
+from meeframe.elements.base import shape_derivatives
+from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.greens import LineIntegral
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.system.reduced import NodalFields
 
 
 class ExactField(ABC):

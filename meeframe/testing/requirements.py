@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
+from meeframe.fields import Array
 
 ROUND_OFF: Final = 1e-12
 

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, Phase, currently_in_test_context, find, sett
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw, contact_conductivity
+from meeframe.fields import Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw, contact_conductivity
 from meeframe.testing.law_maps import Units
 from meeframe.testing.requirements import require
 
@@ -88,8 +88,10 @@ def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, dro
 
     def state(numbers: Any) -> Array:
         traction, apart, dropping = numbers
-        closed = traction < 0.0
-        given: Array = units * np.array([traction if closed else 0.0, 0.0 if closed else abs(apart), dropping])
+        contact_fraction = traction < 0.0
+        given: Array = units * np.array(
+            [traction if contact_fraction else 0.0, 0.0 if contact_fraction else abs(apart), dropping]
+        )
         return given
 
     def fault(numbers: Any) -> str:

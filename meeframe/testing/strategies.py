@@ -3,8 +3,8 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from meeframe.core.fields import Array
-from meeframe.materials import Material
+from meeframe.fields import Array
+from meeframe.material import Material
 
 
 @st.composite

@@ -1,7 +1,7 @@
 """A second judge: how far a state is from each condition of the contact problem, condition by condition.
 
 Eqs. (10), (12), (17), (18) are written out as inequalities and alternatives, not as one fixed point as in
-meeframe.solvers.residual. Of the contact law only the attraction, the gap that it lets belong to a pressure, by
+meeframe.contact.residual. Of the contact law only the attraction, the gap that it lets belong to a pressure, by
 bisection, and the set of tangential tractions that are admissible there are used, and not its metric; of the solvers'
 code only the characteristic magnitudes, as units.
 """
@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.contact import ContactProblem, ContactState, indenter_position, unbalance
-from meeframe.core.fields import MECHANICAL, Array
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.solvers.scales import Scales, problem_scales
+from meeframe.contact.problem import ContactProblem, ContactState, indenter_position, unbalance
+from meeframe.contact.scales import Scales, problem_scales
+from meeframe.fields import MECHANICAL, Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 
 _DIRECTIONS: Final = 36
 _ROUNDS: Final = 5
@@ -33,7 +33,8 @@ _PUSHES: Final = (1e-3, 1e3)
 
 
 def violations(problem: ContactProblem, state: ContactState, associated: bool = True) -> dict[str, float]:
-    """Dimensionless violation of each condition by name, 0 where it holds; inf throughout if the state is not finite.
+    """Return the dimensionless violation of each condition by name, 0 where it holds; inf throughout if the state is
+    not finite.
 
     Magnitudes are in units of those characteristic of the problem's data, as the residual's are. associated: whether
     slip dissipates the most that the friction limit allows (eq. 12). If not, the traction of a node that slips has to
@@ -51,7 +52,9 @@ def violations(problem: ContactProblem, state: ContactState, associated: bool = 
         **_of_flux(problem, state, contact[:, 2], ahead, scales),
         "prescribed resultant": np.abs(unbalance(problem, state.load)) / scales.totals,
     }
-    finite = all(np.isfinite(part).all() for part in (state.load, state.displacement, state.closed, state.motion))
+    finite = all(
+        np.isfinite(part).all() for part in (state.load, state.displacement, state.contact_fraction, state.motion)
+    )
     return {name: float(np.max(values, initial=0.0)) if finite else np.inf for name, values in found.items()}
 
 
@@ -74,7 +77,7 @@ class _Limited:
     r: float
 
     def admitted(self, tangential: Array) -> Array:
-        """Tractions (n, k, 3) of tangential trials (n, k, 2) [Pa]."""
+        """Return the tractions (n, k, 3) of tangential trials (n, k, 2) [Pa]."""
         n, k = tangential.shape[:2]
         normal = np.broadcast_to(self.normal[:, None, None], (n, k, 1))
         trial = np.concatenate([tangential, normal], axis=2).reshape(-1, 3)
@@ -82,14 +85,15 @@ class _Limited:
         return traction.reshape(n, k, 3)
 
     def one(self, tangential: Array) -> Array:
-        """As admitted, (n, 3) from (n, 2)."""
+        """Return the admissible traction, (n, 3) from (n, 2)."""
         return self.admitted(tangential[:, None])[:, 0]
 
 
 def _of_traction(
     problem: ContactProblem, state: ContactState, contact: Array, ahead: Array, scales: Scales, associated: bool
 ) -> dict[str, Array]:
-    """Eqs. (10) to (12), with the gap of the law's own, and what `closed` says of them; contact: tractions (n, 3)."""
+    """Return the Eqs. (10) to (12), with the gap of the law's own, and what `contact_fraction` says of them; contact:
+    tractions (n, 3)."""
     law, r = problem.contact_law, 1.0 / scales.normal_compliance
     gap = np.where(np.isfinite(ahead[:, MECHANICAL]), ahead[:, MECHANICAL], 0.0)
     band = _BAND * scales.pressure
@@ -109,16 +113,17 @@ def _of_traction(
         "slip": np.minimum(sticks * r / scales.pressure, slips),
         "closed fraction": np.concatenate(
             [
-                np.maximum(-state.closed, state.closed - 1.0),
-                np.minimum(1.0 - state.closed, pressure),
-                np.minimum(state.closed, distance),
+                np.maximum(-state.contact_fraction, state.contact_fraction - 1.0),
+                np.minimum(1.0 - state.contact_fraction, pressure),
+                np.minimum(state.contact_fraction, distance),
             ]
         ),
     }
 
 
 def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Array:
-    """The largest normal trials (n,) that the law presses with normal tractions (n,) [Pa] at least, by bisection.
+    """Return the largest normal trials (n,) that the law presses with normal tractions (n,) [Pa] at least, by
+    bisection.
 
     Where nothing presses they are the tractions themselves. gap: (n, 3) [m]; r: step [Pa/m].
     """
@@ -137,7 +142,7 @@ def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Arr
 
 
 def _refuse_tangential_compliance(limited: _Limited, contact: Array) -> None:
-    """Raises ValueError if the law answers its own tangential tractions by smaller ones."""
+    """Raise ValueError if the law answers its own tangential tractions by smaller ones."""
     size = np.abs(contact).max()
     for push in _PUSHES:
         once = limited.one(contact[:, :2] + push * size)
@@ -150,7 +155,8 @@ def _refuse_tangential_compliance(limited: _Limited, contact: Array) -> None:
 
 
 def _work_missed(limited: _Limited, contact: Array, slip: Array) -> Array:
-    """Work along unit slips (n, 2) that admissible tractions of the same pressure do beyond that of the traction, (n,).
+    """Return the work along unit slips (n, 2) that admissible tractions of the same pressure do beyond that of the
+    traction, (n,).
 
     Largest of many directions on the friction limit; all of them are admissible, so that it is never too large.
     """
@@ -168,8 +174,8 @@ def _work_missed(limited: _Limited, contact: Array, slip: Array) -> Array:
 
 
 def _off_limit(limited: _Limited, contact: Array, slip: Array) -> Array:
-    """How much farther the limit is along the traction, or along the slip (n, 2) if there is none, and the work that
-    slip gains, (n,) [Pa], whichever is more; by bisection."""
+    """Return how much farther the limit is along the traction, or along the slip (n, 2) if there is none, and the work
+    that slip gains, (n,) [Pa], whichever is more; by bisection."""
     size = np.linalg.norm(contact[:, :2], axis=1)[:, None]
     ahead = np.divide(contact[:, :2], size, out=slip.copy(), where=size > 0.0)
     within = np.zeros_like(size)
@@ -187,14 +193,15 @@ def _off_limit(limited: _Limited, contact: Array, slip: Array) -> Array:
 def _of_flux(
     problem: ContactProblem, state: ContactState, normal: Array, ahead: Array, scales: Scales
 ) -> dict[str, Array]:
-    """Eqs. (17), (18) where contact is closed or open; where it grazes the flux still flows down the potential.
+    """Return the Eqs. (17), (18) where contact is closed or open; where it grazes the flux still flows down the
+    potential.
 
     normal: contact tractions (n,).
     """
     drop = ahead[:, 3:]  # phi - phi_o
     above = np.isfinite(problem.gap)
-    pressing = np.where(state.closed == 1.0, np.minimum(normal, _TOUCHING), 0.0)
-    gap = np.where(above & (state.closed < 1.0), np.maximum(ahead[:, 2], 0.0), 0.0)
+    pressing = np.where(state.contact_fraction == 1.0, np.minimum(normal, _TOUCHING), 0.0)
+    gap = np.where(above & (state.contact_fraction < 1.0), np.maximum(ahead[:, 2], 0.0), 0.0)
     found = {}
     for k, name in enumerate(("electric flux", "magnetic flux")):
         law = (problem.electric_law, problem.magnetic_law)[k]
@@ -203,15 +210,15 @@ def _of_flux(
         flux, difference = state.load[:, 3 + k] * own / unit, drop[:, k] / unit
         kappa, steepness = (own * part for part in _conduction(law, pressing, gap, drop[:, k]))
         with np.errstate(invalid="ignore"):
-            closed = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + steepness))
+            contact_fraction = np.where(np.isinf(kappa), difference, (flux - kappa * difference) / (1.0 + steepness))
         uphill = np.minimum(np.maximum(-flux * np.sign(difference), 0.0), np.abs(difference))
-        grazing = (state.closed > 0.0) & (state.closed < 1.0)
-        found[name] = np.where(grazing, uphill, np.where(above, np.abs(closed), np.abs(flux)))
+        grazing = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
+        found[name] = np.where(grazing, uphill, np.where(above, np.abs(contact_fraction), np.abs(flux)))
     return found
 
 
 def _conduction(law: ConductivityLaw, normal: Array, gap: Array, drop: Array) -> tuple[Array, Array]:
-    """kappa (n,), and how steeply the flux grows near by if it does so more steeply than in proportion, (n,)."""
+    """Return kappa (n,), and how steeply the flux grows near by if it does so more steeply than in proportion, (n,)."""
     kappa = law.conductivity(normal, gap, drop)
     if not law.across_gap:
         return kappa, kappa

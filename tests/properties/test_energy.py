@@ -6,18 +6,18 @@ import numpy as np
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ContactProblem, Status, resultant
-from meeframe.core.element import SurfaceElement, shape_functions
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
+from meeframe.contact.problem import ContactProblem, Status, resultant
 from meeframe.elements import ELEMENTS, Quad4, Quad8
+from meeframe.elements.base import SurfaceElement, shape_functions
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import block_mesh
-from meeframe.geometry.measures import ORDER, gauss_rule, normal_vectors
 from meeframe.laws import OrthotropicCoulomb
-from meeframe.materials import library_material, rotation_about
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.measures import ORDER, gauss_rule, normal_vectors
 from meeframe.solvers import Auto, solve
+from meeframe.system.reduced import NodalFields
 from meeframe.testing.contact_cases import periodic_half_space
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.load_path import Position, follow

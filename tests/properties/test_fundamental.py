@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.fundamental import LineIntegral, Residue, Tabulated
+from meeframe.greens import LineIntegral, Residue, Tabulated
 from meeframe.testing.fundamental import check_agreement, check_fundamental_solution
 from meeframe.testing.strategies import extended_stiffness, unit_vectors
 

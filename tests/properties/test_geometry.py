@@ -5,29 +5,24 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.mesh import SurfaceMesh
 from meeframe.elements import ELEMENTS
-from meeframe.geometry import (
-    Cone,
-    Cylinder,
+from meeframe.indenters import Cone, Cylinder, Paraboloid, Placement, Sphere, initial_gap
+from meeframe.mesh import (
     Grading,
-    Paraboloid,
-    Placement,
-    Sphere,
     area,
     block_mesh,
     box_mesh,
     check_contact_zone,
     check_mesh,
     frames_of,
-    initial_gap,
     merge_points,
     orient_outward,
     sphere_mesh,
     volume,
     zone_frames,
 )
-from meeframe.geometry.topology import find_edges, reflection
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import find_edges, reflection
 
 few = settings(deadline=None, max_examples=25)
 elements = st.sampled_from(list(ELEMENTS.values()))

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import ConductivityLaw
 from meeframe.testing.contact import (
     check_associated,
     check_conductivity_law,

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meeframe.materials import (
+from meeframe.material import (
     Material,
     library_material,
     material_from_table,
@@ -14,8 +14,8 @@ from meeframe.materials import (
     rotation_about,
     rotation_from_euler,
 )
-from meeframe.materials.half_space import surface_compliance
-from meeframe.materials.voigt import mandel_matrix
+from meeframe.material.half_space import surface_compliance
+from meeframe.material.voigt import mandel_matrix
 
 ANGLES = st.floats(-3.2, 3.2)
 ROTATIONS = st.tuples(ANGLES, ANGLES, ANGLES).map(lambda angles: rotation_from_euler(np.array(angles)))

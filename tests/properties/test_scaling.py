@@ -8,13 +8,13 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.contact import ContactProblem, Solver, Status
-from meeframe.core.fields import Array
-from meeframe.core.result import StepResult
+from meeframe.contact.problem import ContactProblem, Solver, Status
+from meeframe.fields import Array
 from meeframe.laws import OrthotropicCoulomb
-from meeframe.materials import library_material, rotation_about
+from meeframe.material import library_material, rotation_about
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce, solve_steps
+from meeframe.results.records import StepResult
 from meeframe.solvers import Auto, SemismoothNewton, solve
 from meeframe.testing.contact import rescaled, violations
 from meeframe.testing.contact_cases import periodic_half_space
@@ -78,7 +78,9 @@ def assert_scales(problem: ContactProblem, solver: Solver, factor: float) -> Non
         assert found.iterations == expected.iterations, f"{kind} times {factor}"
         difference = np.abs(found.state.load / load - expected.state.load).max(axis=0)
         assert (difference <= 1e-8 * largest).all(), f"{kind} times {factor}"
-        assert np.abs(found.state.closed - expected.state.closed).max() < 1e-6, f"{kind} times {factor}"
+        assert np.abs(found.state.contact_fraction - expected.state.contact_fraction).max() < 1e-6, (
+            f"{kind} times {factor}"
+        )
 
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ContactLaw, StepLengths
 from meeframe.testing.contact import (
     check_contact_law,
     check_fading,

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import FundamentalSolution, Kernel
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
-from meeframe.fundamental import LineIntegral
-from meeframe.materials import library_material, rotation_about
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Array
+from meeframe.greens import LineIntegral
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.material import library_material, rotation_about
 from meeframe.testing import check_element, check_fundamental_solution
 from meeframe.testing.strategies import scaled_stiffness
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+from meeframe.laws.base import ContactLaw
 from meeframe.testing.contact import (
     check_associated,
     check_contact_law,

@@ -8,16 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw, StepLengths, augmented_traction
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, contact_gap
+from meeframe.fields import Array
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
-from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, Uzawa, solve
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, augmented_traction
+from meeframe.solvers import BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, solve
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
-LIMITS = Limits(max_iterations=400)
+LIMITS = StoppingCriteria(max_iterations=400)
 INNER = BarzilaiBorwein()
 
 
@@ -25,7 +25,7 @@ INNER = BarzilaiBorwein()
 class WrongSolver(Solver):
     """Barzilai-Borwein steps on a problem that is tampered with, or with a step that is."""
 
-    stride: ClassVar[int] = BarzilaiBorwein.stride
+    check_interval: ClassVar[int] = BarzilaiBorwein.check_interval
 
     def problem(self, problem: ContactProblem) -> ContactProblem:
         return problem
@@ -232,7 +232,9 @@ def without_gap_of_conduction(problem: ContactProblem) -> ContactProblem:
 
 
 def with_smaller_resultants(problem: ContactProblem) -> ContactProblem:
-    return replace(problem, freedoms=tuple(replace(f, total=0.99 * f.total) for f in problem.freedoms))
+    return replace(
+        problem, prescribed_resultants=tuple(replace(f, total=0.99 * f.total) for f in problem.prescribed_resultants)
+    )
 
 
 @dataclass(frozen=True)
@@ -252,11 +254,11 @@ class Reports(WrongSolver):
 
 
 def closed_everywhere(iterate: Iterate) -> Iterate:
-    return replace(iterate, closed=np.ones_like(iterate.closed))
+    return replace(iterate, contact_fraction=np.ones_like(iterate.contact_fraction))
 
 
 def open_everywhere(iterate: Iterate) -> Iterate:
-    return replace(iterate, closed=np.zeros_like(iterate.closed))
+    return replace(iterate, contact_fraction=np.zeros_like(iterate.contact_fraction))
 
 
 def nearly_right(iterate: Iterate) -> Iterate:
@@ -279,7 +281,7 @@ class ChangesTheStart(WrongSolver):
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
         iterate = INNER.init(problem, start)
         if start is not None:
-            start.closed[:] = 0.5
+            start.contact_fraction[:] = 0.5
         return iterate
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactState, Status
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, StepLengths
+from meeframe.contact.problem import ContactProblem, ContactState, Status
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw, StepLengths
 from meeframe.solvers import Uzawa, residual, solve
 from meeframe.testing.contact import violations
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -72,10 +72,12 @@ def test_slip_along_the_normal_of_the_limit(mu: tuple[float, float]) -> None:
 def test_stick(law: ContactLaw) -> None:
     """The tractions that drag the nodes in contact along are right, and no others."""
     problem, normal = dragged(law, (3e-8, -2e-8))
-    closed = normal < 0.0
-    matrix = problem.system.matrix[:, 0, :, 0][np.ix_(closed, closed)]
+    contact_fraction = normal < 0.0
+    matrix = problem.system.matrix[:, 0, :, 0][np.ix_(contact_fraction, contact_fraction)]
     share = np.zeros((len(normal), 2))
-    share[closed] = np.linalg.solve(matrix, problem.translation[closed]) / -normal[closed, None]
+    share[contact_fraction] = (
+        np.linalg.solve(matrix, problem.translation[contact_fraction]) / -normal[contact_fraction, None]
+    )
     assert slip_violation(problem, normal, share) < 1e-8
     assert slip_violation(problem, normal, 0.5 * share) > 1e-5
 

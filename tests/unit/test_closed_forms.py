@@ -5,9 +5,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipkm1
 
-from meeframe.core.errors import MeeframeError
-from meeframe.materials import Material, library_material
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.common.errors import MeeframeError
+from meeframe.material import Material, library_material
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Indentation, Shape, Sphere, indent
 
 APPROACH = 5e-5

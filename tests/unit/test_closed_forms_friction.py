@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from meeframe.core.errors import MeeframeError
+from meeframe.common.errors import MeeframeError
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.closed_forms_friction import (
     FullStick,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from meeframe.core.errors import MeeframeError
-from meeframe.materials import Material
-from meeframe.materials.half_space import axisymmetric_compliance, surface_compliance
+from meeframe.common.errors import MeeframeError
+from meeframe.material import Material
+from meeframe.material.half_space import axisymmetric_compliance, surface_compliance
 from meeframe.testing.elastic_half_space import cell_response, elastic_half_space
 from meeframe.testing.half_space import half_space_system
 

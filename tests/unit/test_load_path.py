@@ -6,8 +6,8 @@ from typing import final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver
-from meeframe.core.errors import MeeframeError
+from meeframe.common.errors import MeeframeError
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.laws import IsotropicCoulomb
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.load_path import Position, follow

@@ -1,4 +1,4 @@
-"""Boussinesq: a rigid flat-ended circular punch on an isotropic half space."""
+"""Check a rigid flat-ended circular punch on an isotropic half space against Boussinesq."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +18,7 @@ RADIUS = 2e-3
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The force on grids 64 cells wide, the pressure away from the singular edge, and first order."""
+    """Check the force on grids 64 cells wide, the pressure away from the singular edge, and first order."""
     case = Run(STIFFNESS, elastic_response(), FlatPunch(RADIUS), APPROACH)
     exact = 2.0 * RADIUS * MODULUS * APPROACH
     found = case.at(64)
@@ -28,7 +28,14 @@ def run(quick: bool) -> Iterator[Item]:
     yield Check("force, mean of four grids of 64 to 65 cells", mean, exact, 1e-2, "N")
     resolved = replace(case, edges="resolved")
     worst = float(np.abs(force_errors(resolved, 64)).max())
-    yield Check("edge between the nodes: force, worst of four grids of 64 to 65 cells", worst, 0.0, 1e-3, "", True)
+    yield Check(
+        "contact edge between the nodes: force, largest error on four grids of 64 to 65 cells",
+        worst,
+        0.0,
+        1e-3,
+        "",
+        True,
+    )
     inner = found.r < 0.8 * RADIUS
     true = exact / (2.0 * np.pi * RADIUS * np.sqrt(RADIUS**2 - found.r[inner] ** 2))
     error = float(np.abs(found.pressure[inner] / true - 1.0).max())

@@ -1,4 +1,4 @@
-"""A hysteresis loop under prescribed forces on a block: energy that goes in is energy that friction takes."""
+"""Check the energy balance of a hysteresis loop under prescribed forces on a block."""
 
 import tomllib
 from collections.abc import Iterator
@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from meeframe.case.load import case_from_tables
-from meeframe.case.solve import solve_case
-from meeframe.core.result import Result, RunStatus, resultants
+from meeframe.model.load import case_from_tables
+from meeframe.model.solve import solve_case
+from meeframe.results.records import Result, RunStatus, resultants
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 
 TITLE = "Hysteresis loop on a magneto-electro-elastic block, boundary elements"
 SOURCE = "Balance of energy: docs/theory.md. Case file loop.toml; quick: on a coarser mesh."
 RATIO = 0.54
-"""Of tangential to normal force at the turning points, as in the case file."""
+"""Ratio of tangential and normal force at the reversals, as in the case file."""
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """From the first turning point on, once forth and back."""
+    """Check one loop from the first reversal on."""
     tables = tomllib.loads((Path(__file__).parent / "loop.toml").read_text(encoding="utf-8"))
     if quick:
         tables["mesh"] |= {"divisions": 6, "rings": 3, "layers": 1}
@@ -30,7 +30,7 @@ def run(quick: bool) -> Iterator[Item]:
     totals = [resultants(found.zone, step) for step in found.steps]
     least = min(total.dissipated_energy for total in totals)
     yield Check("least dissipation of an increment", min(least, 0.0), 0.0, 1e-12, "J", absolute=True)
-    yield Check("traction after lifting off", float(np.abs(found.steps[-1].traction).max()), 0.0, 0.0, "Pa", True)
+    yield Check("traction after separation", float(np.abs(found.steps[-1].traction).max()), 0.0, 0.0, "Pa", True)
     tangential = [step for step in found.steps if 2 <= step.step <= 4]
     way = np.array([step.loading.translation[0] for step in tangential]) * 1e6
     force = np.array([resultants(found.zone, step).tangential_force[0] for step in tangential]) / 1e3
@@ -39,7 +39,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _energy(found: Result) -> Iterator[Check]:
-    """Work of the indenter, by the mean of the tractions at both ends of an increment, less what is stored."""
+    """Check the dissipation against work minus stored energy; work uses mean tractions of an increment."""
     turn = max(index for index, step in enumerate(found.steps) if step.step == 2)
     steps = [step for step in found.steps[turn:] if step.step < 5]
     totals = [resultants(found.zone, step) for step in steps]
@@ -48,6 +48,6 @@ def _energy(found: Result) -> Iterator[Check]:
     work = float(((forces[1:] + forces[:-1]) / 2 * np.diff(motions, axis=0)).sum())
     ends = [found.zone.weights @ (step.traction * step.displacement).sum(axis=1) / 2 for step in (steps[0], steps[-1])]
     dissipated = sum(total.dissipated_energy for total in totals[1:])
-    yield Check("dissipation against work less what is stored", dissipated, work - float(ends[1] - ends[0]), 0.03, "J")
+    yield Check("dissipation, against work minus stored energy", dissipated, work - float(ends[1] - ends[0]), 0.03, "J")
     ratio = totals[0].tangential_force[0] / totals[0].normal_force
-    yield Check("tangential over normal force at the turning point", float(ratio), RATIO, 1e-6)
+    yield Check("ratio of tangential and normal force at the reversal", float(ratio), RATIO, 1e-6)

@@ -1,4 +1,4 @@
-"""A rough rigid surface on an isotropic half space, frictionless and periodic: against Tamaas, an independent code."""
+"""Compare a rough rigid surface on an isotropic half space, frictionless and periodic, with Tamaas."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from meeframe_halfspace import HalfSpace, SelfAffine
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Freedom, contact_gap
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, contact_gap
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, Signorini
-from meeframe.solvers import Limits, ProjectedCG, solve
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, StoppingCriteria, solve
 from meeframe.study.validate import Check, Curve, Item, Map, Plot, Skip
+from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Rough surface on an elastic half space, against Tamaas"
 SOURCE = (
@@ -30,36 +30,36 @@ SOURCE = (
 )
 PERIOD = 1e-3
 PRESSURES = (0.02, 0.08)
-"""Mean pressure over E* times the root mean square slope."""
+"""Mean pressure relative to E* times the root mean square slope."""
 SLOPE = 0.1
 Density = Literal["bilinear", "constant", "trigonometric"]
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Pressure and gap on the grid, (n, n) [Pa], [m]."""
+    """Pressure [Pa] and gap [m] on the grid, (n, n)."""
 
     pressure: Array
     gap: Array
 
     @property
     def area(self) -> float:
-        """Share of the nodes that are pressed."""
+        """Fraction of the nodes under pressure."""
         return float((self.pressure > 0.0).mean())
 
 
 def surface(samples: int, shortest: float) -> SelfAffine:
-    """With waves down to that length [m]."""
+    """Return a self-affine surface with waves down to the length `shortest` [m]."""
     return SelfAffine(PERIOD, shortest, 0.8, rms_slope=SLOPE, roll_off=PERIOD / 2, seed=11, samples=samples)
 
 
 def heights_of(rough: SelfAffine) -> Array:
-    """Above the lowest point, (samples, samples) [m]."""
+    """Return the heights above the lowest point, (samples, samples) [m]."""
     return rough.surface() - rough.surface().min()
 
 
 def reduced(samples: int, density: Density) -> ReducedSystem:
-    """One period of the half space; trigonometric densities give sums of waves, as in the other code."""
+    """Return one period of the half space; trigonometric densities give sums of waves, as in Tamaas."""
     width = PERIOD * (samples - 1) / samples
     mesh = half_space_mesh(4.0 * PERIOD, width, samples - 1, 1, Quad4())
     formulation = HalfSpace(density, periodic=True, matrix_up_to=0)
@@ -67,24 +67,24 @@ def reduced(samples: int, density: Density) -> ReducedSystem:
 
 
 def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact:
-    """Heights (n, n) above the lowest point of the rigid surface [m], pressed on until that mean pressure [Pa]."""
+    """Press heights (n, n) [m] of a rigid surface on the half space with a mean pressure [Pa]."""
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
-    freedom = Freedom(press, system.weights[:, None] * press, mean_pressure * area)
+    freedom = PrescribedResultant(press, system.weights[:, None] * press, mean_pressure * area)
     place = np.lexsort((system.points[:, 1], system.points[:, 0]))  # nodes in the order of the heights
     gap = np.empty(len(place))
     gap[place] = heights.ravel()
     none = np.zeros((len(gap), 2))
     problem = ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none, (freedom,))
-    state = converged(solve(problem, ProjectedCG(), Limits(tolerance=1e-10))).state
+    state = converged(solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10))).state
     opening = contact_gap(problem, state.displacement, state.motion)[:, 2]
     shape = heights.shape
     return Contact((0.0 - state.load[:, 2])[place].reshape(shape), opening[place].reshape(shape))
 
 
 def theirs(tamaas: Any, heights: Array, mean: float, constraint: str, tolerance: float = 1e-10) -> Contact:
-    """The same by Tamaas; mean: of the pressure [Pa] or of the gap [m], whichever the constraint is."""
+    """Solve with Tamaas; mean: mean pressure [Pa] or gap [m], according to the constraint."""
     tamaas.set_log_level(tamaas.LogLevel.error)
     model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [PERIOD, PERIOD], list(heights.shape))
     model.E, model.nu = YOUNG, POISSON
@@ -99,7 +99,7 @@ def theirs(tamaas: Any, heights: Array, mean: float, constraint: str, tolerance:
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Two loads, by the other code's densities and by ours; pressures, area, and the force at the same mean gap."""
+    """Compare pressures, area and force at the same mean gap, for two loads and two kinds of densities."""
     try:
         import tamaas
     except ImportError:
@@ -111,7 +111,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
-    """Eight samples in the shortest wave: the same discrete problem for both codes."""
+    """Compare the same discrete problem, with eight samples in the shortest wave."""
     system, heights = reduced(samples, "trigonometric"), heights_of(surface(samples, 8 * PERIOD / samples))
     for share in PRESSURES:
         mean = share * MODULUS * SLOPE
@@ -119,7 +119,7 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
         name = f"{samples} x {samples} nodes, mean pressure {share:g} E* h'"
         yield _pressures(name, found, judge, np.ones_like(found.pressure, bool))
         yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
-        yield Check(f"{name}: share of the area in contact", found.area, judge.area, 0.01)
+        yield Check(f"{name}: fraction of the area in contact", found.area, judge.area, 0.01)
         yield _at_same_gap(name, tamaas, heights, found, mean)
     places = (np.arange(samples) + 0.5) / samples * PERIOD * 1e3
     fields = {"meeframe": found.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
@@ -129,21 +129,21 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
         Curve("Tamaas", places, judge.pressure[line] / 1e9),
         Curve("meeframe", places, found.pressure[line] / 1e9, points=True),
     )
-    yield Plot("Pressure on the line through its largest value", "y [mm]", "pressure [GPa]", curves)
+    yield Plot("Pressure on the line through its maximum", "y [mm]", "pressure [GPa]", curves)
 
 
 def _case_file(tamaas: Any) -> Iterator[Check]:
-    """The second load on 64 x 64 nodes, prescribed as a force."""
+    """Check the case file: the second load on 64 x 64 nodes, prescribed as a force."""
     judge = theirs(tamaas, heights_of(surface(64, PERIOD / 8)), PRESSURES[1] * MODULUS * SLOPE, "pressure")
     exact = {"force": PRESSURES[1] * MODULUS * SLOPE * PERIOD**2, "max_pressure": float(judge.pressure.max())}
     yield from totals_of(Path(__file__).with_name("periodic.toml"), exact)
 
 
 def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[Item]:
-    """The default densities of runs, on waves that the grid resolves: two discretisations of the same contact.
+    """Compare the default densities of runs with Tamaas: two discretisations of the same contact on resolved waves.
 
-    At the edge of the contact, where pressures fall like a square root, they differ by a part of what a spacing brings:
-    nodes within two spacings of it are left to the mean square. Counted areas approach theirs in first order.
+    At the contact edge the pressure tends to zero like a square root, and the discretisations differ there: nodes
+    within two spacings of it are excluded from the largest difference. Counted areas converge to first order.
     """
     systems = [reduced(count, "bilinear") for count in (samples // 2, samples)]
     heights = [heights_of(surface(count, PERIOD / 8)) for count in (samples // 2, samples)]
@@ -156,17 +156,17 @@ def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[
         found, judge = pairs[-1]
         name = f"bilinear, {samples} x {samples} nodes, mean pressure {share:g} E* h'"
         difference = np.abs(found.pressure - judge.pressure) / judge.pressure.max()
-        yield Check(f"{name}: pressures, r.m.s. difference over the peak", _rms(difference), 0.0, 0.01, "", True)
-        yield _pressures(f"{name}, edges left out", found, judge, _inner(found, judge))
+        yield Check(f"{name}: pressures, r.m.s. difference relative to the peak", _rms(difference), 0.0, 0.01, "", True)
+        yield _pressures(f"{name}, without contact edges", found, judge, _inner(found, judge))
         yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
         ours_area, their_area = (2.0 * fine.area - coarse.area for coarse, fine in zip(*pairs, strict=True))
-        yield Check(f"{name}: share of the area in contact, extrapolated", ours_area, their_area, 0.01)
+        yield Check(f"{name}: fraction of the area in contact, extrapolated", ours_area, their_area, 0.01)
         yield _at_same_gap(name, tamaas, heights[-1], found, mean)
 
 
 def _pressures(name: str, found: Contact, judge: Contact, where: NDArray[np.bool_]) -> Check:
     difference = np.abs(found.pressure - judge.pressure)[where].max() / judge.pressure.max()
-    return Check(f"{name}: pressures, largest difference over the peak", float(difference), 0.0, 0.01, "", True)
+    return Check(f"{name}: pressures, largest difference relative to the peak", float(difference), 0.0, 0.01, "", True)
 
 
 def _at_same_gap(name: str, tamaas: Any, heights: Array, found: Contact, mean: float) -> Check:
@@ -175,7 +175,7 @@ def _at_same_gap(name: str, tamaas: Any, heights: Array, found: Contact, mean: f
 
 
 def _inner(found: Contact, judge: Contact) -> NDArray[np.bool_]:
-    """Nodes whose neighbours up to the second are pressed in both; the surface is periodic."""
+    """Return nodes whose neighbours up to the second are under pressure in both; the surface is periodic."""
     pressed = (found.pressure > 0.0) & (judge.pressure > 0.0)
     return minimum_filter(pressed, size=5, mode="wrap")
 

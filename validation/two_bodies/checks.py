@@ -1,16 +1,16 @@
-"""Two deformable bodies: Hertz, joined half spaces in closed form, exchanged roles."""
+"""Check two deformable bodies: Hertz, joined half spaces in closed form, exchanged roles."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from study import CONDITIONS, TURN, Solved, closed_form, conducting, counter, hertz, load, roles, solve
+from study import CONDITIONS, TURN, Solved, closed_form, conducting, hertz, load, roles, second_body, solve
 
-from meeframe.case.case import Case
-from meeframe.case.solve import reduce
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, half_space_mesh
-from meeframe.report.study import middle_line
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import reduce
+from meeframe.study.reports.study import middle_line
 from meeframe.study.validate import Check, Curve, Item, Plot
 from meeframe.testing.closed_forms import Indentation
 
@@ -22,23 +22,25 @@ SOURCE = (
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Elastic bodies against Hertz, poled ones against joined half spaces, roles exchanged."""
+    """Check elastic bodies against Hertz, poled bodies against joined half spaces, and exchanged roles."""
     if not quick:
         for name in ("equal", "unlike_elastic"):
             found = hertz(name)
             yield Check(f"{found.title}: force", found.force, found.exact, 0.015, "N")
-            yield Check(f"{found.title}: pressure, largest error over the peak", found.pressure, 0.0, 0.03, "", True)
+            yield Check(
+                f"{found.title}: pressure, largest error relative to the peak", found.pressure, 0.0, 0.03, "", True
+            )
     yield from _opposite(quick)
     yield from _exchanged(quick)
 
 
 def _opposite(quick: bool) -> Iterator[Item]:
-    """Poled the same way in space: one body is the other turned over."""
+    """Check bodies poled in the same direction in space: one body is the other rotated by 180 degrees."""
     case = load("poled")
-    other = counter(case)
+    other = second_body(case)
     mesh = half_space_mesh(0.1, 0.005, 10, 5, Quad4()) if quick else case.mesh
     opposite = replace(other, mesh=mesh if quick else other.mesh, material=other.material.rotated(TURN))
-    case = replace(case, mesh=mesh, counter=opposite)
+    case = replace(case, mesh=mesh, second_body=opposite)
     system = reduce(case)
     for condition in ("EMII", "EMCI") if quick else CONDITIONS:
         variant = conducting(case, condition)
@@ -68,13 +70,13 @@ def _section(condition: str, solved: Solved, exact: Indentation) -> Plot:
 def _exchanged(quick: bool) -> Iterator[Check]:
     found = roles(_coarse(load("roles")) if quick else load("roles"))
     largest = float(found.differences.max())
-    yield Check("exchanged roles: load, largest difference over its largest value", largest, 0.0, 1e-8, "", True)
+    yield Check("exchanged roles: load, largest difference relative to its largest value", largest, 0.0, 1e-8, "", True)
     one, two = found.totals
     forces = float(np.abs(two.force - one.force * [-1, 1, 1]).max() / np.abs(one.force).max())
     yield Check("exchanged roles: forces, largest difference", forces, 0.0, 1e-8, "", True)
-    yield Check("exchanged roles: nodes that stick or slip alike, share", float(found.alike), 1.0, 0.0)
+    yield Check("exchanged roles: same stick and slip at all nodes (1: yes)", float(found.alike), 1.0, 0.0)
 
 
 def _coarse(case: Case) -> Case:
     half, block = half_space_mesh(0.1, 0.005, 8, 4, Quad4()), block_mesh(0.05, 0.12, 0.005, 8, 3, 2, Quad4())
-    return replace(case, mesh=half, counter=replace(counter(case), mesh=block))
+    return replace(case, mesh=half, second_body=replace(second_body(case), mesh=block))

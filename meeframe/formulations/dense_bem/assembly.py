@@ -6,19 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 from numba import get_num_threads
 
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import Progress
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.common.errors import MeshError
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, shape_table
+from meeframe.fields import N_FIELDS, Array
+from meeframe.formulations.dense_bem._kernels import assembly as kernels
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
 from meeframe.formulations.dense_bem.layout import Layout
 from meeframe.formulations.dense_bem.rules import plane_normals, tabulate
-from meeframe.kernels import assembly as kernels
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.system.reduced import Progress
 
 # Quadrature points handed to the fundamental solution at a time, on curved elements: their kernels fit the second-level
 # cache. Twice as many, of which more share a cell of the table, take as long, four times as many longer.
@@ -51,7 +51,7 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What every task reads.
+    """Data that every assembly task reads.
 
     mesh: in units of the system; own_shape: (o, k) shape functions at Sources.own_xi, zero-padded; accuracy, rules: how
     the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body; planes:
@@ -77,7 +77,7 @@ def assemble(
     accuracy: kernels.Accuracy,
     progress: Progress,
 ) -> System:
-    """The boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
+    """Return the boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
     rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(plane_normals(rule) for rule in rules)
@@ -97,7 +97,8 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see meeframe.kernels.assembly."""
+    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see
+    meeframe.formulations.dense_bem._kernels.assembly."""
 
     value: Array
     flux: Array
@@ -186,7 +187,8 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
 
 
 def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> bool:
-    """As _accumulate if the block is plane and the kernel integrates over planes; else nothing is added, and False."""
+    """Accumulate if the block is plane and the kernel integrates over planes; otherwise add nothing and return
+    False."""
     planes = problem.planes[number]
     if planes is None:
         return False
@@ -272,7 +274,7 @@ def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position
 
 
 def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
-    """Shape functions at the sources on the elements that hold them, (o, k)."""
+    """Return the shape functions at the sources on the elements that hold them, (o, k)."""
     shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
     for number, block in enumerate(mesh.blocks):
         rows = sources.own_block == number

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.element import shape_functions
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.elements.base import shape_functions
+from meeframe.fields import N_FIELDS, Array, Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout
+from meeframe.mesh.surface import SurfaceMesh
 
 INWARD_SHIFT = 0.35
 """How far, from node to centre of the element, a collocation point moves inside its patch."""
@@ -38,7 +38,7 @@ class Sources:
 
 
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
-    """Collocation points for a layout; every row 0..n_unknowns-1 appears once."""
+    """Return the collocation points for a layout; every row 0..n_unknowns-1 appears once."""
     patches = layout.patches
     n_flux_unknowns = np.zeros((len(mesh.points), N_FIELDS), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)

@@ -7,23 +7,24 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.body import Body
-from meeframe.core.dense_system import in_local_frames
-from meeframe.core.errors import CaseError, TooLargeError
-from meeframe.core.fields import N_FIELDS, Array, FieldScaling
-from meeframe.core.formulation import Formulation, NodalFields, Progress, ReducedSystem, silent
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
+from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields.units import Quantity, check_quantities
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
-from meeframe.fundamental import Tabulated
-from meeframe.geometry import check_mesh, zone_frames
-from meeframe.geometry.slenderness import bending_warnings
-from meeframe.kernels.assembly import Accuracy
+from meeframe.greens import Tabulated
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.mesh import check_mesh, zone_frames
+from meeframe.mesh.body import Body
+from meeframe.mesh.slenderness import bending_warnings
+from meeframe.system.dense import in_local_frames
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 
 @final
@@ -59,7 +60,7 @@ class DenseBEM(Formulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings of slender parts, whose bending may be wrong, for a body that `check` accepts."""
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -76,7 +77,7 @@ class DenseBEM(Formulation):
         return in_local_frames(*parts, offset, compliance, solution.fields)
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
-        """Fields on the boundary of a body without contact zone. Raises as reduce."""
+        """Return the fields on the boundary of a body without contact zone. Raises as reduce."""
         if body.contact_group is not None:
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
         return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
@@ -107,12 +108,13 @@ def _scaled(body: Body) -> Array:
 
 @lru_cache(maxsize=4)
 def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """The kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by content."""
+    """Return the kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by
+    content."""
     return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
 
 
 def _check_memory(body: Body) -> None:
-    """Raises TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
+    """Raise TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
     unknowns = N_FIELDS * len(body.mesh.points)
     loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
     needed = 8 * unknowns * (unknowns + loads)

@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import SurfaceMesh
-from meeframe.geometry.topology import outer_polygon
+from meeframe.fields import N_FIELDS, Array
+from meeframe.greens.base import Kernel
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import outer_polygon
 
 GAUSS_POINTS = 24
 
 
 def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array:
-    """Free term less the integral of T over the plane outside the mesh, (s, 25), entry 5 J + K, for positions (s, 3).
+    """Return the free term less the integral of T over the plane outside the mesh, (s, 25), entry 5 J + K, for
+    positions (s, 3).
 
     The value at the source is subtracted on the mesh; over the whole plane the principal value of T vanishes, because T
     is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer edge at rho = R(theta) the integral

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.core.body import Body, BoundaryCondition, check_conditions
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling
-from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import Indices, SurfaceMesh
+from meeframe.common.errors import CaseError
+from meeframe.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
-from meeframe.geometry.supports import check_supports
-from meeframe.geometry.topology import outer_polygon
+from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
+from meeframe.mesh.supports import check_supports
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import outer_polygon
+from meeframe.system.reduced import NodalFields
 
 NONE = -1
 
@@ -28,19 +28,19 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Values (..., 5) in SI units into units of the system."""
+        """Return the values (..., 5) in SI units into units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Fluxes (..., 5) in SI units into units of the system."""
+        """Return the fluxes (..., 5) in SI units into units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Values (..., 5) of the system into SI units."""
+        """Return the values (..., 5) of the system into SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Fluxes (..., 5) of the system into SI units."""
+        """Return the fluxes (..., 5) of the system into SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -64,7 +64,7 @@ class Layout:
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
-    """Number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
+    """Return the number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
 
     Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
     or leave a field undetermined.
@@ -110,7 +110,7 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
 def boundary_fields(
     layout: Layout, units: Units, mesh: SurfaceMesh, values: Array, fluxes: Array, loads: Array
 ) -> NodalFields:
-    """Fields on the boundary, SI units and global axes, at the nodes of each patch.
+    """Return the fields on the boundary, SI units and global axes, at the nodes of each patch.
 
     values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (5 n,) on the zone,
     in those of fluxes.
@@ -168,7 +168,7 @@ def _apply(
 
 
 def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
-    """The value of a field that a neighbouring face prescribes cannot be found by contact as well."""
+    """Refuse a field in the contact zone that a neighbouring face already prescribes."""
     pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if pinned.any():
         names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)

@@ -1,4 +1,4 @@
-"""From the collocated system to the reduced system: one factorisation, then contact-size relations."""
+"""Reduction of the collocated system: one factorisation, then relations of contact size."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,14 +6,14 @@ from typing import Final
 import numpy as np
 from scipy.linalg.lapack import dlange
 
-from meeframe.core.body import Body
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.formulation import NodalFields
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import CaseError
+from meeframe.fields import N_FIELDS, Array
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
+from meeframe.mesh.body import Body
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.system.reduced import NodalFields
 
 SINGULAR: Final = 1e-14
 """Reciprocal condition number, in Frobenius norms, below which the system is singular to round-off.
@@ -36,7 +36,7 @@ class BoundarySolution:
     mesh: SurfaceMesh
 
     def fields(self, load: Array) -> NodalFields:
-        """Fields on the boundary for a load (n, 5) in SI units and global axes."""
+        """Return the fields on the boundary for a load (n, 5) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
         right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
@@ -45,7 +45,7 @@ class BoundarySolution:
 
 
 def factorise(system: System) -> Array:
-    """The factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
+    """Return the factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
 
     Raises CaseError if the matrix is singular to working precision, or not finite.
     """
@@ -68,7 +68,8 @@ def factorise(system: System) -> Array:
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
-    """offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the contact zone, SI units, global axes."""
+    """Return offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the contact zone, SI units, global
+    axes."""
     layout, units = solution.layout, solution.units
     n = len(layout.zone)
     values = last_unknowns(solution.factors, layout.n_unknowns - N_FIELDS * n, solution.factors[:, layout.n_unknowns :])
@@ -81,7 +82,7 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
 
 
 def characteristic_length(body: Body) -> float:
-    """Size of the contact zone, or of the body where there is none [m]: the unit of length of the system."""
+    """Return the size of the contact zone, or of the body where there is none [m]: the unit of length of the system."""
     group = body.contact_group
     points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
     return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -6,8 +6,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_case
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_case
 
 SHOWN = (
     ("pressure [MPa]", "magma_r", lambda step: -step.traction[:, 2] / 1e6),

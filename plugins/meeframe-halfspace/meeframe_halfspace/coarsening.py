@@ -5,8 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.plugin import Array, Indices
 from meeframe_halfspace.grid import Grid
 
 FEWEST: Final = 24

@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Edges, Rim
+from meeframe.plugin import Array, EdgeCorrection, IndenterEdge
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.outline import find_outline, fourfold
 from meeframe_halfspace.response import series_blocks
@@ -29,24 +28,27 @@ TOWARDS: Final = 0.5
 
 
 def resolved_edges(
-    grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: Rim | None, periodic: bool = False
-) -> Edges:
-    """See ReducedSystem.edges. waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries."""
+    grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: IndenterEdge | None, periodic: bool = False
+) -> EdgeCorrection:
+    """Return the correction for a contact edge between the nodes; see `EdgeResolution.edge_correction`.
+
+    waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries.
+    """
     distance, outward = _outline(grid, pressure, periodic)
     if rim is not None:
         _enter_rim(grid, rim, pressure, distance, outward, periodic)
     at = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
     place = distance[at] - MEAN_OFF * (1.0 - fourfold(outward[at]))
-    covered = (pressure > 0.0).astype(float)
+    area_fraction = (pressure > 0.0).astype(float)
     # on average over nodes as large as the contact
-    covered[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
-    own = np.zeros((len(pressure), *scaling.shape))
+    area_fraction[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
+    extra_compliance = np.zeros((len(pressure), *scaling.shape))
     grown = edge_response(place) * _spacing(grid, outward[at]) / (2.0 * np.pi)
     taking_part = place > lowest
     blocks = series_blocks(waves, np.arctan2(outward[at, 1], outward[at, 0])) * scaling
-    own[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
-    return Edges(own, covered)
+    extra_compliance[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
+    return EdgeCorrection(extra_compliance, area_fraction)
 
 
 def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]:
@@ -60,7 +62,7 @@ def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]
     return distance, outward
 
 
-def _enter_rim(grid: Grid, rim: Rim, pressure: Array, distance: Array, outward: Array, periodic: bool) -> None:
+def _enter_rim(grid: Grid, rim: IndenterEdge, pressure: Array, distance: Array, outward: Array, periodic: bool) -> None:
     """Enter the distance of nodes from the rim where the contact ends there.
 
     It ends before where the pressure fades before; a pressure that is singular at the rim rises towards it.

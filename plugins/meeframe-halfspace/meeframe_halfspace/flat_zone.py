@@ -5,10 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices, SurfaceMesh
-from meeframe.geometry import frames_of
+from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, frames_of
 
 FLAT: Final = 1e-6
 """By so much, as a part of the zone, may nodes be off the plane."""
@@ -25,7 +22,7 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Contact zone of a face group, its points and frame those of meeframe.geometry.zone_frames.
+    """Contact zone of a face group, its points and frame those of meeframe.mesh.zone_frames.
 
     Raises MeshError if there is no such group, it has no elements, or it is not flat.
     """

@@ -6,12 +6,21 @@ from typing import Annotated, Literal, final
 import numpy as np
 from pydantic import Field
 
-from meeframe.core.body import Body, check_conditions
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import CaseError, MeshError
-from meeframe.core.fields import N_FIELDS, VALUE_NAMES, Array
-from meeframe.core.formulation import Formulation, Progress, ReducedSystem, silent
-from meeframe.core.quantities import check_quantities
+from meeframe.plugin import (
+    N_FIELDS,
+    VALUE_NAMES,
+    Array,
+    Body,
+    CaseError,
+    DenseSystem,
+    Formulation,
+    MeshError,
+    Progress,
+    ReducedSystem,
+    check_conditions,
+    check_quantities,
+    silent,
+)
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
@@ -56,7 +65,7 @@ class HalfSpace(Formulation):
         """
         self._grid(body)
 
-    def endless(self) -> bool:
+    def is_periodic(self) -> bool:
         """Whether it is periodic."""
         return self.periodic
 

@@ -6,9 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.plugin import Array, Indices, MeshError
 from meeframe_halfspace.flat_zone import FlatZone
 
 SAME: Final = 1e-6

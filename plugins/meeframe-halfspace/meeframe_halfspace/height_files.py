@@ -10,9 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.quantities import Quantity
+from meeframe.plugin import Array, CaseError, Quantity
 
 AnyArray = NDArray[Any]
 

@@ -10,11 +10,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.geometry import SampledHeights
+from meeframe.plugin import Array, CaseError, Indenter, Quantity, SampledHeights, check_quantities
 from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
 
 Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]

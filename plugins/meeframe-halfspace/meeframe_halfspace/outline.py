@@ -15,8 +15,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.plugin import Array, Indices
 
 Flags = NDArray[np.bool_]
 

@@ -1,6 +1,6 @@
 """Response of the surface of an anisotropic half space to a point source, as a Fourier series in the angle.
 
-With u^ = Y(m) t^ / k (meeframe.materials.half_space) the response at a vector d = r (cos theta, sin theta) from the
+With u^ = Y(m) t^ / k (meeframe.material.half_space) the response at a vector d = r (cos theta, sin theta) from the
 source is K(theta)/r. Y is Hermitian and Y(-m) its conjugate, so that its real part has even harmonics alone, the
 imaginary part odd ones, and the inverse transform of e^{i n alpha} / k is e^{i n theta} i^n / (2 pi r) for even n and
 -i^{|n| - 1} e^{i n theta} / (2 pi r), from a principal value, for odd n where Y has i e^{i n alpha}. The odd part
@@ -16,11 +16,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meeframe.core.errors import MaterialError
-from meeframe.core.fields import MECHANICAL, N_FIELDS, Array, FieldScaling
-from meeframe.core.mesh import Indices
-from meeframe.geometry.zone import frames_of
-from meeframe.materials.half_space import surface_compliance
+from meeframe.plugin import (
+    MECHANICAL,
+    N_FIELDS,
+    Array,
+    FieldScaling,
+    Indices,
+    MaterialError,
+    frames_of,
+    surface_compliance,
+)
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
 
 UPPER: Final = np.triu_indices(N_FIELDS)

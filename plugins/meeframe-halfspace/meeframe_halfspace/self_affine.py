@@ -8,10 +8,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from pydantic import Field
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.plugin import Array, CaseError, Indenter, Quantity, check_quantities
 
 SAMPLES_PER_WAVE: Final = 8
 """Of the shortest wave, where the number of samples is not given."""

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import Solver, Status
+from meeframe.contact.problem import Solver, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini
-from meeframe.materials import library_material
-from meeframe.solvers import BarzilaiBorwein, Limits, ProjectedCG, SemismoothNewton, solve
-from meeframe.testing.counted import Counted
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
 from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
 
@@ -20,16 +20,16 @@ WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
 def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0), material: str = "batio3-cofe2o4"):
     mesh = half_space_mesh(4.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
     body = Body(library_material(material).stiffness, mesh, (), "contact")
-    system = Counted.of(HalfSpace("constant", matrix_up_to=0).reduce(body))
+    system = OperationCounter.of(HalfSpace("constant", matrix_up_to=0).reduce(body))
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
     return indentation_problem(system, height, CONTACT**2 / RADIUS, Signorini(), (kappa, kappa), potentials)
 
 
 @pytest.mark.parametrize(("n", "potentials"), [(128, (5.0, 1.0)), (80, (50.0, 5.0))])
 def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
-    solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), Limits(tolerance=1e-8))
+    solution = solve(sphere(n, np.inf, potentials, "orthotropic-mee"), ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
-    assert ((solution.state.closed > 0.0) & (solution.state.closed < 1.0)).sum() >= 20
+    assert ((solution.state.contact_fraction > 0.0) & (solution.state.contact_fraction < 1.0)).sum() >= 20
 
 
 @pytest.mark.parametrize(
@@ -45,11 +45,11 @@ def test_many_grazing_nodes(n: int, potentials: tuple[float, float]):
 def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material, graze):
     """Where nodes graze, too."""
     problem = sphere(48, kappa, potentials, material)
-    limits = Limits(tolerance=1e-9)
+    limits = StoppingCriteria(tolerance=1e-9)
     ours, theirs = (solve(problem, solver, limits) for solver in (ProjectedCG(), SemismoothNewton()))
     assert ours.status is Status.CONVERGED
     assert theirs.status is Status.CONVERGED
-    assert ((ours.state.closed > 0.0) & (ours.state.closed < 1.0)).any() == graze
+    assert ((ours.state.contact_fraction > 0.0) & (ours.state.contact_fraction < 1.0)).any() == graze
     forces = [problem.system.weights @ solution.state.load[:, 2] for solution in (ours, theirs)]
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
 
@@ -59,7 +59,7 @@ def test_it_is_the_contact_that_newtons_method_finds(kappa, potentials, material
 def test_fluxes_close_in_where_contacts_hardly_conduct(solver: Solver, kappa: float):
     """Resistances about a million times the nodes' own responses: fluxes near the answer are still of use."""
     problem = sphere(16, kappa, (2.0, 0.5), "orthotropic-mee")
-    ours, theirs = (solve(problem, one, Limits(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
+    ours, theirs = (solve(problem, one, StoppingCriteria(tolerance=1e-8)) for one in (solver, SemismoothNewton()))
     assert ours.status is Status.CONVERGED, ours.message
     assert theirs.status is Status.CONVERGED
     largest = np.abs(theirs.state.load).max(axis=0)

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace, SelfAffine, indentation_modulus
 
-from meeframe.case.case import Case
-from meeframe.case.counter import CounterBody
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce, solve_case, solve_steps
-from meeframe.case.step import Step
-from meeframe.core.body import Body
-from meeframe.core.errors import CaseError
-from meeframe.core.result import resultants
-from meeframe.core.toml import toml_text
+from meeframe.common.errors import CaseError
+from meeframe.common.toml import toml_text
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import FrictionAxes, half_space_mesh
-from meeframe.geometry import indenters as rigid
+from meeframe.indenters import shapes as rigid
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.materials import Material, library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.material import Material, library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import FrictionAxes, half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.model.case import Case
+from meeframe.model.load import load_case
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import reduce, solve_case, solve_steps
+from meeframe.model.step import Step
+from meeframe.results.records import resultants
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 
@@ -49,7 +49,7 @@ def indentation_errors(shape, potentials, cells, density="bilinear", divisions=N
     conductivity = tuple(0.0 if value is None else np.inf for value in potentials)
     given = tuple(value or 0.0 for value in potentials)
     problem = indentation_problem(system, indenter.height(x, y), APPROACH, None, conductivity, given)
-    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))
+    solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
     totals = system.weights @ solution.state.load
     expected = {2: -exact.force, 3: exact.charge, 4: exact.magnetic_flux}
     return np.array([totals[field] / value - 1.0 for field, value in expected.items() if value])
@@ -119,7 +119,7 @@ def small_case(**changes):
         steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),),
         contact_law=IsotropicCoulomb(0.4),
         electric_law=StepConductivity(np.inf),
-        limits=Limits(tolerance=1e-8),
+        limits=StoppingCriteria(tolerance=1e-8),
         formulation=HalfSpace(),
         **changes,
     )
@@ -171,8 +171,8 @@ def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
         indenter=rigid.Sphere(0.1),
         steps=(Step(approach=4e-5),),
         formulation=formulation,
-        limits=Limits(tolerance=1e-8),
-        counter=CounterBody(material, mesh, formulation=formulation),
+        limits=StoppingCriteria(tolerance=1e-8),
+        second_body=SecondBody(material, mesh, formulation=formulation),
     )
     force, _ = outcome(case)
     exact = 4.0 / 3.0 * (2e11 / 0.91 / 2.0) * np.sqrt(0.1) * 4e-5**1.5
@@ -185,10 +185,10 @@ def test_an_endless_surface_and_one_that_is_not(tmp_path, periodic):
     given = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
     given["formulation"]["periodic"] = not periodic
     own = {"name": "half-space", "periodic": periodic}
-    given["counter_body"] = {"material": given["material"], "mesh": given["mesh"], "formulation": own}
+    given["second_body"] = {"material": given["material"], "mesh": given["mesh"], "formulation": own}
     path = tmp_path / "case.toml"
     path.write_text(toml_text(given), encoding="utf-8")
-    with pytest.raises(CaseError, match=r"counter_body\.formulation.*for ever.*allowed: both or neither"):
+    with pytest.raises(CaseError, match=r"second_body\.formulation.*for ever.*allowed: both or neither"):
         load_case(path)
 
 
@@ -203,12 +203,12 @@ def test_edges_that_one_of_two_bodies_resolves(tmp_path, own, theirs):
         return f'formulation = {{name = "half-space", density = "bilinear", edges = "{edges}"}}\n'
 
     def written(one, other):
-        path.write_text(f"{body}{formulation(one)}[counter_body]\n{body}{formulation(other)}{rest}", encoding="utf-8")
+        path.write_text(f"{body}{formulation(one)}[second_body]\n{body}{formulation(other)}{rest}", encoding="utf-8")
         return load_case(path)
 
-    assert written(own, own).counter.formulation == HalfSpace(edges=own)
-    resolving, not_resolving = ("first", "counter") if own == "resolved" else ("counter", "first")
-    match = rf"counter_body\.formulation: .* {resolving} body resolves .* {not_resolving} body does not; .*edges"
+    assert written(own, own).second_body.formulation == HalfSpace(edges=own)
+    resolving, not_resolving = ("first", "second_body") if own == "resolved" else ("second_body", "first")
+    match = rf"second_body\.formulation: .* {resolving} body resolves .* {not_resolving} body does not; .*edges"
     with pytest.raises(CaseError, match=match):
         written(own, theirs)
 
@@ -224,7 +224,7 @@ def rough_case(force, rms_height=1e-6, **changes):
         "indenter": rough,
         "steps": (Step(normal_force=force),),
         "formulation": HalfSpace("trigonometric", periodic=True, matrix_up_to=0),
-        "limits": Limits(tolerance=1e-9),
+        "limits": StoppingCriteria(tolerance=1e-9),
     }
     return Case(**(given | changes))
 
@@ -253,7 +253,7 @@ def test_frictional_rough_contact():
         steps=steps,
         contact_law=IsotropicCoulomb(0.3),
         electric_law=StepConductivity(np.inf),
-        limits=Limits(tolerance=1e-8),
+        limits=StoppingCriteria(tolerance=1e-8),
     )
     system = reduce(case)
     states = list(solve_steps(case, system, boundary=False))

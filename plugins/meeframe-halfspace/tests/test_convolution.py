@@ -14,8 +14,8 @@ from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGri
 from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
 
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.materials import Material, library_material, rotation_about
+from meeframe.fields import N_FIELDS, Array
+from meeframe.material import Material, library_material, rotation_about
 from meeframe.testing.elastic_half_space import cell_response
 
 TURNED = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness

@@ -3,14 +3,15 @@
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.case.case import Case
-from meeframe.case.solve import solve_case
-from meeframe.case.step import Step
-from meeframe.core.result import resultants
 from meeframe.elements import Quad4
-from meeframe.geometry import FlatPunch, half_space_mesh
+from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import solve_case
+from meeframe.model.step import Step
+from meeframe.results.records import resultants
 
 FORCE, FRICTION, WAY = 100.0, 0.3, 1e-3
 

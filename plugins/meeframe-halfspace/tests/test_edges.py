@@ -11,23 +11,25 @@ from meeframe_halfspace.strip import edge_limits, edge_response, line_responses
 from scipy.linalg import toeplitz
 from scipy.special import ellipk
 
-from meeframe.case.case import Case
-from meeframe.case.history import at_rest
-from meeframe.case.mechanism import Mechanism
-from meeframe.case.solve import reduce, solve_case
-from meeframe.case.step import Step
-from meeframe.core.body import Body
-from meeframe.core.errors import CaseError
-from meeframe.core.pair import pair
-from meeframe.core.result import resultants
-from meeframe.core.turned import TurnedSystem, turned
+from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4
-from meeframe.geometry import Placement, SampledHeights, find_rim, half_space_mesh, longest_side
-from meeframe.geometry import indenters as rigid
+from meeframe.indenters import Placement, SampledHeights, find_indenter_edge, longest_side
+from meeframe.indenters import shapes as rigid
 from meeframe.laws import Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, solve_to_edges
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.model.case import Case
+from meeframe.model.history import at_rest
+from meeframe.model.kinematics import IndenterKinematics
+from meeframe.model.solve import reduce, solve_case
+from meeframe.model.step import Step
+from meeframe.results.records import resultants
+from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve_to_edges
+from meeframe.system.capabilities import EdgeResolution
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
 from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere, indent
 from meeframe.testing.half_space import indentation_problem
 
@@ -60,8 +62,8 @@ def pressed(system, height, approach, potentials=(None, None), kappa=np.inf, off
     solution, _ = solve_to_edges(
         problem,
         solver,
-        Limits(tolerance=1e-8),
-        rim=lambda: find_rim(above, system.points, system.frames, reach),
+        StoppingCriteria(tolerance=1e-8),
+        rim=lambda: find_indenter_edge(above, system.points, system.frames, reach),
     )
     assert solution.status == "converged", solution.message
     return system.weights @ solution.state.load[:, 2:] * [-1.0, 1.0, 1.0]
@@ -132,7 +134,7 @@ def test_outline_of_an_elliptic_contact():
     system = half_space((h, h), 52)
     x, y = system.points[:, 0] + 0.3 * h, system.points[:, 1] + 0.4 * h
     problem = indentation_problem(system, x**2 / 2.0 + y**2 / 1.2, 0.5)
-    solution, _ = solve_to_edges(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    solution, _ = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     pressure = np.maximum(-solution.state.load[:, 2], 0.0)
     # p = p_o sqrt(1 - (x/a)^2 - (y/b)^2): fitted where the grid resolves it
     deep = pressure > 0.6 * pressure.max()
@@ -200,7 +202,7 @@ def test_elliptic_punch_on_oblong_cells(turn, bodies):
         return np.where(((c * x + s * y) / a) ** 2 + ((c * y - s * x) / b) ** 2 <= 1.0, 0.0, np.inf)
 
     exact = depth / XI[0, 0] * a / ellipk(1.0 - (b / a) ** 2)
-    seen = system if bodies == 1 else pair(system, system)
+    seen = system if bodies == 1 else combine_bodies(system, system)
     assert bodies * pressed(seen, height, depth)[0] == pytest.approx(exact, rel=1e-3)
 
 
@@ -220,7 +222,7 @@ def half_space_case(indenter, approach, placement, width, divisions, edges="reso
         electric_law=StepConductivity(0.0 if potential is None else np.inf),
         potentials=(potential or 0.0, 0.0),
         steps=(Step(approach=approach),),
-        limits=Limits(tolerance=1e-8),
+        limits=StoppingCriteria(tolerance=1e-8),
     )
 
 
@@ -243,9 +245,9 @@ def test_rim_of_cells_much_longer_than_wide():
     """It is looked for as far as cells are long."""
     radius, length = 2e-3, 4e-4
     case = half_space_case(rigid.FlatPunch(radius), 1e-6, Placement(), (12 * length, 4.8e-3), (12, 192))
-    mechanism = Mechanism(case, reduce(case))
-    exact = radius - np.hypot(*mechanism.system.points[:, :2].T)
-    rim = mechanism.rim(mechanism.increment({}, at_rest(case.potentials, len(exact))))
+    kinematics = IndenterKinematics(case, reduce(case))
+    exact = radius - np.hypot(*kinematics.system.points[:, :2].T)
+    rim = kinematics.rim(kinematics.increment({}, at_rest(case.potentials, len(exact))))
     near = np.abs(exact) < OF_THE_RIM * length
     assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
@@ -296,9 +298,9 @@ def test_an_end_that_the_contact_does_not_reach(beyond):
         return cut(a + beyond * h)(points[:, 0], points[:, 1]) - APPROACH
 
     problem = indentation_problem(system, above(system.points, None) + APPROACH, APPROACH)
-    end = find_rim(above, system.points, system.frames, 2.0 * h)
+    end = find_indenter_edge(above, system.points, system.frames, 2.0 * h)
     assert end is not None
-    _, same = solve_to_edges(problem, ProjectedCG(), Limits(tolerance=1e-8), rim=lambda: end)
+    _, same = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8), rim=lambda: end)
     assert same is problem
 
 
@@ -314,7 +316,7 @@ def test_resolved_area_is_the_punch(divisions, too_large):
     result = solve_case(Case(material, mesh, (), punch, (step,), formulation=HalfSpace(edges="resolved")))
     totals = resultants(result.zone, result.steps[-1])
     assert totals.contact_area == totals.slip_area == pytest.approx(np.pi * 1e-6, rel=2e-3)
-    whole = resultants(result.zone, replace(result.steps[-1], covered=None))
+    whole = resultants(result.zone, replace(result.steps[-1], area_fraction=None))
     assert whole.contact_area == pytest.approx(too_large * np.pi * 1e-6, rel=2e-3)
 
 
@@ -341,14 +343,14 @@ def test_frames_of_friction_axes_and_two_bodies():
     h = 2.0 * shape.radius / 24.4
     alone = half_space((h, h), 30)
     direct = pressed(alone, indenter.height, APPROACH, (-1e4, None))
-    askew = turned(alone, np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(alone.points), 1)))
-    assert isinstance(askew, TurnedSystem)
+    askew = rotate_frames(alone, np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(alone.points), 1)))
+    assert askew.capability(EdgeResolution) is not None
     assert pressed(askew, indenter.height, APPROACH, (-1e4, None)) == pytest.approx(direct, rel=3e-5)
     sphere = rigid.Sphere(0.1)
     h = 2.0 * np.sqrt(0.1 * APPROACH) / 24.4
     alone = half_space((h, h), 30)
     grounded = pressed(alone, sphere.height, APPROACH, (0.0, None))
-    both = pressed(pair(alone, alone), sphere.height, APPROACH, (None, None))
+    both = pressed(combine_bodies(alone, alone), sphere.height, APPROACH, (None, None))
     single = pressed(alone, sphere.height, APPROACH, (None, None))
     assert both[0] == pytest.approx(single[0] / 2.0, rel=1e-6)
     assert grounded[0] < single[0]
@@ -357,14 +359,14 @@ def test_frames_of_friction_axes_and_two_bodies():
 def test_symmetric_positive_and_only_bilinear():
     system = half_space((1e-4, 1e-4), 20)
     r = np.hypot(*system.points[:, :2].T)
-    edges = system.edges(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
-    flipped = edges.own * np.array([1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
+    edges = system.edge_correction(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
+    flipped = edges.extra_compliance * np.array([1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
     assert flipped == pytest.approx(flipped.transpose(0, 2, 1), rel=1e-9)
-    scale = np.sqrt(np.abs(np.einsum("nii->i", edges.own)))
-    symmetric = (edges.own + edges.own.transpose(0, 2, 1)) / np.outer(scale, scale)
+    scale = np.sqrt(np.abs(np.einsum("nii->i", edges.extra_compliance)))
+    symmetric = (edges.extra_compliance + edges.extra_compliance.transpose(0, 2, 1)) / np.outer(scale, scale)
     assert np.linalg.eigvalsh(symmetric).min() > -1e-12
-    assert ((edges.covered > 0.0) & (edges.covered < 1.0)).sum() > 30
-    assert half_space((1e-4, 1e-4), 20, "nodes").edges(r) is None
+    assert ((edges.area_fraction > 0.0) & (edges.area_fraction < 1.0)).sum() > 30
+    assert half_space((1e-4, 1e-4), 20, "nodes").capability(EdgeResolution) is None
     with pytest.raises(CaseError, match="edges = 'resolved' with density = 'constant'"):
         HalfSpace("constant", edges="resolved")
 
@@ -373,5 +375,5 @@ def test_nothing_to_resolve_without_a_singular_load():
     system = half_space((1e-4, 1e-4), 20)
     problem = indentation_problem(system, rigid.Sphere(0.1).height(*system.points[:, :2].T), 2e-6)
     problem = replace(problem, electric_law=StepConductivity(0.0))
-    _, same = solve_to_edges(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    _, same = solve_to_edges(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert same is problem

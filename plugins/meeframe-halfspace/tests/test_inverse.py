@@ -7,17 +7,18 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.inverse import wave_inverse
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactSolution, Status
-from meeframe.core.formulation import ReducedSystem
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import ContactProblem, ContactSolution, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import BarzilaiBorwein, Limits, SemismoothNewton, residual, solve
-from meeframe.solvers.conduction import own_response
-from meeframe.testing.counted import Counted
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.system.capabilities import Multigrid
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+from meeframe.testing.operation_counter import OperationCounter
 
 MEDIUM = library_material("orthotropic-mee")
 RADIUS, FORCE, MU, WIDTH = 0.1, 450.0, 0.3, 7e-3
@@ -33,7 +34,7 @@ def reduced(n: int, matrix_up_to: int = 0, periodic: bool = False) -> ReducedSys
 def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem:
     """A sphere pressed on and dragged by half of what friction bears, both as forces."""
     x, y, _ = system.points.T
-    freedoms = tuple(
+    prescribed_resultants = tuple(
         freedom(system, mode, total) for mode, total in ((PRESS, FORCE), (SLIDE, 0.5 * MU * FORCE), (ASIDE, 0.0))
     )
     none = np.zeros((len(x), 2))
@@ -45,7 +46,7 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
         (x**2 + y**2) / (2.0 * RADIUS),
         none,
         none,
-        freedoms,
+        prescribed_resultants,
     )
     own = own_response(problem)[len(x) // 2]
     laws = [StepConductivity(float(k / o)) if k else Insulating() for k, o in zip(kappa, own, strict=True)]
@@ -53,7 +54,7 @@ def dragged(system: ReducedSystem, law=None, kappa=INSULATING) -> ContactProblem
 
 
 def solved(problem: ContactProblem, solver=None, tolerance=1e-10) -> ContactSolution:
-    solution = solve(problem, solver or SemismoothNewton(), Limits(tolerance=tolerance))
+    solution = solve(problem, solver or SemismoothNewton(), StoppingCriteria(tolerance=tolerance))
     assert solution.status is Status.CONVERGED, solution.message
     return solution
 
@@ -139,7 +140,7 @@ def test_answers_are_those_of_factorisation(law, kappa) -> None:
     found = solved(problem, tolerance=1e-12).state
     beside = replace(found, load=0.999 * found.load) if kappa == CONDUCTING else None
     assert residual(by_matrix, found) < 2e-12
-    expected = solve(by_matrix, SemismoothNewton(), Limits(tolerance=1e-12), beside).state
+    expected = solve(by_matrix, SemismoothNewton(), StoppingCriteria(tolerance=1e-12), beside).state
     scale = np.abs(expected.load).max(axis=0)
     scale[scale == 0.0] = 1.0
     assert (np.abs(found.load - expected.load) / scale).max() < 1e-9
@@ -150,9 +151,10 @@ def test_answers_are_those_of_factorisation(law, kappa) -> None:
 def test_answers_are_those_without_a_coarser_grid() -> None:
     """Friction, conduction and free motions on a grid that has one, from its solution and without all help."""
     system = reduced(48)
-    assert system.coarser() is not None
+    assert system.capability(Multigrid) is not None
     states = [
-        solved(dragged(Counted.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state for helped in (True, False)
+        solved(dragged(OperationCounter.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state
+        for helped in (True, False)
     ]
     scale = np.abs(states[1].load).max(axis=0)
     assert (np.abs(states[0].load - states[1].load) / scale).max() < 1e-8
@@ -163,7 +165,7 @@ def test_gradient_iterations_conduct_as_without_it() -> None:
     """The potentials eliminated with the approximate inverse and without."""
     found = []
     for helped in (True, False):
-        system = Counted.of(reduced(24), helped)
+        system = OperationCounter.of(reduced(24), helped)
         found.append(solved(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
     assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
 
@@ -172,7 +174,7 @@ def test_products_hardly_grow_with_the_grid() -> None:
     """Of the whole solution, to residual 1e-10. Without help they do grow, so that this can fail."""
     counts = {}
     for n, helped in ((32, True), (128, True), (32, False), (64, False)):
-        system = Counted.of(reduced(n), helped)
+        system = OperationCounter.of(reduced(n), helped)
         assert solved(dragged(system)).residual <= 1e-10
         counts[n, helped] = len(system.products)
     assert counts[128, True] < 1.5 * counts[32, True]

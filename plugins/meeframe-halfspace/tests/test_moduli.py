@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace, indentation_modulus
 
-from meeframe.core.body import Body
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
-from meeframe.materials import Material, rotation_about
-from meeframe.solvers import Limits, SemismoothNewton, solve
+from meeframe.material import Material, rotation_about
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.testing.half_space import indentation_problem
 
 CONSTANTS = {"Cu": (168.4, 121.4, 75.4), "Si": (165.7, 63.9, 79.6), "Al": (107.3, 60.9, 28.3)}
@@ -48,7 +48,7 @@ def test_moduli_from_runs(crystal, face):
     system = HalfSpace().reduce(Body(material.stiffness, mesh, (), "contact"))
     x, y, _ = system.points.T
     problem = indentation_problem(system, (x**2 + y**2) / (2.0 * radius), approach)
-    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8))
+    solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
     force = -float(system.weights @ solution.state.load[:, 2])
     modulus = 0.75 * force / (np.sqrt(radius) * approach**1.5) / 1e9
     published = MODULI[crystal][list(NORMALS).index(face)]

@@ -10,27 +10,39 @@ from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.system import HalfSpaceSystem
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactState, Solver, Status
-from meeframe.core.edged import edged
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Coarsening, Extension, NodalFields, Part, ReducedSystem
-from meeframe.core.law import ContactLaw
-from meeframe.core.mesh import Indices
-from meeframe.core.pair import pair
-from meeframe.core.turned import turned
+from meeframe.contact.nested import coarse_problem, nested_start, tensed
+from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
+from meeframe.contact.scales import problem_scales
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array, Indices
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material, rotation_about
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
-from meeframe.solvers.nested import coarse_problem, nested_start, tensed
-from meeframe.solvers.scales import problem_scales
-from meeframe.testing.counted import Counted
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.system.capabilities import (
+    ApproximateApply,
+    ApproximateInverse,
+    Coarsening,
+    FieldwiseApply,
+    LatticeStencil,
+    Multigrid,
+    Prolongation,
+    Restriction,
+    Stencil,
+    Subsystem,
+    diagonal,
+)
+from meeframe.system.edge_correction import correct_edge
+from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
+from meeframe.testing.capabilities import check_capabilities, check_restriction
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
-from meeframe.testing.shortcuts import check_parts, check_shortcuts
+from meeframe.testing.operation_counter import OperationCounter
 
 ISOTROPIC = Material.isotropic(200e9, 0.3).stiffness
 ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -55,7 +67,7 @@ def grid(n: int) -> ReducedSystem:
 
 def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProblem:
     """An indenter that moves freely down."""
-    return replace(held(system, gap), freedoms=(freedom(system, PRESS, force),))
+    return replace(held(system, gap), prescribed_resultants=(freedom(system, PRESS, force),))
 
 
 def held(system: ReducedSystem, gap: Array) -> ContactProblem:
@@ -86,7 +98,7 @@ def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool
     scales, expected = problem_scales(problem), problem_scales(plain)
     assert scales.pressure == pytest.approx(expected.pressure, rel=0.5)
     assert scales.displacement[2] == pytest.approx(expected.displacement[2], rel=0.5)
-    solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+    solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert residual(plain, solution.state) < 2e-8
 
@@ -98,13 +110,13 @@ def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver
     system = grid(n)
     under = near(system, n, n // 2 - 1, n // 2 + 1, spacings)
     free = pressed_by(system, np.where(under, 0.0, np.inf), FORCE)
-    pressed = solve(free, solver, Limits(tolerance=1e-10))
+    pressed = solve(free, solver, StoppingCriteria(tolerance=1e-10))
     assert pressed.status is Status.CONVERGED
     depth = float(pressed.state.motion[0])
     if under.sum() == 1:
         own = float(system.diagonal_blocks()[under][0, 2, 2])
         assert depth == pytest.approx(own * FORCE / float(system.weights[under][0]), rel=1e-9)
-    given = solve(held(system, np.where(under, -depth, np.inf)), solver, Limits(tolerance=1e-10))
+    given = solve(held(system, np.where(under, -depth, np.inf)), solver, StoppingCriteria(tolerance=1e-10))
     assert given.status is Status.CONVERGED
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
 
@@ -116,7 +128,7 @@ def test_indenters_that_cover_no_node(solver: Solver) -> None:
     system = grid(24)
     nowhere = np.full(len(system.points), np.inf)
     assert solve(held(system, nowhere), solver).status is Status.CONVERGED
-    pressed = solve(pressed_by(system, nowhere, FORCE), solver, Limits(stall_window=3, max_iterations=50))
+    pressed = solve(pressed_by(system, nowhere, FORCE), solver, StoppingCriteria(stall_window=3, max_iterations=50))
     assert pressed.status is not Status.CONVERGED
     assert not pressed.state.load.any()
 
@@ -146,7 +158,9 @@ def test_laws_of_the_nodes_are_asked_for_these_alone() -> None:
     nodal = replace(uniform, contact_law=NodalCoulomb(np.full(n * n, mu)))
     assert coarse_problem(uniform) is not None
     assert coarse_problem(nodal) is None
-    states = [solve(problem, SemismoothNewton(), Limits(tolerance=1e-10)).state for problem in (uniform, nodal)]
+    states = [
+        solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state for problem in (uniform, nodal)
+    ]
     assert np.abs(states[0].load - states[1].load).max() < 1e-7 * np.abs(states[0].load).max()
 
 
@@ -180,8 +194,8 @@ def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> No
 
 
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
-def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
-    check_shortcuts(system_of(formulation, divisions))
+def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
+    check_capabilities(system_of(formulation, divisions))
 
 
 @pytest.mark.parametrize(
@@ -197,11 +211,12 @@ def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int,
 def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: bool) -> None:
     """In the order in which they are asked for; of a part, too."""
     n = len(system.points)
-    whole = turned(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
-    part = whole.within(np.arange(2 * n // 5, 2 * n // 5 + 3))
+    whole = rotate_frames(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
+    restriction = whole.capability(Restriction)
+    part = None if restriction is None else restriction.restrict(np.arange(2 * n // 5, 2 * n // 5 + 3))
     for asked in (whole, whole if part is None else part.system):
         for fields in ((2,), (4, 0, 1), tuple(range(5))):
-            own = asked.own_response(fields)
+            own = diagonal(asked, fields)
             assert own.shape == (len(asked.points), len(fields))
             np.testing.assert_array_equal(own, asked.diagonal_blocks()[:, fields, fields])
             for node in (0, len(own) // 2, len(own) - 1):
@@ -214,10 +229,10 @@ def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: 
 def test_parts_of_single_nodes() -> None:
     """Of 17 x 17 nodes a corner is a part of its own."""
     system = system_of(HalfSpace(matrix_up_to=0), (16, 16))
-    corner = system.within(np.array([len(system.points) - 1]))
+    corner = system.restrict(np.array([len(system.points) - 1]))
     assert corner is not None
-    assert len(corner.kept) == 1
-    check_parts(system)
+    assert len(corner.nodes) == 1
+    check_restriction(system)
 
 
 def test_parts_of_free_grids() -> None:
@@ -226,17 +241,17 @@ def test_parts_of_free_grids() -> None:
     system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1))
     distance = np.abs(system.points[:, :2]).max(axis=1) / WIDTH
     wider = np.flatnonzero(distance < 0.21)
-    part = system.within(wider)
+    part = system.restrict(wider)
     assert part is not None
-    assert len(wider) <= len(part.kept) <= 1.5 * len(wider)
-    shifted, smaller = system.within(wider + 12 * n), system.within(np.flatnonzero(distance < 0.1))
+    assert len(wider) <= len(part.nodes) <= 1.5 * len(wider)
+    shifted, smaller = system.restrict(wider + 12 * n), system.restrict(np.flatnonzero(distance < 0.1))
     assert shifted is not None
     assert smaller is not None
     assert shifted.system.convolution is part.system.convolution
-    assert len(smaller.kept) < 0.5 * len(part.kept)
-    assert system.within(np.flatnonzero(distance < 0.45)) is None
+    assert len(smaller.nodes) < 0.5 * len(part.nodes)
+    assert system.restrict(np.flatnonzero(distance < 0.45)) is None
     periodic = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n, n))
-    assert periodic.within(np.arange(10)) is None
+    assert periodic.capability(Restriction) is None
 
 
 def test_parts_of_two_sizes_are_kept() -> None:
@@ -244,7 +259,7 @@ def test_parts_of_two_sizes_are_kept() -> None:
     system = system_of(HalfSpace(matrix_up_to=0), (40, 40))
 
     def answering(count: int) -> Convolution:
-        part = system.within(np.arange(count))
+        part = system.restrict(np.arange(count))
         assert part is not None
         assert isinstance(part.system, HalfSpaceSystem)
         return part.system.convolution
@@ -262,7 +277,7 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
     def solved(system: ReducedSystem, radius: float) -> Array:
         height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
         problem = indentation_problem(system, height, radius**2 / 0.1, conductivity=(np.inf, np.inf), potentials=(5, 1))
-        solution = solve(problem, ProjectedCG(), Limits(tolerance=1e-8))
+        solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-8))
         assert solution.status is Status.CONVERGED
         return solution.state.load
 
@@ -279,36 +294,42 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     """Their solution is no load at all, in no field: that of this one, too."""
     system = grid(64)
     problem = replace(pressed_by(system, (system.points**2).sum(axis=1), 0.0), electric_law=StepConductivity(np.inf))
-    solution = solve(problem, solver, Limits(tolerance=1e-8))
+    solution = solve(problem, solver, StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert not solution.state.load.any()
 
 
-def test_shortcuts_of_systems_made_of_others() -> None:
+def test_capabilities_of_composed_systems() -> None:
     system = system_of(*GRIDS[0])
     nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
     for whole in (
-        pair(system, system),
-        turned(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
-        edged(system, edge * system.diagonal_blocks()),
-        Counted.of(system),
+        combine_bodies(system, system),
+        rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
+        correct_edge(system, edge * system.diagonal_blocks()),
+        OperationCounter.of(system),
     ):
-        check_shortcuts(whole)
-        assert whole.within(nodes) is not None
+        check_capabilities(whole)
+        assert whole.capability(Restriction).restrict(nodes) is not None
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(ReducedSystem):
-    """A system one of whose shortcuts is wrong."""
+class Wrong(
+    ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction
+):
+    """A half space one of whose capabilities is wrong."""
 
-    inner: ReducedSystem
+    inner: HalfSpaceSystem
     wrong: str
 
     @classmethod
     def of(cls, inner: ReducedSystem, wrong: str) -> "Wrong":
+        assert isinstance(inner, HalfSpaceSystem)
         return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, wrong)
+
+    def capability(self, kind):
+        return super().capability(kind) if self.inner.capability(kind) is not None else None
 
     def apply(self, load: Array) -> Array:
         return self.inner.apply(load)
@@ -322,66 +343,73 @@ class Wrong(ReducedSystem):
     def recover(self, load: Array) -> NodalFields:
         return self.inner.recover(load)
 
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        return self.inner.response(load, sorted(fields) if self.wrong == "response" else fields)
-
-    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        found = self.inner.block_response(load, sorted(loaded) if self.wrong == "block_response" else loaded, fields)
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        wanted = sorted(fields) if self.wrong == "wanted fields" else fields
+        found = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
         return 1.0001 * found if self.wrong == "single precision" and load.dtype == np.float32 else found
 
-    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)
+
+    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        return self.inner.apply_fields(load, loaded, fields) * (1.001 if self.wrong == "approximate_apply" else 1.0)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         inverse = self.inner.approximate_inverse(fields)
-        assert inverse is not None
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
-    def extension(self, nodes: Indices) -> Extension | None:
-        extension = self.inner.extension(nodes)
-        assert extension is not None
+    def prolongation(self, nodes: Indices) -> Prolongation:
+        right = self.inner.prolongation(nodes)
         if self.wrong == "values":
-            return replace(extension, extended=lambda values: 0.5 * extension.extended(values))
+            return replace(right, prolong=lambda values: 0.5 * right.prolong(values))
         if self.wrong == "kinked":
-            return replace(extension, extended=lambda values: _kinked(extension.extended(values), nodes))
+            return replace(right, prolong=lambda values: _kinked(right.prolong(values), nodes))
         if self.wrong == "double precision":
-            return replace(extension, extended=lambda values: extension.extended(values).astype(float))
+            return replace(right, prolong=lambda values: right.prolong(values).astype(float))
         if self.wrong == "no node":
-            return replace(extension, extended=lambda values: extension.extended(values) + (not len(nodes)))
-        return replace(extension, gathered=lambda whole: whole[nodes]) if self.wrong == "adjoint" else extension
+            return replace(right, prolong=lambda values: right.prolong(values) + (not len(nodes)))
+        return replace(right, restrict=lambda whole: whole[nodes]) if self.wrong == "adjoint" else right
 
-    def coarser(self) -> Coarsening | None:
-        coarse = self.inner.coarser()
-        assert coarse is not None
+    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
+        right = self.inner.stencil(radius, fields)
+        if right is None or self.wrong != "stencil":
+            return right
+        return replace(right, responses=right.responses[:, ::-1])
+
+    def coarsen(self) -> Coarsening:
+        coarse = self.inner.coarsen()
         if self.wrong == "prolong":
             return replace(coarse, prolong=lambda values: 0.5 * coarse.prolong(values))
         if self.wrong == "weights":
             return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
-        return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
+        return replace(coarse, nodes=coarse.nodes[::-1]) if self.wrong == "points" else coarse
 
-    def within(self, nodes: Indices) -> Part | None:
-        part = self.inner.within(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
-        if part is not None and self.wrong == "response of a part":
-            return replace(part, system=Wrong.of(part.system, "block_response"))
-        return replace(part, kept=part.kept[::-1]) if part is not None and self.wrong == "nodes of a part" else part
+    def restrict(self, nodes: Indices) -> Subsystem | None:
+        part = self.inner.restrict(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
+        if part is not None and self.wrong == "fields of a part":
+            return replace(part, system=Wrong.of(part.system, "loaded fields"))
+        return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
 
-def _kinked(extended: Array, nodes: Indices) -> Array:
+def _kinked(prolonged: Array, nodes: Indices) -> Array:
     """The same at the nodes, not below zero at others."""
-    kinked = np.maximum(extended, np.float32(0.0))
-    kinked[nodes] = extended[nodes]
+    kinked = np.maximum(prolonged, np.float32(0.0))
+    kinked[nodes] = prolonged[nodes]
     return kinked
 
 
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize(
-    ("wrong", "said"),
-    [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
-    + [("single precision", "block_response to loads float32")]
-    + [("values", "extension changes the values"), ("adjoint", "extension gathers is not the adjoint")]
-    + [("kinked", "extension is not linear"), ("double precision", "another precision"), ("no node", "from no node")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")]
-    + [("response of a part", "block_response")],
+    ("wrong", "message"),
+    [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
+    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal", "stencil")]
+    + [("single precision", "apply_fields of loads float32")]
+    + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
+    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no node")]
+    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
 )
-def test_wrong_shortcuts_are_caught(wrong: str, said: str) -> None:
+def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
-    with pytest.raises(AssertionError, match=said):
-        check_shortcuts(Wrong.of(system, wrong))
-    check_shortcuts(Wrong.of(system, "nothing"))
+    with pytest.raises(AssertionError, match=message):
+        check_capabilities(Wrong.of(system, wrong))
+    check_capabilities(Wrong.of(system, "nothing"))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import case_from_tables
-from meeframe.core.contact import Status
+from meeframe.contact.problem import Status
+from meeframe.model.load import case_from_tables
 
 INDEPENDENT = {1e-12: 1.02, 1e-9: 0.92, 5e-9: 0.71, 8e-9: 0.63, 1e-8: 0.59}
 """Rise of the largest electric potential at mu = 0.9, by the scale of the magneto-electric coefficients [s/m]."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace, MeasuredHeights, SelfAffine
 
-from meeframe.core.formulation import Formulation
-from meeframe.core.indenter import Indenter
-from meeframe.geometry import SampledHeights
+from meeframe.formulations.base import Formulation
+from meeframe.indenters import SampledHeights
+from meeframe.indenters.base import Indenter
 from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.case.case import Case
-from meeframe.case.solve import solve_case
-from meeframe.case.step import Step
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.core.result import Resultants, resultants
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
+from meeframe.indenters.base import Indenter
 from meeframe.laws import StepConductivity
-from meeframe.materials import library_material, rotation_about
-from meeframe.materials.half_space import surface_compliance
+from meeframe.material import library_material, rotation_about
+from meeframe.material.half_space import surface_compliance
+from meeframe.mesh import half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.solve import solve_case
+from meeframe.model.step import Step
+from meeframe.results.records import Resultants, resultants
 
 PERIOD, AMPLITUDE, NODES = 1e-3, 1e-6, 32
 MEDIUM = library_material("orthotropic-mee").rotated(rotation_about([1, 2, 3], 0.7))

@@ -9,9 +9,9 @@ from meeframe_halfspace.kernels import cell_response as one_cell
 from meeframe_halfspace.response import entries_to_matrix, mirrored
 from scipy.integrate import dblquad
 
-from meeframe.core.errors import MaterialError
-from meeframe.materials import Material, library_material, rotation_about
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.common.errors import MaterialError
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.testing.elastic_half_space import cell_response
 
 YOUNG, POISSON = 2e11, 0.27

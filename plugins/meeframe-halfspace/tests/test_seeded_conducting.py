@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactState, Status, indenter_position
+from meeframe.contact.problem import ContactProblem, ContactState, Status, indenter_position
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Signorini
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, normal_response, solve
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.cg import normal_response
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.half_space import indentation_problem
 
@@ -40,16 +41,16 @@ def seeded(seed: int) -> ContactProblem:
     problem = indentation_problem(system, height, approach, Signorini(), (kappa, kappa), potentials)
     if random.random() < 0.65:
         return problem
-    insulated = solve(indentation_problem(system, height, approach), ProjectedCG(), Limits(tolerance=1e-6))
+    insulated = solve(indentation_problem(system, height, approach), ProjectedCG(), StoppingCriteria(tolerance=1e-6))
     force = -float(system.weights @ insulated.state.load[:, 2])
-    return replace(problem, gap=height, freedoms=(freedom(system, PRESS, force),))
+    return replace(problem, gap=height, prescribed_resultants=(freedom(system, PRESS, force),))
 
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("seed", [3, 6, 9, 12, 18, 19, 25, 31, 42, 57])
 def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """At any conduction that follows a violation a hundred or a thousand times smaller, or at once."""
-    problem, limits = seeded(seed), Limits(tolerance=1e-10, max_iterations=200)
+    problem, limits = seeded(seed), StoppingCriteria(tolerance=1e-10, max_iterations=200)
     newton = solve(problem, SemismoothNewton(), limits)
     assert newton.status is Status.CONVERGED
     for following in (1e-3, 3e-3, 1e-2, 3e-2):
@@ -61,9 +62,11 @@ def test_it_is_the_contact_of_newtons_method(seed: int, monkeypatch: pytest.Monk
 
 def test_where_conjugate_gradients_do_not_close_in_auto_goes_on() -> None:
     """Most of the contact of seed 192 grazes."""
-    problem, limits = seeded(192), Limits(tolerance=1e-10, max_iterations=100)
+    problem, limits = seeded(192), StoppingCriteria(tolerance=1e-10, max_iterations=100)
     newton = solve(problem, SemismoothNewton(), limits).state
-    assert ((newton.closed > 0.0) & (newton.closed < 1.0)).sum() > (newton.closed == 1.0).sum()
+    assert ((newton.contact_fraction > 0.0) & (newton.contact_fraction < 1.0)).sum() > (
+        newton.contact_fraction == 1.0
+    ).sum()
     found = solve(problem, Auto(), limits)
     assert found.status is Status.CONVERGED, found.message
     assert_same_load(found.state, newton)
@@ -75,21 +78,21 @@ def test_conduction_that_draws_nodes_into_contact_lets_them_lie_on_either_side()
 
     With potentials of the other sign nodes graze instead, and there is one solution.
     """
-    problem, limits = seeded(54), Limits(tolerance=1e-10, max_iterations=200)
+    problem, limits = seeded(54), StoppingCriteria(tolerance=1e-10, max_iterations=200)
     methods = (SemismoothNewton(), ProjectedCG())
     states = [solve(problem, method, limits).state for method in methods]
     for state in states:
         assert_strictly_lawful(problem, state)
-    closed, opened = (state.closed == 1.0 for state in states)
-    assert 12 <= (closed & ~opened).sum() <= 20
-    assert not (opened & ~closed).any()
+    contact_fraction, opened = (state.contact_fraction == 1.0 for state in states)
+    assert 12 <= (contact_fraction & ~opened).sum() <= 20
+    assert not (opened & ~contact_fraction).any()
     for method, state in zip(methods, reversed(states), strict=True):
         found = solve(problem, method, limits, replace(state, load=0.999 * state.load))
         assert found.iterations > 0
         assert_same_load(found.state, state)
     repelled = replace(problem, potentials=-problem.potentials)
     states = [solve(repelled, method, limits).state for method in methods]
-    assert ((states[0].closed > 0.0) & (states[0].closed < 1.0)).sum() > 12
+    assert ((states[0].contact_fraction > 0.0) & (states[0].contact_fraction < 1.0)).sum() > 12
     assert_same_load(*states)
 
 
@@ -98,7 +101,7 @@ def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatc
     """Two nodes of seed 24 lie on either side, too: the trial of a closed one vanishes beyond the wrong end."""
     monkeypatch.setattr(normal_response, "FOLLOWING", following)
     problem = seeded(24)
-    found = solve(problem, ProjectedCG(), Limits(tolerance=1e-10, max_iterations=200))
+    found = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=200))
     assert found.status is Status.CONVERGED, found.message
     assert_strictly_lawful(problem, found.state)
 
@@ -106,7 +109,7 @@ def test_no_node_stays_closed_against_its_own_trial(following: float, monkeypatc
 def assert_strictly_lawful(problem: ContactProblem, state: ContactState) -> None:
     """Pressed and at the potentials of the indenter, or apart and without load: no node is near to both."""
     ahead = indenter_position(problem, state.motion) - problem.system.offset - problem.system.apply(state.load)
-    largest, touching = np.abs(state.load).max(axis=0), state.closed == 1.0
+    largest, touching = np.abs(state.load).max(axis=0), state.contact_fraction == 1.0
     pressed, apart = state.load[touching, 2], ahead[~touching, 2]
     assert (pressed < -1e-3 * largest[2]).all()
     assert (apart > 1e-3 * np.abs(state.displacement[:, 2]).max()).all()

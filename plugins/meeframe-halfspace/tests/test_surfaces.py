@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import MeasuredHeights, Scales, SelfAffine, read_height_map
 
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
 from meeframe.testing import check_indenter
 
 PERIOD = 2e-3

@@ -11,11 +11,9 @@ from math import prod
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import Kernel
-from meeframe.core.mesh import Indices
-from meeframe.elements.quadrature import gauss_table
-from meeframe.kernels.assembly import Accuracy
+from meeframe.plugin import Array, Indices, Kernel
+from meeframe.plugin.boundary_elements import Accuracy
+from meeframe.plugin.surfaces import gauss_table
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.facet_kernels import add_products, add_weights, orders_of_facet
 from meeframe_hmatrix.integrals import Integrals, Kind

@@ -4,14 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.mesh import Indices
-from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.formulations.dense_bem.layout import NONE
-from meeframe.kernels.assembly import Accuracy
-from meeframe.kernels.quadrature import BUFFER_TOO_SMALL
+from meeframe.plugin import N_FIELDS, Array, Indices, MeshError
+from meeframe.plugin.boundary_elements import BUFFER_TOO_SMALL, NONE, Accuracy
+from meeframe.plugin.surfaces import gauss_table, shape_functions, shape_table
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals, Kind
 from meeframe_hmatrix.kernels import (

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import SurfaceElement
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Array
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.system.reduced import ReducedSystem
 
 
 def block(divisions: int, element: SurfaceElement) -> Body:

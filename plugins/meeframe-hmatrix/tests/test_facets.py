@@ -11,9 +11,9 @@ from meeframe_hmatrix.facets import facets, interpolated
 from meeframe_hmatrix.kernels import enter
 from meeframe_hmatrix.rows import column_window, local, near_rows, no_sums, orders_from, output
 
-from meeframe.core.body import Body
 from meeframe.elements import Quad8, Tri3
-from meeframe.materials import rotation_about
+from meeframe.material import rotation_about
+from meeframe.mesh.body import Body
 
 
 def integrals_of(body: Body, monkeypatch: pytest.MonkeyPatch):

@@ -1,12 +1,9 @@
-"""What the normal laws of the interface share: isotropic Coulomb friction on the contact traction."""
+"""Isotropic Coulomb friction on the contact traction, shared by the normal laws of the interface."""
 
 from dataclasses import dataclass
 from typing import Annotated
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity, check_quantities
-from meeframe.laws import IsotropicCoulomb
+from meeframe.plugin import Array, ContactLaw, IsotropicCoulomb, Quantity, check_quantities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +20,13 @@ class CoulombContact(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Of isotropic-coulomb, (n, 3) [Pa]."""
+        """Return the traction of isotropic-coulomb, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
-        """Of isotropic-coulomb, (2, 2)."""
+        """Return the scaling of isotropic-coulomb, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
-        """Of isotropic-coulomb, (n, 3, 3)."""
+        """Return the derivative of isotropic-coulomb, (n, 3, 3)."""
         return IsotropicCoulomb(self.mu).tangent(trial)

@@ -6,9 +6,7 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
-from meeframe.core.quantities import Quantity, check_quantities
+from meeframe.plugin import Array, Indenter, Quantity, check_quantities
 from meeframe_laws.coulomb_contact import CoulombContact
 
 _ANGLE = Quantity("rad", gt=-math.inf, lt=math.inf)
@@ -40,7 +38,7 @@ class SignoriniGap(CoulombContact):
         check_quantities(self)
 
     def initial_gap(self, points: Array) -> Array:
-        """h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
+        """Return h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
         gap = np.zeros(len(points))
         for along, wavelength, phase in zip(
             points.T, (self.wavelength_1, self.wavelength_2), (self.phase_1, self.phase_2), strict=False

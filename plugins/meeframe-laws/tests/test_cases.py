@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.cache import system_key
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce, solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.law import augmented_traction, lawful_traction
-from meeframe.core.result import Region
+from meeframe.contact.problem import Status
 from meeframe.laws import Insulating
+from meeframe.laws.base import augmented_traction, fixed_point_map
+from meeframe.model.cache import system_key
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce, solve_steps
 from meeframe.plugin.registry import load
+from meeframe.results.records import Region
 
 CASES = {path.stem: path for path in sorted((Path(__file__).parents[1] / "cases").glob("*.toml"))}
 LAWS = {entry.record.name: entry.record.factory for entry in load().entries if entry.provider.name == "meeframe-laws"}
@@ -70,7 +70,7 @@ def test_traction_is_a_fixed_point_of_the_law_whatever_the_step(name, softer):
     for step, path in paths:
         law, gap = case.contact_law.for_increment(path, step.loading.duration), gap_of(step)
         trial = augmented_traction(law, step.traction, gap, r)
-        assert np.abs(lawful_traction(law, trial, gap, r) - step.traction).max() <= 1e-8 * peak
+        assert np.abs(fixed_point_map(law, trial, gap, r) - step.traction).max() <= 1e-8 * peak
 
 
 def size(t):
@@ -168,7 +168,7 @@ def test_flux_is_what_the_drop_drives(name, field):
         drop, flux = step.potentials[:, column] - held, step.fluxes[:, column]
         gap = np.maximum(gap_of(step)[:, 2], 0.0)
         kappa = CONDUCTIVITIES[name](law, np.maximum(-step.traction[:, 2], 0.0), gap, drop)
-        settled, perfect = (step.closed == 0.0) | (step.closed == 1.0), np.isinf(kappa)
+        settled, perfect = (step.contact_fraction == 0.0) | (step.contact_fraction == 1.0), np.isinf(kappa)
         ohmic = settled & ~perfect
         assert np.abs(drop[settled & perfect]).max(initial=0.0) <= 1e-8 * abs(held)
         np.testing.assert_allclose(flux[ohmic], kappa[ohmic] * drop[ohmic], atol=1e-7 * largest)

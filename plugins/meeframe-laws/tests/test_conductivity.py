@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from meeframe_laws.conductivity import RECORDS, AcrossGap, Breakdown, PowerLaw, Robin, Saturating, Thresholded
 
 from meeframe import load_case
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError
-from meeframe.core.law import contact_conductivity
-from meeframe.core.pair import pair
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.laws.base import contact_conductivity
+from meeframe.material import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, Uzawa, solve
-from meeframe.solvers.conduction import own_response
+from meeframe.system.two_body import combine_bodies
 from meeframe.testing.contact import check_conductivity_law, check_growing_flux
 from meeframe.testing.contact_cases import SphereCase, periodic_half_space
 from meeframe.testing.force_control import TIGHT, balanced_solution, check_same, released
@@ -54,8 +54,8 @@ def test_conforms(law) -> None:
 def test_values_under_pressure() -> None:
     traction = np.array([0.0, -1e6, -2e6, -5e6])
     assert contact_conductivity(PowerLaw(3.0, 2e6, 2.0), traction) == pytest.approx([0.0, 0.75, 3.0, 18.75])
-    covered = [0.0, 1.0 - math.exp(-0.5), 1.0 - math.exp(-1.0), 1.0 - math.exp(-2.5)]
-    assert contact_conductivity(Saturating(1.0, 2e6), traction) == pytest.approx(covered, rel=1e-14)
+    area_fraction = [0.0, 1.0 - math.exp(-0.5), 1.0 - math.exp(-1.0), 1.0 - math.exp(-2.5)]
+    assert contact_conductivity(Saturating(1.0, 2e6), traction) == pytest.approx(area_fraction, rel=1e-14)
     assert contact_conductivity(Thresholded(4.0, 1e6, 2e6), traction) == pytest.approx([0.0, 0.0, 2.0, 4.0])
     assert contact_conductivity(Robin(4.0), traction).tolist() == [4.0] * 4
 
@@ -199,7 +199,7 @@ def test_two_bodies_and_exchanged_roles(name) -> None:
     side = np.sqrt(single.system.weights.sum())
     first, second = (periodic_half_space(medium, side, 8) for medium in media)
     states = []
-    for system, sign in ((pair(first, second), 1.0), (pair(second, first), -1.0)):
+    for system, sign in ((combine_bodies(first, second), 1.0), (combine_bodies(second, first), -1.0)):
         x, y = system.points[:, :2].T
         problem = replace(
             single,

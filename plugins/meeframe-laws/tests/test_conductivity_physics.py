@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from meeframe_laws.conductivity import AcrossGap, Breakdown, Robin, Saturating, Thresholded
 
-from meeframe.core.contact import ContactProblem, Status
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.material import library_material
 from meeframe.solvers import Auto, SemismoothNewton, solve
-from meeframe.solvers.conduction import own_response
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import TIGHT
 from meeframe.testing.half_space import half_space_system
@@ -192,8 +192,8 @@ def test_saturating_film_covers_what_random_spots_cover() -> None:
     radius, total = 0.02, 0.7
     count = round(total / (math.pi * radius**2))
     spots = random.uniform(-0.1, 1.1, (round(count * 1.44), 2))
-    covered = np.zeros(len(points), bool)
+    area_fraction = np.zeros(len(points), bool)
     for spot in spots:
-        covered |= np.hypot(*(points - spot).T) < radius
+        area_fraction |= np.hypot(*(points - spot).T) < radius
     kappa = Saturating(1.0, 1.0).conductivity(np.array([-total]), np.zeros(1), np.zeros(1))[0]
-    assert covered.mean() == pytest.approx(kappa, abs=0.02)
+    assert area_fraction.mean() == pytest.approx(kappa, abs=0.02)

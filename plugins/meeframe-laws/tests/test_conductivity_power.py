@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meeframe_laws import PowerLaw
 
-from meeframe.core.errors import CaseError
-from meeframe.core.law import contact_conductivity
+from meeframe.common.errors import CaseError
+from meeframe.laws.base import contact_conductivity
 from meeframe.plugin.registry import Kind, load
 
 LAW = PowerLaw(reference_conductivity=2.0e-3, reference_pressure=1.0e6)

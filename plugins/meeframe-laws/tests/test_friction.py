@@ -8,13 +8,13 @@ from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 from meeframe_laws.friction import RECORDS, CappedCoulomb, RegularisedCoulomb, Tresca
 
-from meeframe.core.contact import Status, resultant
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.material import library_material
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import SemismoothNewton, solve
-from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.testing.contact import (
     check_associated,
     check_contact_law,

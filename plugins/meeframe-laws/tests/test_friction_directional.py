@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 
-from meeframe.core.contact import Status, contact_gap
+from meeframe.contact.problem import Status, contact_gap
 from meeframe.laws import Insulating
-from meeframe.materials import library_material
+from meeframe.material import library_material
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import TIGHT

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meeframe_laws.friction import CappedCoulomb, RegularisedCoulomb, Tresca
 
-from meeframe.core.contact import ContactProblem, Status
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.closed_forms_friction import HertzContact

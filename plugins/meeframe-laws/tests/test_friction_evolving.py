@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 
-from meeframe.core.contact import ContactProblem, Status, contact_gap
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactProblem, Status, contact_gap
 from meeframe.laws import Insulating
 from meeframe.solvers import SemismoothNewton, solve
-from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.testing.cells import cell_system
 from meeframe.testing.closed_forms_friction import HertzContact
 from meeframe.testing.elastic_half_space import elastic_half_space

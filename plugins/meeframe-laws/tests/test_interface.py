@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from meeframe_laws.interface import DMT, RECORDS, Compliant, DMTCoulomb, Dugdale, SignoriniGap
 
-from meeframe.case.load import load_case
-from meeframe.case.mechanism import Mechanism
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw
-from meeframe.geometry import Sphere
+from meeframe.common.errors import CaseError
+from meeframe.indenters import Sphere
 from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
-from meeframe.materials import library_material
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.model.kinematics import IndenterKinematics
+from meeframe.model.load import load_case
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import Auto, SemismoothNewton, Uzawa
 from meeframe.testing.closed_forms_adhesion import quarter_half_space
@@ -159,8 +159,8 @@ def test_a_case_counts_the_gap_of_the_law_from_first_touch():
     points = 1e-3 * np.array([[x, y, 0.0] for x in (-2.0, -1.0, 0.0, 0.6, 2.0) for y in (-1.0, 0.0)])
     flat = replace(quarter_half_space(1e11, 1e-3, 2), points=points, frames=np.tile(np.eye(3), (len(points), 1, 1)))
     expected = 2e-6 * (1.0 - np.cos(2.0 * np.pi * points[:, 0] / case.contact_law.wavelength_1))
-    np.testing.assert_allclose(Mechanism(case, flat).touching_gap, expected, atol=1e-12)
+    np.testing.assert_allclose(IndenterKinematics(case, flat).touching_gap, expected, atol=1e-12)
     trough = replace(case, contact_law=replace(case.contact_law, phase_1=np.pi))
     nearest = 2e-6 * (1.0 + np.cos(2.0 * np.pi * points[:, 0] / case.contact_law.wavelength_1))
     assert nearest.min() > 1e-7
-    np.testing.assert_allclose(Mechanism(trough, flat).touching_gap, nearest - nearest.min(), atol=1e-12)
+    np.testing.assert_allclose(IndenterKinematics(trough, flat).touching_gap, nearest - nearest.min(), atol=1e-12)

@@ -8,9 +8,9 @@ import pytest
 from meeframe_laws.interface import DMT, DMTCoulomb, Dugdale
 from scipy.integrate import quad
 
-from meeframe.core.contact import ContactState, Status, contact_gap, resultant
+from meeframe.contact.problem import ContactState, Status, contact_gap, resultant
 from meeframe.solvers import Auto, SemismoothNewton, solve
-from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.closed_forms_adhesion import Maugis, bradley_force, hertz_gap, quarter_half_space, weak_attraction
 from meeframe.testing.elastic_half_space import elastic_half_space
@@ -196,9 +196,11 @@ def test_a_free_indenter_is_pulled_to_where_it_is_held(law):
     height = (system.points**2).sum(axis=1) / (2.0 * R)
     unit = np.pi * W * R
     held = balanced_solution(indentation_problem(system, height, 1e-9, law), SemismoothNewton()).state
-    start = ContactState(held.load, held.displacement, held.closed, np.array([1e-9]))
+    start = ContactState(held.load, held.displacement, held.contact_fraction, np.array([1e-9]))
     for total in (1.0, 0.0, -0.8):
-        free = replace(indentation_problem(system, height, 0.0, law), freedoms=(freedom(system, PRESS, total * unit),))
+        free = replace(
+            indentation_problem(system, height, 0.0, law), prescribed_resultants=(freedom(system, PRESS, total * unit),)
+        )
         start = balanced_solution(free, SemismoothNewton(), start=start).state
         near = replace(start, load=0.999 * start.load, motion=1.001 * start.motion)
         check_same(balanced_solution(free, BarzilaiBorwein(), start=near).state, start)

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from meeframe_laws.interface import Compliant
 from scipy.optimize import brentq
 
-from meeframe.core.contact import Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import Status
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ContactLaw
 from meeframe.solvers import SemismoothNewton, solve
-from meeframe.solvers.accelerated import BarzilaiBorwein
+from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.closed_forms_adhesion import quarter_half_space
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.force_control import balanced_solution, check_same

@@ -10,10 +10,10 @@ import numpy as np
 from meeframe_skfem import FiniteElements
 
 import meeframe
-from meeframe.core.fields import Array
 from meeframe.elements import ELEMENTS
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import block_mesh
+from meeframe.mesh import block_mesh
 from meeframe.solvers import SemismoothNewton
 
 MESHES = (

@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from meeframe.core.element import SurfaceElement, shape_functions
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.mesh import Indices
-from meeframe.geometry.measures import ORDER, gauss_rule, normal_vectors
+from meeframe.plugin import N_FIELDS, Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import ORDER, gauss_rule, normal_vectors, shape_functions
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
 

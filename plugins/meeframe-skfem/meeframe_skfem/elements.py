@@ -6,10 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.core.element import SurfaceElement, shape_functions
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
-from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.plugin import Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import Quad4, Quad8, Quad9, Tri3, Tri6, shape_functions
 
 Corners = tuple[tuple[int, ...], ...]
 

@@ -10,9 +10,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, triu
 from scipy.sparse.linalg import splu
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import Indices
+from meeframe.plugin import Array, CaseError, Indices
 
 LinearSolver = Literal["auto", "pardiso", "splu"]
 Solve = Callable[[Array], Array]

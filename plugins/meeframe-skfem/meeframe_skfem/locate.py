@@ -6,9 +6,8 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csr_array
 
-from meeframe.core.element import Reference, SurfaceElement, shape_derivatives, shape_functions
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, Indices
+from meeframe.plugin import Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import ElementBlock, Reference, shape_derivatives, shape_functions
 
 ITERATIONS: Final = 30
 CONVERGED: Final = 1e-14  # of reference coordinates

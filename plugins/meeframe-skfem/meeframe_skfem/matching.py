@@ -6,12 +6,8 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.mesh import ElementBlock, Indices, SurfaceMesh
-from meeframe.geometry import ContactZone, area, zone_frames
+from meeframe.plugin import Array, Body, BoundaryCondition, ContactZone, Indices, MeshError, SurfaceMesh, zone_frames
+from meeframe.plugin.surfaces import ElementBlock, area, shape_functions
 from meeframe_skfem.locate import interpolation, nearest
 from meeframe_skfem.volume import Faces, VolumeMesh, boundary_faces
 

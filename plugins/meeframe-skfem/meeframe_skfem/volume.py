@@ -9,10 +9,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.core.errors import MeshError, TooLargeError
-from meeframe.core.fields import N_FIELDS, Array
-from meeframe.core.mesh import Indices
-from meeframe.geometry.reader import read_any
+from meeframe.plugin import N_FIELDS, Array, Indices, MeshError, TooLargeError
+from meeframe.plugin.surfaces import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
 FLAT: Final = 1e-6  # an element's Jacobian may nowhere fall below this part of its largest

@@ -11,7 +11,7 @@ from meeframe_skfem.grid import tensor_grid
 from meeframe_skfem.volume import VolumeMesh, boundary_faces
 from skfem import MeshTet
 
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 GRIDS = {"hex8": HEX8, "hex20": HEX20, "hex27": HEX27}

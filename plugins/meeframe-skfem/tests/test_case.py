@@ -7,7 +7,7 @@ import pytest
 from meeframe_skfem import FiniteElements
 
 import meeframe
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
 
 CASE = """
 title = "Sphere on a block that conducts, by two formulations"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from meeframe_skfem import FiniteElements
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError, MeshError
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad9, Tri6
-from meeframe.geometry import block_mesh, box_mesh, half_space_mesh, sphere_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh, box_mesh, half_space_mesh, sphere_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
 from meeframe.testing import check_formulation
 from meeframe.testing.manufactured import LinearField, prescribe

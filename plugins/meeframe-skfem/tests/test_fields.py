@@ -10,10 +10,10 @@ from meeframe_skfem import FiniteElements
 from meeframe_skfem.assembly import gradients
 from meeframe_skfem.elements import cell_rule, tabulate
 
-from meeframe.core.fields import FieldScaling
 from meeframe.elements import Quad4, Quad8, Quad9
-from meeframe.geometry import block_mesh, box_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.fields import FieldScaling
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh, box_mesh
 from meeframe.testing.manufactured import LinearField, PointSourceField, prescribe
 from meeframe.testing.strategies import materials
 

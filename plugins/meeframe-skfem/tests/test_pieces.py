@@ -17,12 +17,12 @@ from meeframe_skfem.volume import VolumeMesh, boundary_faces, check_volume
 from scipy.sparse import block_array, csr_array, diags_array, eye_array, kron
 from skfem import Basis, BilinearForm, ElementHex1, ElementTetP2, MeshHex, MeshTet
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import CaseError, MeshError
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4, Quad8, Quad9, Tri6
-from meeframe.geometry import block_mesh, box_mesh, sphere_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.elements.base import shape_functions
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh, box_mesh, sphere_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.testing.strategies import scaled_stiffness
 
 MATERIAL = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8))

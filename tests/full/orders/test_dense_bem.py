@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.mesh import SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import Tabulated
-from meeframe.geometry import box_mesh, sphere_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.greens import Tabulated
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import box_mesh, sphere_mesh
+from meeframe.mesh.surface import SurfaceMesh
 from meeframe.testing.manufactured import PointSourceField, prescribe, relative_errors
 
 SLACK = 0.3

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.materials import library_material
-from meeframe.materials.half_space import surface_compliance
-from meeframe.report.study import study_json
+from meeframe.material import library_material
+from meeframe.material.half_space import surface_compliance
+from meeframe.study.reports.study import study_json
 from meeframe.study.solve import solve_study
 
 STUDIES = Path(__file__).parents[3] / "validation"
@@ -101,7 +101,7 @@ def test_tangential_load(figure):
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.05, "holds"), (0.85, "differs"), (1.15, "differs")])
 def test_what_is_not_affected_neither_rises_nor_falls(factor, verdict):
-    """Fig. 7 (b): judged by the size of the change, whatever its sign."""
+    """Fig. 7 (b): criterion by the size of the change, whatever its sign."""
 
     def panel(title, **ends):
         quantities = {name: np.array([1.0, end]) for name, end in ends.items()}
@@ -144,9 +144,9 @@ def test_direction_of_sliding_shapes_everything(figure, name):
     law = {"fig-13": (0.1, 0.6), "fig-14": (0.6, 0.1)}[name]
     for panel, angle in zip(found.panels, np.deg2rad([0.0, 45.0, 90.0]), strict=True):
         pressure = panel.of("pressure", "full slip")
-        closed = pressure > 1e-3
+        contact_fraction = pressure > 1e-3
         # the associated rule: the traction is M^2 g over the norm of M g, g the direction of sliding
         slip = np.array([np.cos(angle), np.sin(angle)])
         expected = np.array(law) ** 2 * slip / np.linalg.norm(np.array(law) * slip)
-        found_ratio = panel.of("tangential_traction", "full slip")[closed] / pressure[closed, None]
+        found_ratio = panel.of("tangential_traction", "full slip")[contact_fraction] / pressure[contact_fraction, None]
         np.testing.assert_allclose(found_ratio, np.broadcast_to(expected, found_ratio.shape), atol=0.01)

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Freedom, Status
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
-    Limits,
     Nesterov,
     ProjectedCG,
     SemismoothNewton,
+    StoppingCriteria,
     Uzawa,
     residual,
     solve,
@@ -36,7 +36,7 @@ LAWS = {
     "isotropic": IsotropicCoulomb(0.6),
     "orthotropic": OrthotropicCoulomb(0.1, 0.6, 0.0),
 }
-LIMITS = Limits(tolerance=1e-10)
+LIMITS = StoppingCriteria(tolerance=1e-10)
 
 
 @pytest.fixture(scope="module", params=list(TABLES))
@@ -103,10 +103,10 @@ def test_finite_conductivity(system, table, law, translation):
 
 
 def pressed(case, force):
-    """Freedom of the approach, at a normal force [N]."""
+    """PrescribedResultant of the approach, at a normal force [N]."""
     press = np.zeros((len(case.gap), 5))
     press[:, 2] = -1.0
-    return Freedom(press, case.system.weights[:, None] * press, force)
+    return PrescribedResultant(press, case.system.weights[:, None] * press, force)
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
@@ -114,7 +114,9 @@ def test_normal_force(system, condition):
     """Without friction, P given: the same from the approach that it takes."""
     given = problem(system, LAWS["no friction"], CONDITIONS[condition])
     load = solved(given, SemismoothNewton()).load
-    free = replace(given, gap=given.gap + APPROACH, freedoms=(pressed(given, -float(system.weights @ load[:, 2])),))
+    free = replace(
+        given, gap=given.gap + APPROACH, prescribed_resultants=(pressed(given, -float(system.weights @ load[:, 2])),)
+    )
     assert_agree(free)
     for solver in (SemismoothNewton(), ProjectedCG()):
         assert solved(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
@@ -128,8 +130,8 @@ def test_tangential_force_as_a_share_of_friction(system, share):
     push = pressed(case, -float(system.weights @ load[:, 2]))
     slide = np.zeros_like(push.mode)
     slide[:, 0] = 1.0
-    pull = Freedom(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
-    free = replace(case, freedoms=(push, pull))
+    pull = PrescribedResultant(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
+    free = replace(case, prescribed_resultants=(push, pull))
     assert_agree(free)
     found = solved(free, SemismoothNewton())
     approach, translation = found.motion

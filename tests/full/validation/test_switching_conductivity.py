@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Status, contact_gap, resultant
+from meeframe.contact.problem import ContactProblem, Status, contact_gap, resultant
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import Insulating, Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Limits, Uzawa, residual, solve
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import StoppingCriteria, Uzawa, residual, solve
 
 MODERATE = (0.1, 0.2, 1.0)
 """Magnetic conductivities [H/m^2] at which nodes at the edge graze."""
@@ -32,7 +32,7 @@ def indentation(system, kappa):
 
 
 def force(system, kappa):
-    solution = solve(indentation(system, kappa), Uzawa(), Limits())
+    solution = solve(indentation(system, kappa), Uzawa(), StoppingCriteria())
     assert solution.status is Status.CONVERGED
     return -resultant(system, solution.state.load)[0][2]
 
@@ -40,17 +40,17 @@ def force(system, kappa):
 @pytest.mark.parametrize("kappa", MODERATE)
 def test_nodes_that_flip_are_brought_to_graze(kappa, system, monkeypatch):
     problem = indentation(system, kappa)
-    solution = solve(problem, Uzawa(), Limits())
+    solution = solve(problem, Uzawa(), StoppingCriteria())
     state = solution.state
     assert solution.status is Status.CONVERGED
     assert residual(problem, state) < 1e-10
-    grazing = (state.closed > 0) & (state.closed < 1)
+    grazing = (state.contact_fraction > 0) & (state.contact_fraction < 1)
     assert 0 < grazing.sum() < 30
     np.testing.assert_allclose(state.load[grazing, 2], 0, atol=1e-9 * np.abs(state.load[:, 2]).max())
     np.testing.assert_allclose(contact_gap(problem, state.displacement)[grazing, 2], 0, atol=1e-9 * 5e-5)
 
-    monkeypatch.setattr("meeframe.solvers.conduction.FLIPS", 10**9)
-    flipping = solve(problem, Uzawa(), Limits(max_iterations=5000))
+    monkeypatch.setattr("meeframe.contact.conduction.FLIPS", 10**9)
+    flipping = solve(problem, Uzawa(), StoppingCriteria(max_iterations=5000))
     assert flipping.status is not Status.CONVERGED, "without the filled-in graph there is no solution"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import get_num_threads
 from threadpoolctl import threadpool_info
 
-from meeframe.geometry import zone_frames
+from meeframe.mesh import zone_frames
 from meeframe.plugin import DenseSystem, Formulation, NodalFields, Quantity, Record, Solver, hookimpl, silent
 from meeframe.solvers import SemismoothNewton
 

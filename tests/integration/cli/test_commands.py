@@ -217,10 +217,10 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
     def stop(*_):
         raise error
 
-    monkeypatch.setattr("meeframe.case.run.solve_steps", stop)
+    monkeypatch.setattr("meeframe.study.run.solve_steps", stop)
     code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (code, out) == (status, "")
-    assert err.splitlines()[-1] == f"{expected}; no step was finished; nothing was written to {tmp_path / 'out'}"
+    assert err.splitlines()[-1] == f"{expected}; no increment was finished; nothing was written to {tmp_path / 'out'}"
     assert not (tmp_path / "out").exists()
 
 
@@ -230,8 +230,8 @@ def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_pa
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meeframe.case.run.solve_steps", stop)
-    monkeypatch.setattr("meeframe.case.run._content", stop)
+    monkeypatch.setattr("meeframe.study.run.solve_steps", stop)
+    monkeypatch.setattr("meeframe.study.run._Run._content", stop)
     code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (code, out) == (130, "")
     assert err.splitlines()[-1] == "interrupted"
@@ -257,8 +257,8 @@ def test_stopped_while_reading(case_file, monkeypatch, command, error, status, e
     def stop(*_):
         raise error
 
-    monkeypatch.setattr("meeframe.case.load.load_case", stop)
-    monkeypatch.setattr("meeframe.io.results.read_result", stop)
+    monkeypatch.setattr("meeframe.model.load.load_case", stop)
+    monkeypatch.setattr("meeframe.results.files.read_result", stop)
     assert meeframe_command(command, case_file) == (status, "", expected)
 
 
@@ -268,7 +268,7 @@ def test_what_a_system_refuses_of_no_path_is_a_defect(case_file, monkeypatch):
     def stop(*_):
         raise PermissionError(1, "Operation not permitted")
 
-    monkeypatch.setattr("meeframe.case.load.load_case", stop)
+    monkeypatch.setattr("meeframe.model.load.load_case", stop)
     with pytest.raises(PermissionError, match="Operation not permitted"):
         meeframe_command("check", case_file)
 
@@ -277,14 +277,14 @@ def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meeframe.case.run.load_case", stop)
+    monkeypatch.setattr("meeframe.study.run.load_case", stop)
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (status, err.splitlines()[-1]) == (130, f"interrupted; nothing was written to {tmp_path / 'out'}")
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
 def test_a_mesh_too_large_for_the_memory(case_file, tmp_path, monkeypatch, command):
-    monkeypatch.setattr("meeframe.case.load.block_mesh", lambda *_: np.empty(1 << 59))
+    monkeypatch.setattr("meeframe.model.load.block_mesh", lambda *_: np.empty(1 << 59))
     arguments = ["--out", tmp_path / "out"] if command == "run" else []
     status, _, err = meeframe_command(command, case_file, *arguments)
     assert status == 2
@@ -360,11 +360,11 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
 
     told = []
     with console._compilation(told.append):
-        for module, cache in (("somebody.else", True), ("meeframe.kernels", False), (None, False)):
+        for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
         assert not told
-        for module in ("meeframe_kernels", "meeframe.kernels"):
+        for module in ("meeframe_kernels", "meeframe.greens._kernels"):
             compile_it(module, cache=True)
             assert len(told) == 1
     compile_it("meeframe", cache=True)

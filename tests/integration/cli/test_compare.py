@@ -10,20 +10,21 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import meeframe
-from meeframe.case.load import load_case
 from meeframe.cli import app
-from meeframe.core.errors import CaseError, MaterialError, MeshError
-from meeframe.core.formulation import Formulation, silent
-from meeframe.core.law import ConductivityLaw
-from meeframe.core.quantities import Quantity
-from meeframe.core.result import resultants
+from meeframe.common.errors import CaseError, MaterialError, MeshError
+from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ConductivityLaw
+from meeframe.model.load import load_case
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
-from meeframe.report.compare import Comparison, comparison_table
+from meeframe.results.records import resultants
 from meeframe.study.choices import Choice
 from meeframe.study.compare import compare
+from meeframe.study.reports.compare import Comparison, comparison_table
+from meeframe.system.reduced import silent
 
 NESTED = '{name = "dense-bem", fundamental_solution = "reside"}'
 COULOMB = '{name = "isotropic-coulomb", mu = 0.2}'
@@ -330,13 +331,13 @@ def test_conductivities_across_the_gap_are_compared(write_case, laws, tmp_path):
     assert charges[1] < 0.0
 
 
-def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_path, counter_body):
+def test_formulations_are_those_of_both_bodies_or_of_each(write_case, laws, tmp_path, second_body):
     """Beds of springs in series; the file has them 1e14 and 3e14 Pa/m stiff."""
     both = '{name = "winkler", stiffness = "2e14 Pa/m"}'
-    each = '{body = {name = "winkler", stiffness = "4e14 Pa/m"}, counter_body = {name = "winkler", stiffness = 4e14}}'
-    one = '{counter_body = {name = "winkler", stiffness = "1e14 Pa/m"}}'
+    each = '{body = {name = "winkler", stiffness = "4e14 Pa/m"}, second_body = {name = "winkler", stiffness = 4e14}}'
+    one = '{second_body = {name = "winkler", stiffness = "1e14 Pa/m"}}'
     made = compare(
-        write_case(more=counter_body), {"formulation": ["winkler", both, each, one]}, tmp_path / "o", registry=laws
+        write_case(more=second_body), {"formulation": ["winkler", both, each, one]}, tmp_path / "o", registry=laws
     )
     forces = [resultants(run.zone, run.steps[-1]).normal_force for run in made.runs]
     np.testing.assert_allclose(np.array(forces) / forces[0], np.array([0.75, 1.0, 2.0, 0.5]) / 0.75, rtol=1e-9)
@@ -354,8 +355,8 @@ def test_a_formulation_without_a_name_is_the_default_one(write_case, laws, tmp_p
 
 
 def test_bodies_that_are_none_are_refused(write_case, laws, tmp_path):
-    with pytest.raises(CaseError, match="no body 'counter_body'; allowed: a name, or body"):
-        compare(write_case(), {"formulation": ['{counter_body = "winkler"}']}, tmp_path / "o", registry=laws)
+    with pytest.raises(CaseError, match="no body 'second_body'; allowed: a name, or body"):
+        compare(write_case(), {"formulation": ['{second_body = "winkler"}']}, tmp_path / "o", registry=laws)
     told = "formulation boddy=winkler: unknown key 'boddy'; did you mean 'body'[?] allowed: name, body, .*tolerance"
     with pytest.raises(CaseError, match=told):
         compare(write_case(), {"formulation": ['{boddy = "winkler"}']}, tmp_path / "o", registry=laws)
@@ -408,7 +409,7 @@ def test_what_a_formulation_refuses_is_told_and_the_others_go_on(write_case, law
 
 def test_an_interruption_says_where_the_finished_increments_are(case_file, tmp_path, monkeypatch):
     def stopped(*arguments, **options):
-        yield next(meeframe.case.solve.solve_steps(*arguments, **options))
+        yield next(meeframe.model.solve.solve_steps(*arguments, **options))
         raise KeyboardInterrupt
 
     monkeypatch.setattr("meeframe.study.compare.solve_steps", stopped)

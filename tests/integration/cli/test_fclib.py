@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import meeframe.plugin.registry as plugins
 from meeframe.cli import app
-from meeframe.io.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local
+from meeframe.results.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local
 
 
 def fclib(*arguments):

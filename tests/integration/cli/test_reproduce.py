@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from meeframe.case import solve
 from meeframe.cli import app
+from meeframe.model import solve
 
 STUDIES = Path(__file__).parents[3] / "validation"
 

@@ -532,7 +532,7 @@ def test_workers_or_a_scheduler(study, tmp_path, options, text):
 def test_without_the_extra(study, tmp_path, monkeypatch, missing, workers):
     file = study(LINE)
     monkeypatch.setitem(sys.modules, missing, None)
-    monkeypatch.delitem(sys.modules, "meeframe.study.sweep_dask", raising=False)
+    monkeypatch.delitem(sys.modules, "meeframe.study.sweep.dask", raising=False)
     result = CliRunner().invoke(app, command(file, tmp_path / "out", "--workers", workers))
     assert result.exit_code == 2
     told = " ".join(result.stderr.split())

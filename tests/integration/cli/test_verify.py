@@ -8,15 +8,15 @@ import pytest
 from typer.testing import CliRunner
 
 from meeframe.cli import app
-from meeframe.core.errors import CaseError
-from meeframe.core.quantities import unit_registry
+from meeframe.common.errors import CaseError
+from meeframe.fields.units import unit_registry
 from meeframe.laws import Signorini
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
-from meeframe.report.extrapolation import Basis
-from meeframe.report.verified import Verdict
-from meeframe.report.verify import unit_of, verification_figure, verification_json
 from meeframe.study import verify as study
+from meeframe.study.reports.extrapolation import Basis
+from meeframe.study.reports.verified import Verdict
+from meeframe.study.reports.verify import unit_of, verification_figure, verification_json
 from meeframe.study.verify import Meshes, verify
 
 HALF_SPACE = """

@@ -6,17 +6,17 @@ from dataclasses import replace
 import pytest
 
 import meeframe
-from meeframe.case.cache import cached_reduce
-from meeframe.case.case import warnings_of
-from meeframe.case.counter import CounterBody
-from meeframe.case.load import load_case
-from meeframe.case.restart import read_restart
-from meeframe.case.solve import bodies_of, joined, reduce_for_contact, solve_steps
-from meeframe.core.errors import CaseError, PluginFault
-from meeframe.geometry import FrictionAxes
+from meeframe.common.errors import CaseError, PluginFault
+from meeframe.mesh import FrictionAxes
+from meeframe.model.cache import cached_reduce
+from meeframe.model.case import warnings_of
+from meeframe.model.load import load_case
+from meeframe.model.restart import read_restart
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import bodies_of, joined, reduce_for_contact, solve_steps
 from meeframe.plugin.registry import load
 from meeframe.study.compare import compare
-from meeframe.study.sweep import sweep
+from meeframe.study.sweep.run import sweep
 from meeframe.study.validate import validate
 
 SPRINGS = """
@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.geometry import zone_frames
-from meeframe.plugin import Formulation, NodalFields, Record, ReducedSystem, hookimpl, silent
+from meeframe.mesh import zone_frames
+from meeframe.plugin import NodalFields, Persistence, PersistentFormulation, Record, ReducedSystem, hookimpl, silent
 
 COMPLIANCE = 1e-14 * np.array([1.0, 1.0, 1.0, 1e13, 1e8])
 
@@ -36,7 +36,7 @@ def reach(place, fails):
 
 
 @dataclass(frozen=True, eq=False)
-class Bed(ReducedSystem):
+class Bed(ReducedSystem, Persistence):
     fails: str
 
     def apply(self, load):
@@ -54,13 +54,13 @@ class Bed(ReducedSystem):
         reach("recover", self.fails)
         return NodalFields(self.points, self.cells, self.apply(load), load)
 
-    def kept(self):
-        reach("kept", self.fails)
+    def to_arrays(self):
+        reach("to_arrays", self.fails)
         return {"nothing": np.zeros(1)}
 
 
 @dataclass(frozen=True)
-class Springs(Formulation):
+class Springs(PersistentFormulation):
     fails: str = ""
 
     def check(self, body):
@@ -76,8 +76,8 @@ class Springs(Formulation):
         offset = np.zeros((len(zone.points), 5))
         return Bed(zone.points, zone.frames, zone.weights, zone.cells, offset, self.fails)
 
-    def restored(self, body, kept):
-        reach("restored", self.fails)
+    def from_arrays(self, body, arrays):
+        reach("from_arrays", self.fails)
         return self.reduce(body)
 
 
@@ -125,7 +125,7 @@ def cached_twice(case, folder):
     cached_reduce(replace(case, formulation=replace(case.formulation, fails="")), folder)
     (file,) = folder.glob("*.h5")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("meeframe.case.cache.system_key", lambda *_: file.stem)
+        patch.setattr("meeframe.model.cache.system_key", lambda *_: file.stem)
         cached_reduce(case, folder)
 
 
@@ -148,10 +148,10 @@ def warned(case, _folder):
         ("apply", whole),
         ("recover", whole),
         ("dense", turned_case),
-        ("kept", for_contact),
-        ("restored", for_contact),
+        ("to_arrays", for_contact),
+        ("from_arrays", for_contact),
         ("dense", cached),
-        ("restored", cached_twice),
+        ("from_arrays", cached_twice),
         ("apply", continued),
     ],
 )
@@ -175,19 +175,19 @@ def test_so_is_a_counter_body(plugin, springs):
     case = springs("")
     parts = case.material, case.mesh, case.conditions, case.zone
     with pytest.raises(PluginFault) as raised:
-        CounterBody(*parts, replace(case.formulation, fails="check"))
+        SecondBody(*parts, replace(case.formulation, fails="check"))
     check_fault(raised.value, plugin[0], "check")
 
 
-@pytest.mark.parametrize("table", ["", "counter_body."])
-def test_what_fails_while_a_case_is_read_has_its_cause(plugin, write_case, counter_body, table):
+@pytest.mark.parametrize("table", ["", "second_body."])
+def test_what_fails_while_a_case_is_read_has_its_cause(plugin, write_case, second_body, table):
     """At its key."""
     failing = ('name = "failing-springs"', 'name = "failing-springs"\nfails = "check"')
     if table:
-        counter = counter_body.replace(
+        second_body = second_body.replace(
             'name = "winkler", stiffness = "3e14 Pa/m"', 'name = "failing-springs", fails = "check"'
         )
-        path = write_case(WINKLER, more=counter)
+        path = write_case(WINKLER, more=second_body)
     else:
         path = write_case((WINKLER[0], failing[1]))
     with pytest.raises(CaseError) as raised:
@@ -334,7 +334,7 @@ def test_a_law_that_fails_in_a_later_step_is_told_where_that_is_looked_at(write_
 CHECKS = """
 from pathlib import Path
 import meeframe
-from meeframe.case.load import load_case
+from meeframe.model.load import load_case
 from meeframe.plugin.registry import load
 
 TITLE, SOURCE = "springs", "nobody"

@@ -9,7 +9,7 @@ import meeframe
 GOOD = """
     from dataclasses import dataclass
     import numpy as np
-    from meeframe.core.indenter import Indenter
+    from meeframe.indenters.base import Indenter
     from meeframe.plugin.hookspecs import Record, hookimpl
 
     @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, com
     install("ahead", GOOD.format(name="disc"), "meeframe>=99")
     install("behind", OUTDATED)
     install("earlier", EARLIER)
-    install("moved", "from meeframe.core.contact import LawOfYesterday")
+    install("moved", "from meeframe.contact.problem import LawOfYesterday")
     install("misspelt", GOOD.format(name="ring").replace("meeframe_indenters", "meeframe_indenter"))
     listed = command("plugins")
     names = [line.split()[0] for line in listed.stdout.splitlines() if line.startswith("  ") and line.strip()]

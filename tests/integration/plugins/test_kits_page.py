@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.core.law import ContactLaw
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw
 from meeframe.plugin.registry import Kind, load
 from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, solve
 from meeframe.testing import check_contact_law

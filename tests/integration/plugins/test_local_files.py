@@ -10,12 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from meeframe.cli import app
-from meeframe.core.errors import PluginError, PluginFault
-from meeframe.core.law import contact_conductivity
-from meeframe.io.results import read_result
+from meeframe.common.errors import PluginError, PluginFault
+from meeframe.laws.base import contact_conductivity
 from meeframe.plugin.describe import find, parameters
 from meeframe.plugin.registry import Kind, load
 from meeframe.plugin.sources import faults_of_plugins, load_file
+from meeframe.results.files import read_result
 
 LAW = """
     import math
@@ -112,7 +112,7 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
          "line 4: meeframe_solvers: ZeroDivisionError"),
         ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solver():\n    return []\n",
          r"unknown hook 'meeframe_solver'; did you mean 'meeframe_solvers'\? allowed: meeframe_f"),
-        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.core.law.ConductivityLaw"),
+        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.laws.base.ConductivityLaw"),
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
 )  # fmt: skip

@@ -7,8 +7,8 @@ import meshio
 import pytest
 from typer.testing import CliRunner
 
-from meeframe.case.load import load_case
 from meeframe.cli import app
+from meeframe.model.load import load_case
 from meeframe.plugin.registry import Kind, load
 
 KINDS = [kind.value.replace(" ", "-") for kind in Kind]

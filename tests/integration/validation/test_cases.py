@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from meeframe.report.validation import BAD
+from meeframe.study.reports.validation import BAD
 from meeframe.study.validate import known_cases, validate
 
 FOLDER = Path(__file__).parents[3] / "validation"

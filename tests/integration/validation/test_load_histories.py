@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.load import case_from_tables
-from meeframe.case.solve import solve_case
-from meeframe.core.result import RunStatus, resultants
+from meeframe.model.load import case_from_tables
+from meeframe.model.solve import solve_case
+from meeframe.results.records import RunStatus, resultants
 
 CASE = Path(__file__).parents[3] / "validation" / "load_histories" / "loop.toml"
 

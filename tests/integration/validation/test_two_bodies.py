@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.solve import reduce
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, half_space_mesh
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.model.solve import reduce
 
 FOLDER = Path(__file__).parents[3] / "validation" / "two_bodies"
 
@@ -38,9 +38,9 @@ def test_equal_elastic_bodies_against_hertz():
 @pytest.mark.parametrize("condition", ["EMII", "EMCI"])
 def test_opposite_poling_against_the_joined_half_space(condition):
     case = study.load("poled")
-    other = study.counter(case)
+    other = study.second_body(case)
     opposite = replace(other, mesh=COARSE, material=other.material.rotated(study.TURN))
-    case = replace(study.conducting(case, condition), mesh=COARSE, counter=opposite)
+    case = replace(study.conducting(case, condition), mesh=COARSE, second_body=opposite)
     exact = study.closed_form(case, condition)
     found = study.solve(case, reduce(case)).totals
     assert -found.force[2] == pytest.approx(exact.force, rel=0.015)
@@ -51,7 +51,7 @@ def test_opposite_poling_against_the_joined_half_space(condition):
 def test_exchanged_roles():
     case = study.load("roles")
     block = block_mesh(0.05, 0.12, 0.005, 10, 4, 2, Quad4())
-    found = study.roles(replace(case, mesh=COARSE, counter=replace(study.counter(case), mesh=block)))
+    found = study.roles(replace(case, mesh=COARSE, second_body=replace(study.second_body(case), mesh=block)))
     assert 0 < found.stuck < found.pressed
     assert found.alike
     assert found.differences.max() < 1e-8

@@ -19,10 +19,10 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from meeframe.cli import app
-from meeframe.core.errors import CaseError
-from meeframe.report.validation import CaseReport, Row, Validation
-from meeframe.report.validation_page import page
-from meeframe.report.validation_table import validation_json, validation_table
+from meeframe.common.errors import CaseError
+from meeframe.study.reports.validation import CaseReport, Row, Validation
+from meeframe.study.reports.validation_page import page
+from meeframe.study.reports.validation_table import validation_json, validation_table
 from meeframe.study.validate import Check, Claim, Curve, Map, Plot, Skip, Verdict, validate
 
 FOLDER = Path(__file__).parents[3] / "validation"

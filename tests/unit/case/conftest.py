@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.indenter import RESULTANTS
-from meeframe.core.result import Zone, resultants
-from meeframe.geometry import Sphere
+from meeframe.contact.problem import Status
+from meeframe.indenters import Sphere
+from meeframe.indenters.base import RESULTANTS
 from meeframe.laws import IsotropicCoulomb
+from meeframe.model.load import load_case
+from meeframe.model.solve import solve_steps
+from meeframe.results.records import Zone, resultants
 from meeframe.testing.elastic_half_space import elastic_half_space
 
 YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3

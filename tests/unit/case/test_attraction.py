@@ -8,13 +8,13 @@ import pytest
 from rich.console import Console
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.core.result import Region
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status
 from meeframe.laws import IsotropicCoulomb
-from meeframe.report.summary import summary, summary_table
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.model.load import load_case
+from meeframe.results.records import Region
+from meeframe.results.summary import summary, summary_table
 
 Step = meeframe.Step
 STIFFNESS, RADIUS, MU = 1e14, 0.1, 0.3
@@ -82,10 +82,10 @@ def test_touching_is_told_from_attracted(case, solver, registry):
     assert "edge of its zone" not in step.message, "attracted nodes at the edge do not touch"
 
 
-def test_two_bodies_attract_each_other(case, write_case, registry, counter_body):
+def test_two_bodies_attract_each_other(case, write_case, registry, second_body):
     """Springs in series: three quarters as stiff, so that nodes farther apart touch; both bodies are pulled."""
     pair = replace(
-        load_case(write_case(more=counter_body), registry), contact_law=Sticky(), steps=(Step(approach=7e-6),)
+        load_case(write_case(more=second_body), registry), contact_law=Sticky(), steps=(Step(approach=7e-6),)
     )
     (step,) = meeframe.solve_case(pair).steps
     assert step.status is Status.CONVERGED
@@ -95,7 +95,7 @@ def test_two_bodies_attract_each_other(case, write_case, registry, counter_body)
     expected = tractions_on_springs(gap, stiffness)
     np.testing.assert_allclose(step.traction[:, 2], expected, rtol=1e-8)
     np.testing.assert_allclose(step.displacement[:, 2], expected / STIFFNESS, rtol=1e-8)
-    np.testing.assert_allclose(step.counter.displacement[:, 2], -expected / (3 * STIFFNESS), rtol=1e-8)
+    np.testing.assert_allclose(step.second_body.displacement[:, 2], -expected / (3 * STIFFNESS), rtol=1e-8)
 
 
 def told(result):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.cache import cached_reduce
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce
-from meeframe.core.errors import CaseError
-from meeframe.core.result import RunStatus
-from meeframe.geometry import FrictionAxes
+from meeframe.common.errors import CaseError
 from meeframe.laws import OrthotropicCoulomb
+from meeframe.mesh import FrictionAxes
+from meeframe.model.cache import cached_reduce
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce
+from meeframe.results.records import RunStatus
 
 CONTACT = '\n[contact]\nlaw = {{name = "orthotropic-coulomb", mu1 = 0.1, mu2 = 0.4}}\naxes = {}\n'
 

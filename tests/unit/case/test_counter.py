@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.cache import cached_reduce
-from meeframe.case.counter import CounterBody
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce
-from meeframe.core.errors import CaseError, MeshError
-from meeframe.core.formulation import Formulation, silent
-from meeframe.core.pair import PairSystem
-from meeframe.core.result import RunStatus
+from meeframe.common.errors import CaseError, MeshError
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh
-from meeframe.io.results import read_result
+from meeframe.formulations.base import Formulation
+from meeframe.mesh import block_mesh
+from meeframe.model.cache import cached_reduce
+from meeframe.model.load import load_case
+from meeframe.model.second_body import SecondBody
+from meeframe.model.solve import reduce
+from meeframe.results.files import read_result
+from meeframe.results.records import RunStatus
+from meeframe.system.reduced import silent
+from meeframe.system.two_body import second_load
 
 STIFFNESS, OTHER, RADIUS = 1e14, 3e14, 0.1
 IN_SERIES = STIFFNESS * OTHER / (STIFFNESS + OTHER)
@@ -26,8 +27,8 @@ ELECTRIC = 1e13  # of the springs of tests/conftest.py
 
 
 @pytest.fixture
-def case(write_case, registry, counter_body):
-    return load_case(write_case(more=counter_body), registry)
+def case(write_case, registry, second_body):
+    return load_case(write_case(more=second_body), registry)
 
 
 def springs(points, approach):
@@ -35,10 +36,14 @@ def springs(points, approach):
 
 
 def test_the_tables_of_the_file(case):
-    counter = case.counter
-    assert (counter.material.name, counter.zone, counter.formulation.stiffness) == ("pzt-4", "contact", OTHER)
-    assert np.ptp(counter.mesh.points, axis=0) == pytest.approx([0.08, 0.08, 0.06])
-    assert [condition.field for condition in counter.conditions] == [0, 1, 2, 3, 4]
+    second_body = case.second_body
+    assert (second_body.material.name, second_body.zone, second_body.formulation.stiffness) == (
+        "pzt-4",
+        "contact",
+        OTHER,
+    )
+    assert np.ptp(second_body.mesh.points, axis=0) == pytest.approx([0.08, 0.08, 0.06])
+    assert [condition.field for condition in second_body.conditions] == [0, 1, 2, 3, 4]
 
 
 def test_springs_in_series(case):
@@ -46,12 +51,12 @@ def test_springs_in_series(case):
     assert result.status is RunStatus.CONVERGED
     (step,) = result.steps
     expected = springs(result.zone.points, 1e-5)
-    closed = expected < 0
+    contact_fraction = expected < 0
     np.testing.assert_allclose(step.traction[:, 2], expected, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_allclose(step.displacement[:, 2], expected / STIFFNESS, atol=1e-14)
-    np.testing.assert_allclose(step.counter.displacement[:, 2], -expected / OTHER, atol=1e-14)
-    np.testing.assert_allclose(step.gap[closed], 0.0, atol=1e-13)
-    assert (step.gap[~closed] > 0).all()
+    np.testing.assert_allclose(step.second_body.displacement[:, 2], -expected / OTHER, atol=1e-14)
+    np.testing.assert_allclose(step.gap[contact_fraction], 0.0, atol=1e-13)
+    assert (step.gap[~contact_fraction] > 0).all()
     # fields on the boundary are those of the first body
     np.testing.assert_allclose(step.boundary.values[:, 2], step.displacement[:, 2], atol=1e-14)
 
@@ -61,7 +66,7 @@ def test_the_force_in_place_of_the_approach(case):
     pressed = replace(case, steps=(meeframe.Step(normal_force=case_force(case, moved)),))
     (step,) = meeframe.solve_case(pressed).steps
     assert step.loading.approach == pytest.approx(1e-5, rel=1e-8)
-    np.testing.assert_allclose(step.counter.displacement, moved.counter.displacement, rtol=1e-7, atol=1e-14)
+    np.testing.assert_allclose(step.second_body.displacement, moved.second_body.displacement, rtol=1e-7, atol=1e-14)
 
 
 def case_force(case, step):
@@ -69,61 +74,61 @@ def case_force(case, step):
 
 
 @pytest.fixture
-def live(write_case, registry, counter_body):
+def live(write_case, registry, second_body):
     """Perfectly conducting, 2 kV between the grounds, stuck and moved sideways."""
     path = write_case(
         ("[[steps]]", '[conductivity.electric]\nname = "step"\nkappa = inf\n\n[[steps]]\nelectric_potential = "2 kV"'),
         ("[indenter]", '[contact]\nlaw = { name = "isotropic-coulomb", mu = inf }\n\n[indenter]'),
         ('"10 um"', '"10 um"\ntranslation = ["1 um", "2 um"]'),
-        more=counter_body,
+        more=second_body,
     )
     return load_case(path, registry)
 
 
 def test_potentials_jump_by_the_voltage_and_both_bodies_are_dragged(live):
     (step,) = meeframe.solve_case(live).steps
-    closed = step.closed == 1
-    assert closed.any()
+    contact_fraction = step.contact_fraction == 1
+    assert contact_fraction.any()
     flux = -2e3 / (ELECTRIC / STIFFNESS + ELECTRIC / OTHER)
-    np.testing.assert_allclose(step.fluxes[closed, 0], flux, rtol=1e-8)
-    np.testing.assert_allclose(step.potentials[closed, 0], -ELECTRIC / STIFFNESS * flux, rtol=1e-8)
-    np.testing.assert_allclose(step.counter.potentials[closed, 0], ELECTRIC / OTHER * flux, rtol=1e-8)
-    jump = step.potentials - step.counter.potentials
-    np.testing.assert_allclose(jump[closed, 0], 2e3, rtol=1e-8)
-    pulled = step.displacement[closed, :2] - step.counter.displacement[closed, :2]
-    np.testing.assert_allclose(pulled, np.tile([1e-6, 2e-6], (closed.sum(), 1)), rtol=1e-7)
+    np.testing.assert_allclose(step.fluxes[contact_fraction, 0], flux, rtol=1e-8)
+    np.testing.assert_allclose(step.potentials[contact_fraction, 0], -ELECTRIC / STIFFNESS * flux, rtol=1e-8)
+    np.testing.assert_allclose(step.second_body.potentials[contact_fraction, 0], ELECTRIC / OTHER * flux, rtol=1e-8)
+    jump = step.potentials - step.second_body.potentials
+    np.testing.assert_allclose(jump[contact_fraction, 0], 2e3, rtol=1e-8)
+    pulled = step.displacement[contact_fraction, :2] - step.second_body.displacement[contact_fraction, :2]
+    np.testing.assert_allclose(pulled, np.tile([1e-6, 2e-6], (contact_fraction.sum(), 1)), rtol=1e-7)
     share = OTHER / (STIFFNESS + OTHER)
-    np.testing.assert_allclose(step.displacement[closed, :2], share * pulled, rtol=1e-7)
+    np.testing.assert_allclose(step.displacement[contact_fraction, :2], share * pulled, rtol=1e-7)
 
 
 def test_the_result_file_has_both_surfaces(live, tmp_path):
     folder = tmp_path / "out"
     (made,) = meeframe.run(live, out=folder).steps
     (read,) = read_result(folder).steps
-    np.testing.assert_array_equal(read.counter.displacement, made.counter.displacement)
-    np.testing.assert_array_equal(read.counter.potentials, made.counter.potentials)
+    np.testing.assert_array_equal(read.second_body.displacement, made.second_body.displacement)
+    np.testing.assert_array_equal(read.second_body.potentials, made.second_body.potentials)
     np.testing.assert_array_equal(read.state.displacement, made.state.displacement)
     np.testing.assert_array_equal(read.gap, made.gap)
     with h5py.File(folder / "result.h5") as file:
         units = {name: own.attrs["units"] for name, own in file["steps/0001/counter"].items()}
-        np.testing.assert_array_equal(file["steps/0001/gap"], made.gap)
-    assert units == {"displacement": "m", "electric_potential": "V", "magnetic_potential": "A"}
+        zero = file["steps/0001/counter"].attrs["zero"].split()
+    assert units | dict.fromkeys(zero, "") == {"displacement": "m", "electric_potential": "V", "magnetic_potential": ""}
     assert (folder / "fields.vtu").is_file()
 
 
 def test_the_state_is_that_of_the_pair(live):
     system = reduce(live)
-    assert isinstance(system, PairSystem)
+    assert len(system.terms) == 2
     (step,) = meeframe.solve_case(live).steps
     expected = system.offset + system.apply(step.state.load)
     np.testing.assert_allclose(step.state.displacement, expected, rtol=1e-12, atol=1e-18)
 
 
-def test_a_run_is_continued(write_case, registry, tmp_path, counter_body):
+def test_a_run_is_continued(write_case, registry, tmp_path, second_body):
     further = '\n[[steps]]\napproach = "20 um"\n'
-    both = meeframe.solve_case(load_case(write_case(more=further + counter_body), registry)).steps
-    meeframe.run(load_case(write_case(more=counter_body), registry), out=tmp_path / "first")
-    text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{counter_body}')
+    both = meeframe.solve_case(load_case(write_case(more=further + second_body), registry)).steps
+    meeframe.run(load_case(write_case(more=second_body), registry), out=tmp_path / "first")
+    text = write_case(('"10 um"', '"20 um"'), more=f'\n[restart]\nfrom = "first"\n{second_body}')
     (continued,) = meeframe.solve_case(load_case(text, registry)).steps
     for name in ("traction", "displacement", "total_slip"):
         found, expected = getattr(continued, name), getattr(both[1], name)
@@ -153,14 +158,14 @@ class Watched(Formulation):
 
 def test_the_counter_body_comes_first_and_keeps_its_matrix_alone(case):
     watched = Watched(case.formulation)
-    system = reduce(replace(case, formulation=watched, counter=replace(case.counter, formulation=watched)))
+    system = reduce(replace(case, formulation=watched, second_body=replace(case.second_body, formulation=watched)))
     assert watched.counts == [0, 0]
     assert len(watched.kept[0]) == 1, "of the body, whose fields are in the result"
     load = np.random.default_rng(3).normal(size=system.offset.shape)
-    reaction = system.counter_load(load)
-    expected = watched.inner.reduce(case.counter.body).recover(reaction)
+    reaction = second_load(system, load)
+    expected = watched.inner.reduce(case.second_body.body).recover(reaction)
     for _ in range(2):
-        np.testing.assert_array_equal(system.counter.recover(reaction).values, expected.values)
+        np.testing.assert_array_equal(system.terms[1].system.recover(reaction).values, expected.values)
     system.recover(load)
     assert len(watched.counts) == 3, "reduced again once"
 
@@ -168,10 +173,10 @@ def test_the_counter_body_comes_first_and_keeps_its_matrix_alone(case):
 def test_each_body_is_cached(case, tmp_path):
     made = cached_reduce(case, tmp_path)
     assert len(list(tmp_path.glob("*.h5"))) == 2
-    cached_reduce(replace(case, counter=None), tmp_path)
+    cached_reduce(replace(case, second_body=None), tmp_path)
     assert len(list(tmp_path.glob("*.h5"))) == 2, "a body alone is one of the two"
     found = cached_reduce(case, tmp_path)
-    assert isinstance(found, PairSystem)
+    assert len(found.terms) == 2
     np.testing.assert_array_equal(found.dense(), made.dense())
     np.testing.assert_array_equal(found.dense(), reduce(case).dense())
 
@@ -179,56 +184,56 @@ def test_each_body_is_cached(case, tmp_path):
 WRONG = {
     "division": (
         ("divisions = 4", "divisions = 5"),
-        r"counter_body\.mesh: the contact zones of the two bodies do not match: 21 of the 25 nodes .* of the 36",
+        r"second_body\.mesh: the contact zones of the two bodies do not match: 21 of the 25 nodes .* of the 36",
     ),
-    "width": (('contact_width = "5 mm"', 'contact_width = "4 mm"'), r"counter_body\.mesh: .* misses by 0\.000707 m"),
-    "zone": (('zone = "contact"', 'zone = "kontact"'), r"counter_body\.zone = 'kontact': no face group 'kontact'"),
-    "group": (('"base"', '"bottom"'), r"counter_body\.boundary\[1\]\.group = 'bottom': no face group 'bottom'"),
+    "width": (('contact_width = "5 mm"', 'contact_width = "4 mm"'), r"second_body\.mesh: .* misses by 0\.000707 m"),
+    "zone": (('zone = "contact"', 'zone = "kontact"'), r"second_body\.zone = 'kontact': no face group 'kontact'"),
+    "group": (('"base"', '"bottom"'), r"second_body\.boundary\[1\]\.group = 'bottom': no face group 'bottom'"),
     "zone group": (
         ('"base"', '"contact"'),
-        r"counter_body\.boundary\[1\]\.group = 'contact': .* it is the contact zone",
+        r"second_body\.boundary\[1\]\.group = 'contact': .* it is the contact zone",
     ),
-    "free": (("displacement = [0, 0, 0]", 'displacement = [0, 0, "free"]'), r"counter_body\.boundary: .* leave 3 of"),
-    "material": (('"pzt-4"', '"pzt-44"'), r"counter_body\.material: unknown material 'pzt-44'"),
-    "formulation": (('"winkler"', '"winkel"'), r"counter_body\.formulation\.name: unknown formulation 'winkel'"),
-    "number": (('"3e14 Pa/m"', '"3 m"'), r"counter_body\.formulation\.stiffness = '3 m'"),
-    "mesh": (("rings = 3", "rings = 0"), r"counter_body\.mesh\.rings = 0"),
-    "key": (('zone = "contact"', 'zones = "contact"'), r"counter_body\.zones"),
+    "free": (("displacement = [0, 0, 0]", 'displacement = [0, 0, "free"]'), r"second_body\.boundary: .* leave 3 of"),
+    "material": (('"pzt-4"', '"pzt-44"'), r"second_body\.material: unknown material 'pzt-44'"),
+    "formulation": (('"winkler"', '"winkel"'), r"second_body\.formulation\.name: unknown formulation 'winkel'"),
+    "number": (('"3e14 Pa/m"', '"3 m"'), r"second_body\.formulation\.stiffness = '3 m'"),
+    "mesh": (("rings = 3", "rings = 0"), r"second_body\.mesh\.rings = 0"),
+    "key": (('zone = "contact"', 'zones = "contact"'), r"second_body\.zones"),
 }
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_errors_name_the_key(write_case, registry, wrong, counter_body):
+def test_errors_name_the_key(write_case, registry, wrong, second_body):
     (old, new), message = WRONG[wrong]
-    assert counter_body.count(old) == 1
-    path = write_case(more=counter_body.replace(old, new))
+    assert second_body.count(old) == 1
+    path = write_case(more=second_body.replace(old, new))
     with pytest.raises(CaseError, match=message) as caught:
         load_case(path, registry)
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_problems_of_both_bodies_are_shown_together(write_case, registry, counter_body):
+def test_problems_of_both_bodies_are_shown_together(write_case, registry, second_body):
     path = write_case(
         ('name = "batio3-cofe2o4"', 'name = "batio"'),
-        more=counter_body.replace('"pzt-4"', '"pzt"').replace("= 3\n", "= 0\n"),
+        more=second_body.replace('"pzt-4"', '"pzt"').replace("= 3\n", "= 0\n"),
     )
     with pytest.raises(CaseError) as caught:
         load_case(path, registry)
     lines = str(caught.value).splitlines()
     assert len(lines) == 3
-    for problem in ("material: unknown", "counter_body.material: unknown", "counter_body.mesh.rings = 0"):
+    for problem in ("material: unknown", "second_body.material: unknown", "second_body.mesh.rings = 0"):
         assert any(f": {problem}" in line for line in lines)
 
 
 def test_missing_parts_are_named(write_case, registry):
-    with pytest.raises(CaseError, match=r"counter_body\.mesh") as caught:
-        load_case(write_case(more='\n[counter_body]\nmaterial = { name = "pzt-4" }\n'), registry)
+    with pytest.raises(CaseError, match=r"second_body\.mesh") as caught:
+        load_case(write_case(more='\n[second_body]\nmaterial = { name = "pzt-4" }\n'), registry)
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_objects_are_checked_too(case):
     coarse = block_mesh(0.05, 0.12, 0.005, 2, 2, 1, Quad4())
     with pytest.raises(MeshError, match="do not match"):
-        replace(case, counter=replace(case.counter, mesh=coarse))
+        replace(case, second_body=replace(case.second_body, mesh=coarse))
     with pytest.raises(CaseError, match="no boundary condition prescribes electric_potential"):
-        CounterBody(case.material, coarse)
+        SecondBody(case.material, coarse)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.load import load_case
-from meeframe.core.result import RunStatus
+from meeframe.model.load import load_case
+from meeframe.results.records import RunStatus
 
 PAGE = (Path(__file__).parents[3] / "docs" / "case-files.md").read_text(encoding="utf-8")
 
@@ -30,8 +30,8 @@ def test_the_case_file_with_all_tables_is_accepted(tmp_path):
 
 
 def test_the_counter_body_is_accepted_in_that_file(tmp_path):
-    (tmp_path / "case.toml").write_text(block_with("title") + block_with("[counter_body]"), encoding="utf-8")
-    assert load_case(tmp_path / "case.toml").counter.material.name == "orthotropic-mee"
+    (tmp_path / "case.toml").write_text(block_with("title") + block_with("[second_body]"), encoding="utf-8")
+    assert load_case(tmp_path / "case.toml").second_body.material.name == "orthotropic-mee"
 
 
 def test_the_case_from_objects_runs():

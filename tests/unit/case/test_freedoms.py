@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.solve import solve_steps
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError
-from meeframe.core.result import Region
-from meeframe.geometry import FlatPunch, frames_of
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status
+from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.mesh import frames_of
+from meeframe.model.solve import solve_steps
+from meeframe.results.records import Region
 from meeframe.solvers import SemismoothNewton
 
 Step = meeframe.Step
@@ -84,8 +85,8 @@ def test_potentials_of_the_indenter_hold_from_the_beginning_and_named_ones_are_r
     assert path.motion[:, 6].tolist() == [4.0, 4.0, 7.0, 10.0]
     assert path.motion[:, 7].tolist() == [-1.0] * 4
     for step in path.steps:
-        closed = step.traction[:, 2] < 0
-        np.testing.assert_allclose(step.potentials[closed, 0], step.loading.electric_potential, rtol=1e-9)
+        contact_fraction = step.traction[:, 2] < 0
+        np.testing.assert_allclose(step.potentials[contact_fraction, 0], step.loading.electric_potential, rtol=1e-9)
 
 
 def test_what_nothing_resists_is_left_alone_or_refused(bed, rubbing, system):

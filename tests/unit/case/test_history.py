@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.core.result import Region
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
+from meeframe.results.records import Region
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
 
 Step = meeframe.Step

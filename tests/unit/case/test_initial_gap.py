@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.case.mechanism import Mechanism
-from meeframe.case.solve import reduce
-from meeframe.core.errors import CaseError
-from meeframe.geometry import FlatPunch, Placement
+from meeframe.common.errors import CaseError
+from meeframe.indenters import FlatPunch, Placement
 from meeframe.laws import Signorini
+from meeframe.model.kinematics import IndenterKinematics
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 
@@ -36,8 +36,8 @@ def case(write_case, registry):
     return load_case(write_case(), registry)
 
 
-def mechanism(case):
-    return Mechanism(case, reduce(case))
+def kinematics(case):
+    return IndenterKinematics(case, reduce(case))
 
 
 def test_force_on_springs_is_that_of_the_gap_from_first_touch(case):
@@ -52,8 +52,8 @@ def test_force_on_springs_is_that_of_the_gap_from_first_touch(case):
 
 @pytest.mark.parametrize("level", [0.0, 3e-6, -3e-6])
 def test_a_gap_that_is_the_same_everywhere_changes_nothing(case, level):
-    plain = mechanism(case).touching_gap
-    np.testing.assert_allclose(mechanism(replace(case, contact_law=Wavy(0.0, level))).touching_gap, plain, atol=1e-19)
+    plain = kinematics(case).touching_gap
+    np.testing.assert_allclose(kinematics(replace(case, contact_law=Wavy(0.0, level))).touching_gap, plain, atol=1e-19)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_a_gap_that_is_the_same_everywhere_changes_nothing(case, level):
 )
 def test_the_indenter_moves_along_its_axis_until_it_touches(case, placement):
     place = replace(case, placement=placement)
-    plain, wavy = (mechanism(replace(place, contact_law=Wavy(size))) for size in (0.0, 2e-6))
+    plain, wavy = (kinematics(replace(place, contact_law=Wavy(size))) for size in (0.0, 2e-6))
     assert wavy.touching_gap.min() == pytest.approx(0.0, abs=1e-20)
     moved = (wavy.touching_gap - plain.touching_gap) - Wavy(2e-6).initial_gap(wavy.system.points)
     cosine = placement.base[2] @ np.array([0.0, 0.0, 1.0])
@@ -76,7 +76,7 @@ def test_the_indenter_moves_along_its_axis_until_it_touches(case, placement):
 def test_nothing_above_stays_nothing_above(case):
     """Beside a punch there is no indenter, whatever the law adds."""
     punch = replace(case, indenter=FlatPunch(2e-3))
-    plain, wavy = (mechanism(replace(punch, contact_law=Wavy(size))).touching_gap for size in (0.0, 2e-6))
+    plain, wavy = (kinematics(replace(punch, contact_law=Wavy(size))).touching_gap for size in (0.0, 2e-6))
     assert 0 < np.isinf(plain).sum() < len(plain)
     np.testing.assert_array_equal(np.isinf(wavy), np.isinf(plain))
 

@@ -6,15 +6,15 @@ import meshio
 import numpy as np
 import pytest
 
-from meeframe.case.load import case_from_tables, load_case
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw
+from meeframe.common.errors import CaseError
 from meeframe.elements import Quad9
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.fundamental import LineIntegral
-from meeframe.geometry import Heights, Sphere
+from meeframe.greens import LineIntegral
+from meeframe.indenters import Heights, Sphere
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.model.load import case_from_tables, load_case
 from meeframe.plugin.validation import TableError
 from meeframe.solvers import Auto
 
@@ -265,8 +265,8 @@ WRONG = {
         "steps = {'approach': '10 um'}: should be a list of tables, each under a header [[steps]]",
     ),
     "table for a list in a table": (
-        [("title", "counter_body.boundary = {}\ntitle")],
-        "counter_body.boundary = {}: should be a list of tables, each under a header [[counter_body.boundary]]",
+        [("title", "second_body.boundary = {}\ntitle")],
+        "second_body.boundary = {}: should be a list of tables, each under a header [[second_body.boundary]]",
     ),
     "table for a list of numbers": (
         [("[[steps]]", "[contact]\naxes = {direction = {x = 1}}\n[[steps]]")],
@@ -359,7 +359,7 @@ def test_inadmissible_material(write_case, registry):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda quads: quads.pop("x+"), "closed"),
+        (lambda quads: quads.pop("x+"), "not closed"),
         (lambda quads: quads.update({"x+": quads["x+"][::-1]}), "orient"),
         (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true turns those of a file"),
     ],

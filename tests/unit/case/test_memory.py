@@ -8,15 +8,15 @@ import pytest
 from rich.console import Console
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw
-from meeframe.core.quantities import Quantity
-from meeframe.core.result import Region
+from meeframe.common.errors import CaseError
+from meeframe.fields.units import Quantity
 from meeframe.laws import IsotropicCoulomb
+from meeframe.laws.base import ContactLaw
+from meeframe.model.load import load_case
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
-from meeframe.report.summary import summary, summary_table
+from meeframe.results.records import Region
+from meeframe.results.summary import summary, summary_table
 
 Step = meeframe.Step
 MU, RATE, WEAK = 0.3, 0.5, 5e-6
@@ -150,10 +150,10 @@ def test_a_law_with_memory_sees_the_path_of_the_increments_before(write_case, la
     assert ratio.max() < 0.2 * MU
 
 
-def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, counter_body):
+def test_two_bodies_slip_as_one_body_as_soft_as_both(write_case, laws, second_body):
     """Springs in series, three quarters as stiff, remember as one bed of such springs."""
     text = '\n[contact]\nlaw = "pol"\n[[steps]]\ntranslation = ["20 um", "8 um"]\nincrements = 4\n'
-    pair = meeframe.solve_case(load_case(write_case(more=text + counter_body), laws))
+    pair = meeframe.solve_case(load_case(write_case(more=text + second_body), laws))
     one = meeframe.solve_case(load_case(write_case(('"1e14 Pa/m"', '"0.75e14 Pa/m"'), more=text), laws))
     assert one.steps[-1].slip_path.max() > 1e-5
     for ours, theirs in zip(pair.steps, one.steps, strict=True):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.model.load import load_case
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n[conductivity.electric]\nname = "step"\nkappa = inf\n'
 FIRST = '\n[[steps]]\ntangential_force = [300, 0]\nelectric_potential = "3 V"\nincrements = 2\n'
@@ -36,7 +36,16 @@ def test_two_steps_are_a_run_and_its_continuation(write_case, registry, tmp_path
     assert str(rest.status) == str(whole.status) == "converged"
     assert [(step.step, step.increment) for step in rest.steps] == [(1, 1), (1, 2)]
     for ours, theirs in zip(rest.steps, whole.steps[3:], strict=True):
-        for name in ("traction", "displacement", "potentials", "fluxes", "slip", "total_slip", "dissipation", "closed"):
+        for name in (
+            "traction",
+            "displacement",
+            "potentials",
+            "fluxes",
+            "slip",
+            "total_slip",
+            "dissipation",
+            "contact_fraction",
+        ):
             expected = getattr(theirs, name)
             np.testing.assert_allclose(getattr(ours, name), expected, atol=1e-12 * np.abs(expected).max(), rtol=0)
         np.testing.assert_allclose(ours.loading.motion, theirs.loading.motion, rtol=1e-12, atol=1e-18)
@@ -115,7 +124,7 @@ def test_keys_of_the_table(write_case, registry):
 
 
 def test_from_objects(first, tmp_path, write_case, registry):
-    from meeframe.case.restart import read_restart
+    from meeframe.model.restart import read_restart
 
     case = load_case(write_case(more=LAW + FIRST), registry)
     going_on = dataclasses.replace(case, restart=read_restart(tmp_path / "first"), steps=(meeframe.Step(twist=0.0),))

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.contact import Status
-from meeframe.core.errors import CaseError
-from meeframe.core.result import RunStatus
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
-from meeframe.geometry import Placement, Sphere, block_mesh
+from meeframe.indenters import Placement, Sphere
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import block_mesh
+from meeframe.model.load import load_case
+from meeframe.results.records import RunStatus
 from meeframe.solvers import Uzawa
 
 STIFFNESS = 1e14
@@ -38,11 +39,11 @@ def test_steps_are_solved_one_after_the_other(case):
     for step, approach in zip(result.steps, (1e-5, 2e-5), strict=True):
         expected = springs(result.zone.points, approach)
         np.testing.assert_allclose(step.traction[:, 2], expected, atol=1e-8 * np.abs(expected).max())
-        closed = expected < 0
-        np.testing.assert_allclose(step.gap[closed], 0.0, atol=1e-12)
+        contact_fraction = expected < 0
+        np.testing.assert_allclose(step.gap[contact_fraction], 0.0, atol=1e-12)
         totals = meeframe.resultants(result.zone, step)
         assert totals.force == pytest.approx([0, 0, result.zone.weights @ expected], rel=1e-8)
-        assert totals.contact_area == pytest.approx(result.zone.weights[closed].sum())
+        assert totals.contact_area == pytest.approx(result.zone.weights[contact_fraction].sum())
         assert (totals.stick_area, totals.slip_area) == (0.0, totals.contact_area), "nothing holds it without friction"
     assert {"springs", "contact", "boundary fields", "total"} <= result.timings.keys()
     assert sum(result.timings.values()) - result.timings["total"] <= result.timings["total"]
@@ -60,8 +61,10 @@ def test_translation_drags_the_body_along(case):
     step = dataclasses.replace(case.steps[0], translation=(2e-6, -1e-6))
     result = meeframe.solve_case(dataclasses.replace(case, contact_law=IsotropicCoulomb(np.inf), steps=(step,)))
     (solved,) = result.steps
-    closed = solved.traction[:, 2] < 0
-    np.testing.assert_allclose(solved.displacement[closed, :2], np.tile([2e-6, -1e-6], (closed.sum(), 1)), rtol=1e-7)
+    contact_fraction = solved.traction[:, 2] < 0
+    np.testing.assert_allclose(
+        solved.displacement[contact_fraction, :2], np.tile([2e-6, -1e-6], (contact_fraction.sum(), 1)), rtol=1e-7
+    )
     assert meeframe.resultants(result.zone, solved).force[0] > 0
 
 
@@ -83,9 +86,9 @@ def test_potentials_of_the_indenter_reach_the_body_where_it_conducts(case):
     steps = tuple(dataclasses.replace(step, electric_potential=7.0, magnetic_potential=-0.5) for step in case.steps)
     result = meeframe.solve_case(dataclasses.replace(case, electric_law=StepConductivity(np.inf), steps=steps))
     for step in result.steps:
-        closed = step.traction[:, 2] < 0
-        np.testing.assert_allclose(step.potentials[closed, 0], 7.0, rtol=1e-9)
-        assert not step.potentials[~closed, 0].any()
+        contact_fraction = step.traction[:, 2] < 0
+        np.testing.assert_allclose(step.potentials[contact_fraction, 0], 7.0, rtol=1e-9)
+        assert not step.potentials[~contact_fraction, 0].any()
         assert not step.potentials[:, 1].any()  # magnetically insulated
         # springs give -phi = q / k, so a raised potential draws flux in: q < 0 (docs/theory.md)
         assert meeframe.resultants(result.zone, step).charge < 0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.load import load_case
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.model.load import load_case
 
 Step = meeframe.Step
 FRICTION = (

@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from meeframe.case.load import load_case
-from meeframe.case.solve import reduce, solve_case
-from meeframe.core.errors import CaseError
-from meeframe.core.formulation import Formulation, silent
+from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce, solve_case
+from meeframe.system.reduced import silent
 
 N = 25
 """Nodes of the tiny case's zone."""

@@ -4,7 +4,7 @@ import numba
 import pytest
 from threadpoolctl import threadpool_info
 
-from meeframe.case.threads import limited
+from meeframe.model.threads import limited
 
 
 def counts() -> tuple[int, ...]:

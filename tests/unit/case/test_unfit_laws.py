@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 import meeframe
-from meeframe.case.laws import check_tractions
-from meeframe.case.load import load_case
-from meeframe.case.mechanism import Mechanism
-from meeframe.case.solve import reduce
-from meeframe.core.contact import Iterate, Solver, Status
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.geometry import Placement
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import resistances
+from meeframe.contact.problem import Iterate, Solver, Status
+from meeframe.indenters import Placement
 from meeframe.laws import Signorini
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.model.kinematics import IndenterKinematics
+from meeframe.model.laws import check_tractions
+from meeframe.model.load import load_case
+from meeframe.model.solve import reduce
 from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.solvers import Auto
-from meeframe.solvers.conduction import resistances
-from meeframe.solvers.conjugate_gradients import ProjectedCG
-from meeframe.solvers.uzawa import Uzawa
-from meeframe.study.sweep_points import PointStatus, solved
+from meeframe.solvers.cg.projected_cg import ProjectedCG
+from meeframe.solvers.gradient.uzawa import Uzawa
+from meeframe.study.sweep.points import PointStatus, solved
 
 N = 25
 """Nodes of the tiny case's zone."""
@@ -377,10 +377,10 @@ def test_nodes_that_approach_does_not_bring_nearer_do_not_say_where_it_touches(c
     sine = np.sqrt(1.0 - slope**2)
     frames[node] = np.array([[slope, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, slope]])
     leaning = replace(system, frames=frames)
-    gap = Mechanism(tilted, leaning).touching_gap
+    gap = IndenterKinematics(tilted, leaning).touching_gap
     assert np.isfinite(gap[node]), "the tilted sphere is met"
-    filmed = Mechanism(replace(tilted, contact_law=Film()), leaning).touching_gap
+    filmed = IndenterKinematics(replace(tilted, contact_law=Film()), leaning).touching_gap
     flat = np.arange(N) != node
-    expected = Mechanism(replace(tilted, contact_law=Film()), system).touching_gap
+    expected = IndenterKinematics(replace(tilted, contact_law=Film()), system).touching_gap
     np.testing.assert_allclose(filmed[flat], expected[flat], rtol=1e-12, atol=1e-18)
     assert np.isfinite(filmed).all()

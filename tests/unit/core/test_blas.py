@@ -6,7 +6,7 @@ from threading import Event
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from meeframe.core.blas import ONE_BLAS_THREAD
+from meeframe.common.blas import ONE_BLAS_THREAD
 
 
 def counts() -> set[int]:

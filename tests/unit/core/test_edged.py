@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem
-from meeframe.core.edged import edged
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.problem import ContactProblem
 from meeframe.laws import Signorini, StepConductivity
-from meeframe.solvers.conduction import own_response, resistances
+from meeframe.system.capabilities import apply_load
+from meeframe.system.edge_correction import correct_edge
 from meeframe.testing.half_space import half_space_system, indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 
@@ -18,16 +19,16 @@ OWN = np.random.default_rng(5).random((25, 5, 5))
 
 def test_matrix_and_operator_agree():
     load = np.random.default_rng(6).random((25, 5))
-    system = edged(SYSTEM, OWN)
+    system = correct_edge(SYSTEM, OWN)
     expected = SYSTEM.apply(load) + np.einsum("nij,nj->ni", OWN, load)
     assert system.apply(load) == pytest.approx(expected)
     assert np.tensordot(system.dense(), load, 2) == pytest.approx(expected)
-    assert system.response(load, (2, 4)) == pytest.approx(expected[:, [2, 4]])
+    assert apply_load(system, load, (2, 4)) == pytest.approx(expected[:, [2, 4]])
     assert system.diagonal_blocks() == pytest.approx(SYSTEM.diagonal_blocks() + OWN)
-    assert edged(MatrixFree.of(SYSTEM), OWN).dense() is None
+    assert correct_edge(MatrixFree.of(SYSTEM), OWN).dense() is None
 
 
-def problem(kappa, covered=None) -> ContactProblem:
+def problem(kappa, area_fraction=None) -> ContactProblem:
     found = indentation_problem(SYSTEM, np.zeros(25), 0.1, Signorini(), (kappa, 0.0))
     return ContactProblem(
         found.system,
@@ -37,24 +38,24 @@ def problem(kappa, covered=None) -> ContactProblem:
         found.gap,
         found.translation,
         found.potentials,
-        covered=covered,
+        area_fraction=area_fraction,
     )
 
 
 def test_covered_parts_conduct_with_and_without_pressure():
-    covered = np.where(np.arange(25) < 10, 0.25, np.where(np.arange(25) < 20, 1.0, 0.0))
+    area_fraction = np.where(np.arange(25) < 10, 0.25, np.where(np.arange(25) < 20, 1.0, 0.0))
     traction = np.where(np.arange(25) % 2 == 0, -1.0, 0.0)
-    closed = (traction < 0.0).astype(float)
-    case = problem(4.0, covered)
-    found = resistances(case, traction, closed, np.abs(own_response(case)))
+    contact_fraction = (traction < 0.0).astype(float)
+    case = problem(4.0, area_fraction)
+    found = resistances(case, traction, contact_fraction, np.abs(own_response(case)))
     assert found[:10, 0] == pytest.approx(1.0)
-    assert (found[10:, 0] == np.where(closed[10:] > 0.0, 0.25, np.inf)).all()
+    assert (found[10:, 0] == np.where(contact_fraction[10:] > 0.0, 0.25, np.inf)).all()
     assert np.isinf(found[:, 1]).all()
-    perfect = resistances(problem(np.inf, covered), traction, closed, np.abs(own_response(case)))
+    perfect = resistances(problem(np.inf, area_fraction), traction, contact_fraction, np.abs(own_response(case)))
     assert (perfect[:10, 0] == 0.0).all()
 
 
-@pytest.mark.parametrize("covered", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])
-def test_covered_parts_are_parts(covered):
-    with pytest.raises(CaseError, match="covered"):
-        problem(1.0, covered)
+@pytest.mark.parametrize("area_fraction", [np.ones(3), np.full(25, 1.5), np.full(25, np.nan)])
+def test_covered_parts_are_parts(area_fraction):
+    with pytest.raises(CaseError, match="area_fraction"):
+        problem(1.0, area_fraction)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from meeframe.core.indenter import MOTIONS, N_MOTIONS, motion_measures, motion_modes
-from meeframe.geometry import Placement
-from meeframe.geometry.zone import frames_of
+from meeframe.indenters import Placement
+from meeframe.indenters.base import MOTIONS, N_MOTIONS, motion_measures, motion_modes
+from meeframe.mesh.zone import frames_of
 
 ANGLE = 1e-7
 RANDOM = np.random.default_rng(3)

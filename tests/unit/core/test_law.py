@@ -6,9 +6,9 @@ from typing import final
 import numpy as np
 import pytest
 
-from meeframe.core.fields import Array
-from meeframe.core.law import ContactLaw, augmented_traction, lawful_traction, traction_tangents
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw, augmented_traction, fixed_point_map, traction_tangents
 
 R, PRESSURE = (2.0, 0.7), 1.0
 """Steps of normal and tangential gaps [Pa/m], and a characteristic traction [Pa]."""
@@ -61,7 +61,7 @@ def test_tangents_of_the_map(law: ContactLaw) -> None:
     traction[:, 2] -= 0.5
 
     def lawful(traction: Array, gap: Array) -> Array:
-        return lawful_traction(law, augmented_traction(law, traction, gap, R), gap, R)
+        return fixed_point_map(law, augmented_traction(law, traction, gap, R), gap, R)
 
     def differences(change: Array) -> Array:
         return (lawful(traction + change, gap) - lawful(traction - change, gap)) / (2.0 * width)

@@ -6,10 +6,10 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MeshError
-from meeframe.core.once import once_for_each
+from meeframe.common.errors import MeshError
+from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements import Quad4
-from meeframe.geometry import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, zone_frames
 
 
 class Thing:
@@ -22,7 +22,7 @@ class Thing:
 def test_each_object_with_each_of_the_rest_is_asked_once() -> None:
     asked = []
 
-    @once_for_each
+    @memoize_by_identity
     def scaled(thing: Thing, factor: float, *more: float) -> float:
         asked.append((thing, factor, *more))
         return thing.size * factor + sum(more)
@@ -34,7 +34,7 @@ def test_each_object_with_each_of_the_rest_is_asked_once() -> None:
 
 
 def test_what_was_found_goes_with_its_object() -> None:
-    made = once_for_each(lambda thing, name: np.zeros(3))
+    made = memoize_by_identity(lambda thing, name: np.zeros(3))
     thing = Thing()
     found = ref(made(thing, "a"))
     assert found() is made(thing, "a")

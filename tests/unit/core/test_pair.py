@@ -8,21 +8,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactState, Status, resultant
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
-from meeframe.core.law import ContactLaw
-from meeframe.core.pair import PairSystem, pair
+from meeframe.common.errors import MeshError
+from meeframe.contact.problem import ContactProblem, ContactState, Status, resultant
 from meeframe.elements import Quad4
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import frames_of, half_space_mesh
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material, rotation_about
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Auto, Limits, solve
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material, library_material, rotation_about
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import frames_of, half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import Auto, StoppingCriteria, solve
+from meeframe.system.composed import ComposedSystem
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.two_body import combine_bodies, match_nodes, second_displacement, second_load
 from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
 from meeframe.testing.contact_cases import periodic_half_space
 from meeframe.testing.half_space import half_space_system, indentation_problem
@@ -36,7 +37,7 @@ POLED_UP, POLED_DOWN = TRANSVERSE, TRANSVERSE.rotated(TURN)
 
 
 def converged(problem: ContactProblem, tolerance: float = 1e-11) -> ContactState:
-    solution = solve(problem, Auto(), Limits(tolerance=tolerance))
+    solution = solve(problem, Auto(), StoppingCriteria(tolerance=tolerance))
     assert solution.status is Status.CONVERGED, solution.message
     return solution.state
 
@@ -48,12 +49,12 @@ def sphere(system: ReducedSystem) -> Array:
 # Hertz
 
 
-@pytest.mark.parametrize("counter", [(210e9, 0.3), (40e9, 0.05)])
-def test_two_elastic_spheres_against_hertz(counter: tuple[float, float]) -> None:
+@pytest.mark.parametrize("second_body", [(210e9, 0.3), (40e9, 0.05)])
+def test_two_elastic_spheres_against_hertz(second_body: tuple[float, float]) -> None:
     """R1 = 0.3 m on R2 = 0.15 m: R = 0.1 m; 1/E* is the sum of both, halved E* for equal bodies."""
-    (young, poisson), (other_young, other_poisson) = (210e9, 0.3), counter
-    xi, other = ([[(1.0 - nu**2) / (np.pi * e)]] for e, nu in ((young, poisson), counter))
-    system = pair(*(half_space_system(_normal_only(x), SIDE, 24) for x in (xi, other)))
+    (young, poisson), (other_young, other_poisson) = (210e9, 0.3), second_body
+    xi, other = ([[(1.0 - nu**2) / (np.pi * e)]] for e, nu in ((young, poisson), second_body))
+    system = combine_bodies(*(half_space_system(_normal_only(x), SIDE, 24) for x in (xi, other)))
     r_squared = system.points[:, 0] ** 2 + system.points[:, 1] ** 2
     height = r_squared / (2 * 0.3) + r_squared / (2 * 0.15)
     load = converged(indentation_problem(system, height, APPROACH)).load
@@ -84,7 +85,7 @@ def half_space_by_elements(material: Material) -> DenseSystem:
 
 def test_equal_elastic_bodies_by_boundary_elements(steel: DenseSystem) -> None:
     """Hertz with E* halved. Equal bodies do not slip: friction changes nothing; a rigid sphere does make slip."""
-    both = pair(steel, steel)
+    both = combine_bodies(steel, steel)
     smooth, rough = (
         converged(indentation_problem(both, sphere(both), APPROACH, law)).load
         for law in (Signorini(), IsotropicCoulomb(0.3))
@@ -100,7 +101,7 @@ def test_equal_elastic_bodies_by_boundary_elements(steel: DenseSystem) -> None:
 def test_equal_anisotropic_bodies_do_not_slip() -> None:
     """Orthotropic, magneto-electro-elastic, with poling up in both: mirror images of each other in the interface."""
     body = periodic_half_space(ORTHOTROPIC, SIDE, 12)
-    both = pair(body, body)
+    both = combine_bodies(body, body)
     smooth, rough = (
         converged(indentation_problem(both, sphere(both), APPROACH, law)).load
         for law in (Signorini(), IsotropicCoulomb(0.3))
@@ -113,11 +114,11 @@ def test_equal_anisotropic_bodies_do_not_slip() -> None:
 
 def test_fields_of_both_bodies(steel: DenseSystem) -> None:
     """What each body's own recovery gives in the contact zone differs by the relative displacement, in global axes."""
-    both = pair(steel, half_space_by_elements(Material.isotropic(40e9, 0.05)))
+    both = combine_bodies(steel, half_space_by_elements(Material.isotropic(40e9, 0.05)))
     load = converged(indentation_problem(both, sphere(both), APPROACH, LAW, translation=(1e-5, 0.0))).load
-    fields, counter = both.recover(load), both.counter.recover(both.counter_load(load))
-    (_, own), (_, other) = (cKDTree(points).query(both.points) for points in (fields.points, counter.points @ TURN))
-    relative = fields.values[own, :3] - counter.values[other, :3] @ TURN
+    fields, second_body = both.recover(load), both.terms[1].system.recover(second_load(both, load))
+    (_, own), (_, other) = (cKDTree(points).query(both.points) for points in (fields.points, second_body.points @ TURN))
+    relative = fields.values[own, :3] - second_body.values[other, :3] @ TURN
     np.testing.assert_allclose(relative, (both.offset + both.apply(load))[:, :3], atol=1e-9 * APPROACH)
 
 
@@ -130,11 +131,11 @@ def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
     insulated one."""
     xi = axisymmetric_compliance(POLED_UP.stiffness)
     body = half_space_system(xi, SIDE, 20)
-    both = pair(body, body)
+    both = combine_bodies(body, body)
     kappa = tuple(0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
     state = converged(indentation_problem(both, sphere(both), APPROACH, conductivity=kappa))
     assert -resultant(both, state.load)[0][2] == pytest.approx(indent(xi, Sphere(RADIUS), APPROACH).force / 2, rel=3e-3)
-    own = np.abs(both.counter_displacement(state.load)[:, 3:]).max(axis=0)
+    own = np.abs(second_displacement(both, state.load)[:, 3:]).max(axis=0)
     assert (own > 0.0).all()
     assert (np.abs(state.displacement[:, 3:]).max(axis=0) < 1e-9 * own).all()
     flows = np.abs(xi[0, 1:] / np.diag(xi)[1:]) * np.abs(state.load[:, 2]).max()
@@ -142,14 +143,16 @@ def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
 
 
 @pytest.mark.parametrize("condition", list(CONDITIONS))
-@pytest.mark.parametrize("counter", [POLED_DOWN, Material.isotropic(100e9, 0.3, 2e-9, 1e-4)], ids=["down", "isotropic"])
-def test_joined_half_spaces_in_closed_form(condition: str, counter: Material) -> None:
+@pytest.mark.parametrize(
+    "second_body", [POLED_DOWN, Material.isotropic(100e9, 0.3, 2e-9, 1e-4)], ids=["down", "isotropic"]
+)
+def test_joined_half_spaces_in_closed_form(condition: str, second_body: Material) -> None:
     """Two axisymmetric half spaces answer like one with xi = xi_A + D xi_B D, D = diag(-1, 1, 1): the load is the same,
     its sense opposite, and only the displacement changes sign with the turning. Poled oppositely, both are as one."""
-    xi, other = (axisymmetric_compliance(material.stiffness) for material in (POLED_UP, counter))
+    xi, other = (axisymmetric_compliance(material.stiffness) for material in (POLED_UP, second_body))
     flip = np.array([-1.0, 1.0, 1.0])
     joined = xi + flip[:, None] * other * flip
-    both = pair(*(half_space_system(x, SIDE, 20) for x in (xi, other)))
+    both = combine_bodies(*(half_space_system(x, SIDE, 20) for x in (xi, other)))
     kappa = tuple(0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
     state = converged(indentation_problem(both, sphere(both), APPROACH, conductivity=kappa))
     exact = indent(joined, Sphere(RADIUS), APPROACH, *CONDITIONS[condition])
@@ -163,7 +166,7 @@ def test_oppositely_poled_bodies_share_the_gap() -> None:
     """By symmetry the interface of a body and its copy of opposite poling is at zero potential: each is
     indented by a rigid grounded sphere that takes half of gap and approach."""
     body, opposite = (half_space_system(axisymmetric_compliance(m.stiffness), SIDE, 16) for m in (POLED_UP, POLED_DOWN))
-    both = pair(body, opposite)
+    both = combine_bodies(body, opposite)
     joined, half = (
         converged(indentation_problem(system, sphere(system) / parts, APPROACH / parts, conductivity=(np.inf, np.inf)))
         for system, parts in ((both, 1.0), (body, 2.0))
@@ -171,7 +174,7 @@ def test_oppositely_poled_bodies_share_the_gap() -> None:
     assert (np.abs(joined.load - half.load) <= 1e-8 * np.abs(half.load).max(axis=0)).all()
     inside = joined.load[:, 2] < 0.0
     insulated = np.abs(body.apply(half.load * np.array([1, 1, 1, 0, 0]))[:, 3:]).max(axis=0)
-    assert (np.abs(both.counter_displacement(joined.load)[inside, 3:]).max(axis=0) <= 1e-8 * insulated).all()
+    assert (np.abs(second_displacement(both, joined.load)[inside, 3:]).max(axis=0) <= 1e-8 * insulated).all()
 
 
 # exchange of roles
@@ -191,7 +194,7 @@ ROLES = {
 @pytest.fixture(scope="module")
 def unlike() -> tuple[DenseSystem, DenseSystem]:
     """Two media without any symmetry in common with the interface, and with an offset."""
-    first, counter = (
+    first, second_body = (
         periodic_half_space(material, 3.2 * np.sqrt(RADIUS * APPROACH), CELLS)
         for material in (
             TRANSVERSE.rotated(rotation_about([1.0, 2.0, -1.0], 0.8)),
@@ -200,7 +203,7 @@ def unlike() -> tuple[DenseSystem, DenseSystem]:
     )
     random = np.random.default_rng(11)
     sizes = 0.05 * APPROACH * np.array([1.0, 1.0, 1.0, 1e9, 1e6])
-    return first, replace(counter, offset=sizes * random.standard_normal(counter.offset.shape))
+    return first, replace(second_body, offset=sizes * random.standard_normal(second_body.offset.shape))
 
 
 def skewed(system: ReducedSystem, sense: float, law: ContactLaw, kappa: tuple[float, float]) -> ContactProblem:
@@ -210,7 +213,7 @@ def skewed(system: ReducedSystem, sense: float, law: ContactLaw, kappa: tuple[fl
         (x - 2e-4) ** 2 / (2.0 * RADIUS) + (y + 3e-4) ** 2 / (3.0 * RADIUS) + 0.2 * (x - 2e-4) * (y + 3e-4) / RADIUS
     )
     translation = sense * 0.4 * APPROACH * np.array([0.8, sense * 0.6])
-    # of the counter body from the first; seen from there, of the first from the counter body
+    # of the second body from the first; seen from there, of the first from the second body
     potentials = (sense * 3e3, sense * -5.0)
     return indentation_problem(system, height, APPROACH, law, kappa, potentials, tuple(translation))
 
@@ -224,8 +227,8 @@ def mirrored(values: Array) -> Array:
 def test_exchanging_the_roles(role: str, unlike: tuple[DenseSystem, DenseSystem]) -> None:
     """Same pressures at mirrored nodes, t1 reversed, t2 kept (reversed by reaction and by turning), fluxes reversed."""
     law, other_law, kappa = ROLES[role]
-    first, counter = unlike
-    systems = pair(first, counter), pair(counter, first)
+    first, second_body = unlike
+    systems = combine_bodies(first, second_body), combine_bodies(second_body, first)
     problems = skewed(systems[0], 1.0, law, kappa), skewed(systems[1], -1.0, other_law, kappa)
     state, exchanged = (converged(problem) for problem in problems)
     signs = np.array([-1.0, 1.0, 1.0, -1.0, -1.0])
@@ -233,7 +236,7 @@ def test_exchanging_the_roles(role: str, unlike: tuple[DenseSystem, DenseSystem]
     assert np.abs(state.load[:, 2]).max() > 0.0
     scale = np.abs(state.load).max(axis=0)
     assert (np.abs(exchanged.load - expected) <= 1e-7 * scale).all()
-    np.testing.assert_allclose(systems[0].counter_load(state.load), expected, rtol=1e-12)
+    np.testing.assert_allclose(second_load(systems[0], state.load), expected, rtol=1e-12)
     jump = mirrored(state.displacement) * signs
     assert (np.abs(exchanged.displacement - jump) <= 1e-7 * np.abs(jump).max(axis=0)).all()
     if isinstance(law, OrthotropicCoulomb):
@@ -251,21 +254,21 @@ def _stuck(problem: ContactProblem, state: ContactState) -> Array:
 
 
 def test_what_leaves_one_body_enters_the_other(unlike: tuple[DenseSystem, DenseSystem]) -> None:
-    first, counter = unlike
-    both = pair(first, counter)
+    first, second_body = unlike
+    both = combine_bodies(first, second_body)
     load = converged(skewed(both, 1.0, LAW, (2e-8, 3e-4))).load
     force, charge, flux = resultant(first, load)
-    other_force, other_charge, other_flux = resultant(counter, both.counter_load(load))
+    other_force, other_charge, other_flux = resultant(second_body, second_load(both, load))
     np.testing.assert_allclose(TURN @ other_force, -force, rtol=1e-12)
     assert other_charge == pytest.approx(-charge, rel=1e-12)
     assert other_flux == pytest.approx(-flux, rel=1e-12)
     assert min(abs(charge), abs(flux)) > 0.0
     alone = first.offset + first.apply(load)
     displacement = both.offset + both.apply(load)
-    np.testing.assert_allclose(displacement, alone - both.counter_displacement(load), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(displacement, alone - second_displacement(both, load), rtol=1e-9, atol=1e-15)
 
 
-# a stiff counter body
+# a stiff second body
 
 
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (2e-8, 3e-4), (np.inf, np.inf)])
@@ -277,7 +280,7 @@ def test_a_stiff_grounded_counter_body_is_the_rigid_indenter(kappa: tuple[float,
             indentation_problem(system, sphere(system), APPROACH, LAW, kappa, (2e3, -3.0), (2e-5, 1e-5)),
             tolerance=1e-12,
         )
-        for system in (body, pair(body, stiff))
+        for system in (body, combine_bodies(body, stiff))
     ]
     scale = np.abs(states[0].load).max(axis=0)
     assert (np.abs(states[1].load - states[0].load) <= 1e-8 * scale).all()
@@ -319,28 +322,32 @@ def test_curved_zones_in_global_axes(seed: int, n: int) -> None:
     points = random.standard_normal((n, 3))
     order = random.permutation(n)
     first = curved(normals, points, random)
-    counter = curved(-(normals @ TURN)[order], (points @ TURN)[order], random)
-    both = pair(first, counter)
+    second_body = curved(-(normals @ TURN)[order], (points @ TURN)[order], random)
+    both = combine_bodies(first, second_body)
     force = random.standard_normal((n, 5))
     load = np.einsum("naj,nj->na", globally(first), force)
     turned = force.copy()
     turned[:, :3] = force[:, :3] @ TURN
-    reaction = np.einsum("naj,nj->na", globally(counter), -turned[order])
-    np.testing.assert_allclose(both.counter_load(load), reaction, atol=1e-12)
+    reaction = np.einsum("naj,nj->na", globally(second_body), -turned[order])
+    np.testing.assert_allclose(second_load(both, load), reaction, atol=1e-12)
     moved = np.einsum("naj,na->nj", globally(first), first.offset + first.apply(load))
     answer = np.empty((n, 5))
-    answer[order] = np.einsum("naj,na->nj", globally(counter), counter.offset + counter.apply(reaction))
+    answer[order] = np.einsum("naj,na->nj", globally(second_body), second_body.offset + second_body.apply(reaction))
     answer[:, :3] = answer[:, :3] @ TURN
     relative = np.einsum("naj,na->nj", globally(both), both.offset + both.apply(load))
     np.testing.assert_allclose(relative, moved - answer, atol=1e-9)
-    seen = np.einsum("naj,na->nj", globally(both), both.counter_displacement(load))
+    seen = np.einsum("naj,na->nj", globally(both), second_displacement(both, load))
     np.testing.assert_allclose(seen, answer, atol=1e-9)
 
 
 def test_with_and_without_matrices(unlike: tuple[DenseSystem, DenseSystem]) -> None:
-    first, counter = unlike
-    whole, hidden, hidden_counter = pair(first, counter), MatrixFree.of(first), MatrixFree.of(counter)
-    free: list[PairSystem] = [pair(hidden, counter), pair(first, hidden_counter), pair(hidden, hidden_counter)]
+    first, second_body = unlike
+    whole, hidden, hidden_counter = combine_bodies(first, second_body), MatrixFree.of(first), MatrixFree.of(second_body)
+    free: list[ComposedSystem] = [
+        combine_bodies(hidden, second_body),
+        combine_bodies(first, hidden_counter),
+        combine_bodies(hidden, hidden_counter),
+    ]
     assert whole.dense() is not None
     load = np.random.default_rng(5).standard_normal(whole.offset.shape)
     blocks = np.stack([whole.dense()[node, :, node, :] for node in range(len(load))])
@@ -355,7 +362,7 @@ def test_with_and_without_matrices(unlike: tuple[DenseSystem, DenseSystem]) -> N
 
 
 def test_the_compliance_of_a_pair_is_positive_definite(unlike: tuple[DenseSystem, DenseSystem]) -> None:
-    matrix = pair(*unlike).dense()
+    matrix = combine_bodies(*unlike).dense()
     assert matrix is not None
     flat = matrix.reshape(5 * CELLS**2, -1)
     scale = np.sqrt(np.diag(flat))
@@ -369,14 +376,14 @@ def test_nodes_that_do_not_coincide_are_refused(steel: DenseSystem) -> None:
     shifted = steel.points.copy()
     shifted[[3, 7], 0] += 2e-5
     with pytest.raises(MeshError, match=r"2 of the 121 nodes of the first .* misses by 2e-05 m; allowed: 7\.07e-09 m"):
-        pair(steel, replace(steel, points=shifted))
+        combine_bodies(steel, replace(steel, points=shifted))
     close = steel.points + 1e-9
-    assert np.array_equal(pair(steel, replace(steel, points=close)).partners, pair(steel, steel).partners)
+    assert np.array_equal(match_nodes(steel, replace(steel, points=close)), match_nodes(steel, steel))
     fewer = half_space_system(np.eye(3), SIDE, 4)
     with pytest.raises(MeshError, match=r"of the 121 nodes of the first meet none of the 16"):
-        pair(steel, fewer)
-    with pytest.raises(MeshError, match=r"the first has 1 nodes, the counter body 121"):
-        pair(_node(steel, 60), steel)
+        combine_bodies(steel, fewer)
+    with pytest.raises(MeshError, match=r"the first has 1 nodes, the second body 121"):
+        combine_bodies(_node(steel, 60), steel)
 
 
 def _node(system: DenseSystem, node: int) -> ReducedSystem:
@@ -396,20 +403,20 @@ def _node(system: DenseSystem, node: int) -> ReducedSystem:
 def test_surfaces_that_do_not_face_each_other_are_refused(steel: DenseSystem) -> None:
     down = steel.frames * np.array([1.0, -1.0, -1.0])
     with pytest.raises(MeshError, match="do not face each other at 121 of 121 nodes"):
-        pair(steel, replace(steel, frames=down))
+        combine_bodies(steel, replace(steel, frames=down))
 
 
 def test_other_elements_on_the_same_nodes_are_refused(steel: DenseSystem) -> None:
     weights = steel.weights.copy()
     weights[:2] *= (1.5, 0.5)
     with pytest.raises(MeshError, match="same nodes but other elements at 2 of 121 nodes"):
-        pair(steel, replace(steel, weights=weights))
+        combine_bodies(steel, replace(steel, weights=weights))
 
 
 def test_insulated_bodies_keep_their_own_potentials() -> None:
     """Without conduction the potential of the one body does not feel the other's, whatever its ground."""
     body = half_space_system(axisymmetric_compliance(TRANSVERSE.stiffness), SIDE, 10)
-    both = pair(body, body)
+    both = combine_bodies(body, body)
     n = len(both.points)
     zero, volts = np.zeros((n, 2)), np.tile([1e4, -20.0], (n, 1))
     laws = Signorini(), Insulating(), Insulating()

@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ContactProblem, Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
-from meeframe.core.law import ContactLaw
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
-from meeframe.core.turned import turned
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import frames_of, sphere_mesh
-from meeframe.geometry.axes import FrictionAxes
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
-from meeframe.materials import library_material
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.mesh import frames_of, sphere_mesh
+from meeframe.mesh.axes import FrictionAxes
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.solvers import Auto, solve
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
+from meeframe.system.rotated import rotate_frames
 from meeframe.testing.half_space import half_space_system, indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
 
@@ -53,7 +53,7 @@ def in_local_axes(system: ReducedSystem, fields: Array) -> Array:
 def test_a_turned_system_is_the_same_relation(hidden: bool) -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3)) * 10.0 ** RANDOM.uniform(-200, 200, (N, 1))
-    other = turned(MatrixFree.of(system) if hidden else system, directions)
+    other = rotate_frames(MatrixFree.of(system) if hidden else system, directions)
     assert isinstance(other, DenseSystem) != hidden
     assert (other.dense() is None) == hidden
     loads = RANDOM.normal(size=(N, 5))
@@ -73,7 +73,7 @@ def test_a_turned_system_is_the_same_relation(hidden: bool) -> None:
 def test_first_axis_follows_the_direction() -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3))
-    frames = turned(system, directions).frames
+    frames = rotate_frames(system, directions).frames
     np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), np.tile(np.eye(3), (N, 1, 1)), atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(frames), 1.0, atol=1e-14)
     np.testing.assert_array_equal(frames[:, 2], system.frames[:, 2])
@@ -86,7 +86,7 @@ def test_nodes_without_a_direction_keep_their_frame() -> None:
     system = random_system()
     directions = RANDOM.normal(size=(N, 3))
     directions[2], directions[5] = 0.0, -7.0 * system.frames[5, 2]
-    frames = turned(system, directions).frames
+    frames = rotate_frames(system, directions).frames
     np.testing.assert_array_equal(frames[[2, 5]], system.frames[[2, 5]])
     assert np.abs(np.delete(frames - system.frames, [2, 5], axis=0)).max(axis=(1, 2)).min() > 1e-3
 
@@ -94,9 +94,9 @@ def test_nodes_without_a_direction_keep_their_frame() -> None:
 def test_directions_of_another_shape_or_not_finite_are_refused() -> None:
     system = random_system()
     with pytest.raises(CaseError, match=r"shape \(12, 2\); \(12, 3\) is needed"):
-        turned(system, np.ones((N, 2)))
+        rotate_frames(system, np.ones((N, 2)))
     with pytest.raises(CaseError, match=r"direction at node 4 is .*finite"):
-        turned(system, np.where(np.arange(N)[:, None] == 4, np.nan, 1.0) * np.ones(3))
+        rotate_frames(system, np.where(np.arange(N)[:, None] == 4, np.nan, 1.0) * np.ones(3))
 
 
 def cap_system() -> ReducedSystem:
@@ -140,7 +140,7 @@ def cap() -> ReducedSystem:
 def test_frames_turned_one_way_and_angle_the_other_give_the_same_answer_on_a_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))
     e1, e2 = cap.frames[:, 0], cap.frames[:, 1]
-    other = turned(cap, np.cos(angle) * e1 + np.sin(angle) * e2)
+    other = rotate_frames(cap, np.cos(angle) * e1 + np.sin(angle) * e2)
     found = tractions(other, socket_problem(other, OrthotropicCoulomb(0.1, 0.5, 0.3 - angle)))
     scale = np.abs(expected).max(axis=0)
     assert (np.abs(found - expected).max(axis=0) <= 1e-8 * scale).all()
@@ -152,7 +152,7 @@ def test_frames_turned_one_way_and_angle_the_other_give_the_same_answer_on_a_cur
 
 def test_isotropic_friction_knows_no_frames(cap) -> None:
     expected = tractions(cap, socket_problem(cap, IsotropicCoulomb(0.3)))
-    other = turned(cap, np.random.default_rng(0).normal(size=cap.points.shape))
+    other = rotate_frames(cap, np.random.default_rng(0).normal(size=cap.points.shape))
     found = tractions(other, socket_problem(other, IsotropicCoulomb(0.3)))
     assert (np.abs(found - expected).max(axis=0) <= 1e-8 * np.abs(expected).max(axis=0)).all()
 
@@ -174,7 +174,7 @@ def test_one_direction_is_an_angle_on_a_flat_zone(angle: float) -> None:
     system = half_space_system(XI, SIDE, CELLS)
     expected = tractions(system, flat_problem(system, OrthotropicCoulomb(0.1, 0.5, angle), (0.03, 0.02)))
     axes = FrictionAxes(direction=(3.0 * np.cos(angle), 3.0 * np.sin(angle), 5.0))
-    other = turned(system, axes.directions(system.points))
+    other = rotate_frames(system, axes.directions(system.points))
     found = tractions(other, flat_problem(other, OrthotropicCoulomb(0.1, 0.5), (0.03, 0.02)))
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
@@ -183,7 +183,7 @@ def twisted(mu1: float, mu2: float, twist: float, radial: bool) -> tuple[Array, 
     """Points, pressure (n,) and (radial, circumferential) traction (n, 2) of a sphere pressed, twisted and swollen."""
     system: ReducedSystem = half_space_system(XI, SIDE, CELLS)
     if radial:
-        system = turned(system, FrictionAxes(around=(0.0, 0.0, 2.0)).directions(system.points))
+        system = rotate_frames(system, FrictionAxes(around=(0.0, 0.0, 2.0)).directions(system.points))
     points = system.points
     swelling = 0.3 * twist * points + twist * np.cross([0.0, 0.0, 1.0], points)
     problem = flat_problem(system, OrthotropicCoulomb(mu1, mu2), (0.0, 0.0))

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
+from meeframe.common.errors import MaterialError
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.materials import library_material
+from meeframe.material import library_material
 from meeframe.testing.strategies import scaled_stiffness
 
 

@@ -5,8 +5,8 @@ import meshio
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement, shape_functions
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement, shape_functions
 from meeframe.elements.quadrature import shape_table, tensor_rule
 from meeframe.testing.element import check_element, check_interpolation, check_traces, reference_points
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from meeframe.elements import Quad4, Quad9, Tri3
+from meeframe.elements._kernels.quadrature import required_orders, shape_degree
 from meeframe.elements.quadrature import MOST_GAUSS_POINTS, element_extents, pair_rule, shape_table, tensor_rule
-from meeframe.fundamental import LineIntegral
-from meeframe.kernels.quadrature import required_orders, shape_degree
-from meeframe.materials import library_material
+from meeframe.greens import LineIntegral
+from meeframe.material import library_material
 from meeframe.testing.polygon import single_layer
 from meeframe.testing.strategies import scaled_stiffness
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from meeframe.core.element import shape_functions
-from meeframe.core.errors import MeshError
+from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements._kernels import quadrature as kernels
+from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, pair_rule, shape_table
-from meeframe.kernels import quadrature as kernels
 from meeframe.testing.polygon import single_layer, solid_angle
 
 

@@ -6,14 +6,14 @@ from math import pi
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.fields import Array
-from meeframe.core.fundamental import Kernel
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement
 from meeframe.elements.principal_value import free_term, tangent_facet, traction_principal_value
 from meeframe.elements.quadrature import pair_rule
-from meeframe.fundamental import LineIntegral
-from meeframe.materials import library_material
+from meeframe.fields import Array
+from meeframe.greens import LineIntegral
+from meeframe.greens.base import Kernel
+from meeframe.material import library_material
 from meeframe.testing.strategies import scaled_stiffness
 
 POISSON = 0.3

@@ -7,19 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import CaseError, MaterialError, MeshError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.fundamental import Kernel
+from meeframe.common.errors import CaseError, MaterialError, MeshError
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.fundamental import Isotropic, LineIntegral, Tabulated
-from meeframe.fundamental.tabulated import TabulatedKernel
-from meeframe.geometry import block_mesh, box_mesh, half_space_mesh
-from meeframe.materials import library_material, rotation_about
+from meeframe.greens import Isotropic, LineIntegral, Tabulated
+from meeframe.greens.base import Kernel
+from meeframe.greens.tabulated import TabulatedKernel
+from meeframe.material import library_material, rotation_about
+from meeframe.mesh import block_mesh, box_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing import check_formulation
 from meeframe.testing.manufactured import LinearField, prescribe, relative_errors
 from meeframe.testing.strategies import materials

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lu
 
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.blas import divide_by_lower, subtract_product
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns

@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.contact import ContactProblem, resultant
-from meeframe.core.errors import MeshError
-from meeframe.core.fields import FieldScaling
+from meeframe.common.errors import MeshError
+from meeframe.contact.problem import ContactProblem, resultant
 from meeframe.elements import Quad4, Quad8, Tri3
 from meeframe.elements.quadrature import pair_rule
+from meeframe.fields import FieldScaling
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.half_space import exterior_terms
-from meeframe.fundamental import LineIntegral
-from meeframe.geometry import Grading, check_mesh, half_space_mesh
+from meeframe.greens import LineIntegral
 from meeframe.laws import Signorini, StepConductivity
-from meeframe.materials import library_material, rotation_about
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Limits, Uzawa, solve
+from meeframe.material import library_material, rotation_about
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.mesh import Grading, check_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.solvers import StoppingCriteria, Uzawa, solve
 from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent
 
 TRANSVERSELY_ISOTROPIC = library_material("batio3-cofe2o4")
@@ -57,7 +57,7 @@ def test_sphere_on_a_half_space(condition, system):
     gap = (system.points[:, 0] ** 2 + system.points[:, 1] ** 2) / 0.2 - 5e-5
     zero = np.zeros((len(gap), 2))
     laws = Signorini(), StepConductivity(electric), StepConductivity(magnetic)
-    found = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), Limits())
+    found = solve(ContactProblem(system, *laws, gap, zero, zero), Uzawa(), StoppingCriteria())
     force, charge, flux = resultant(system, found.state.load)
     exact = indent(axisymmetric_compliance(TRANSVERSELY_ISOTROPIC.stiffness), Sphere(0.1), 5e-5, *CONDITIONS[condition])
     assert -force[2] == pytest.approx(exact.force, rel=0.01)

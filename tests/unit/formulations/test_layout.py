@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import FieldScaling
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9, Tri3
+from meeframe.fields import FieldScaling
 from meeframe.formulations.dense_bem.collocation import collocate
 from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, lay_out
 from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.geometry import box_mesh, sphere_mesh
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import box_mesh, sphere_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
 
 MATERIAL = library_material("batio3-cofe2o4")
 

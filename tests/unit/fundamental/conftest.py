@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from meeframe.core.fields import Array
-from meeframe.materials import Material, library_material, rotation_about
+from meeframe.fields import Array
+from meeframe.material import Material, library_material, rotation_about
 from meeframe.testing.strategies import scaled_stiffness
 
 MATERIALS = {

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from meeframe.core.fundamental import FundamentalSolution, Kernel
-from meeframe.fundamental import Isotropic, LineIntegral, Residue, Tabulated
-from meeframe.fundamental.modulated import ModulatedKernel
+from meeframe.greens import Isotropic, LineIntegral, Residue, Tabulated
+from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.modulated import ModulatedKernel
 from meeframe.testing.fundamental import check_fundamental_solution
 
 EXACT = (1e-12, 1e-11)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
-from meeframe.fundamental import Isotropic, LineIntegral, Residue
+from meeframe.common.errors import MaterialError
+from meeframe.greens import Isotropic, LineIntegral, Residue
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError, MaterialError
-from meeframe.fundamental import LineIntegral
-from meeframe.kernels.line_integral import line_integrals
-from meeframe.kernels.modulation import triads
+from meeframe.common.errors import CaseError, MaterialError
+from meeframe.greens import LineIntegral
+from meeframe.greens._kernels.line_integral import line_integrals
+from meeframe.greens._kernels.modulation import triads
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 

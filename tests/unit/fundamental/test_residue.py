@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from meeframe.fundamental import LineIntegral, Residue
-from meeframe.kernels.modulation import PACKED, triads
-from meeframe.kernels.residue import characteristic_forms
-from meeframe.materials.stroh import stroh_eigenvalues
+from meeframe.greens import LineIntegral, Residue
+from meeframe.greens._kernels.modulation import PACKED, triads
+from meeframe.greens._kernels.residue import characteristic_forms
+from meeframe.material.stroh import stroh_eigenvalues
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 DISTINCT, DEGENERATE = 1e-10, 1e-8

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError, MaterialError
-from meeframe.fundamental import LineIntegral, Tabulated, tabulated
+from meeframe.common.errors import CaseError, MaterialError
+from meeframe.greens import LineIntegral, Tabulated, tabulated
 from meeframe.testing.fundamental import relative_error, unit_vectors
 
 TOLERANCE = 1e-8
@@ -128,7 +128,7 @@ def test_refuses_options(options):
 PLAIN = """
 import sys
 import numpy as np
-from meeframe.fundamental import Tabulated
+from meeframe.greens import Tabulated
 stiffness, offset, normal = np.load(sys.argv[1]).values()
 np.save(sys.argv[2], Tabulated(tolerance=0.5, cells=1).bind(stiffness).evaluate(offset, normal))
 """

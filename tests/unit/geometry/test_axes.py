@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.geometry.axes import FrictionAxes
+from meeframe.common.errors import CaseError
+from meeframe.mesh.axes import FrictionAxes
 
 POINTS = np.random.default_rng(2).normal(size=(30, 3)) * 1e-3
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import MeshError
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
+from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3
-from meeframe.geometry import box_mesh, check_mesh, merge_points, orient_outward, sphere_mesh, volume
-from meeframe.geometry.checks import drop_unused
-from meeframe.geometry.topology import reflection
+from meeframe.elements.base import SurfaceElement
+from meeframe.mesh import box_mesh, check_mesh, merge_points, orient_outward, sphere_mesh, volume
+from meeframe.mesh.checks import drop_unused
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.mesh.topology import reflection
 
 EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
 

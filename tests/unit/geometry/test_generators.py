@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement, shape_functions
-from meeframe.core.errors import MeeframeError, MeshError
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import MeeframeError, MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
-from meeframe.geometry import Grading, area, block_mesh, box_mesh, check_mesh, sphere_mesh, volume
-from meeframe.geometry.topology import find_edges
+from meeframe.elements.base import SurfaceElement, shape_functions
+from meeframe.mesh import Grading, area, block_mesh, box_mesh, check_mesh, sphere_mesh, volume
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import find_edges
 
 EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
 PAPER = {"half_width": 0.05, "height": 0.12, "contact_width": 0.005, "divisions": 16, "rings": 6, "layers": 3}

@@ -7,17 +7,8 @@ import numpy as np
 import pytest
 from scipy.special import elliprd, elliprf
 
-from meeframe.core.errors import CaseError
-from meeframe.geometry import (
-    Cone,
-    Cylinder,
-    FlatPunch,
-    Heights,
-    Paraboloid,
-    RectangularPunch,
-    SampledHeights,
-    Sphere,
-)
+from meeframe.common.errors import CaseError
+from meeframe.indenters import Cone, Cylinder, FlatPunch, Heights, Paraboloid, RectangularPunch, SampledHeights, Sphere
 from meeframe.plugin.validation import build
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from meeframe.geometry import nearby
-from meeframe.geometry.nearby import close_pairs
+from meeframe.mesh import nearby
+from meeframe.mesh.nearby import close_pairs
 
 
 def lattice(n):

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.indenter import Indenter
+from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4, Quad9
-from meeframe.geometry import (
+from meeframe.fields import Array
+from meeframe.indenters import (
     Cone,
-    ContactZone,
     Cylinder,
     FlatPunch,
     Paraboloid,
@@ -17,12 +15,10 @@ from meeframe.geometry import (
     RectangularPunch,
     SampledHeights,
     Sphere,
-    block_mesh,
-    box_mesh,
-    frames_of,
     initial_gap,
-    zone_frames,
 )
+from meeframe.indenters.base import Indenter
+from meeframe.mesh import ContactZone, block_mesh, box_mesh, frames_of, zone_frames
 
 FLAT = zone_frames(block_mesh(0.05, 0.12, 0.005, 12, 3, 2, Quad4()), "contact")
 SHAPES = [

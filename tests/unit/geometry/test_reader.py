@@ -10,11 +10,11 @@ import meshio
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import MeshError
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad9
-from meeframe.geometry import area, block_mesh, box_mesh, read_mesh, volume
+from meeframe.elements.base import SurfaceElement
+from meeframe.mesh import area, block_mesh, box_mesh, read_mesh, volume
+from meeframe.mesh.surface import SurfaceMesh
 
 EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
 BOX_AREAS = {"x-": 6.0, "x+": 6.0, "y-": 3.0, "y+": 3.0, "z-": 2.0, "z+": 2.0}

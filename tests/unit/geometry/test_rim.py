@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from meeframe.geometry import find_rim, frames_of, longest_side
+from meeframe.indenters import find_indenter_edge, longest_side
+from meeframe.mesh import frames_of
 
 RADIUS, REACH = 1.03, 0.2
 X, Y = (side.ravel() for side in np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-1.5, 1.5, 31)))
@@ -18,7 +19,7 @@ def punch(points, _frames):
 
 
 def test_distance_and_direction_from_a_circle():
-    rim = find_rim(punch, POINTS, FRAMES, REACH)
+    rim = find_indenter_edge(punch, POINTS, FRAMES, REACH)
     exact = RADIUS - np.hypot(X, Y)
     near = np.abs(exact) < 0.95 * REACH
     assert near.sum() > 100
@@ -29,7 +30,7 @@ def test_distance_and_direction_from_a_circle():
 
 
 def test_the_gap_goes_straight_on_beside_it():
-    rim = find_rim(punch, POINTS, FRAMES, REACH)
+    rim = find_indenter_edge(punch, POINTS, FRAMES, REACH)
     distance = RADIUS - np.hypot(X, Y)
     beside = (distance < 0.0) & (distance > -0.95 * REACH)
     assert rim.gap[beside] == pytest.approx((0.1 * X + 0.3)[beside], abs=1e-6)
@@ -37,7 +38,7 @@ def test_the_gap_goes_straight_on_beside_it():
 
 
 def test_an_indenter_without_an_end_has_no_rim():
-    assert find_rim(lambda points, _frames: points[:, 0] ** 2, POINTS, FRAMES, REACH) is None
+    assert find_indenter_edge(lambda points, _frames: points[:, 0] ** 2, POINTS, FRAMES, REACH) is None
 
 
 def test_longest_side_of_cells():

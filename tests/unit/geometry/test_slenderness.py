@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.load import load_case
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.element import SurfaceElement
-from meeframe.core.mesh import ElementBlock, SurfaceMesh
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
+from meeframe.elements.base import SurfaceElement
 from meeframe.formulations.dense_bem import DenseBEM
-from meeframe.geometry import box_mesh, check_mesh, half_space_mesh, sphere_mesh
-from meeframe.geometry.slenderness import slender_parts
+from meeframe.mesh import box_mesh, check_mesh, half_space_mesh, sphere_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.slenderness import slender_parts
+from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.model.load import load_case
 
 ROOT = Path(__file__).parents[3]
 

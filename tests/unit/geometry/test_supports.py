@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.body import Body, BoundaryCondition
-from meeframe.core.errors import CaseError
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import CaseError
 from meeframe.elements import Quad4
 from meeframe.formulations.dense_bem import DenseBEM, formulation
-from meeframe.geometry import box_mesh, check_mesh, check_supports
-from meeframe.geometry.topology import reflection
-from meeframe.materials import library_material
+from meeframe.material import library_material
+from meeframe.mesh import box_mesh, check_mesh, check_supports
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.mesh.topology import reflection
 
 
 def cube(size: float, shift: float, name: str) -> SurfaceMesh:

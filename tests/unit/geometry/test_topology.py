@@ -6,9 +6,9 @@ import weakref
 import numpy as np
 
 from meeframe.elements import Quad4
-from meeframe.geometry import box_mesh
-from meeframe.geometry.parts import connected_surfaces
-from meeframe.geometry.topology import find_edges
+from meeframe.mesh import box_mesh
+from meeframe.mesh.parts import connected_surfaces
+from meeframe.mesh.topology import find_edges
 
 
 def test_edges_of_a_box_are_found_once():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.element import SurfaceElement
-from meeframe.core.errors import MeshError
-from meeframe.core.mesh import SurfaceMesh
+from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad9, Tri6
-from meeframe.geometry import block_mesh, box_mesh, check_contact_zone, frames_of, sphere_mesh, zone_frames
-from meeframe.geometry.measures import gauss_rule
+from meeframe.elements.base import SurfaceElement
+from meeframe.mesh import block_mesh, box_mesh, check_contact_zone, frames_of, sphere_mesh, zone_frames
+from meeframe.mesh.measures import gauss_rule
+from meeframe.mesh.surface import SurfaceMesh
 
 EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
 

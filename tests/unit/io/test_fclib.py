@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from meeframe.core.contact import Freedom, Status
-from meeframe.core.errors import CaseError
-from meeframe.io.fclib import (
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import PrescribedResultant, Status
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.results.fclib import (
     LARGEST,
     LocalProblem,
     check_size,
@@ -19,8 +20,14 @@ from meeframe.io.fclib import (
     write_local,
     write_solution,
 )
-from meeframe.io.fclib_contact import contact_problem, contacts, local_problem, local_solution, reactions, solve_local
-from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.results.fclib_contact import (
+    contact_problem,
+    contacts,
+    local_problem,
+    local_solution,
+    reactions,
+    solve_local,
+)
 from meeframe.solvers import Auto, BarzilaiBorwein, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.half_space import indentation_problem
@@ -238,8 +245,8 @@ def test_potentials_are_eliminated_at_the_resistances_of_the_state(kappa):
 def test_free_motions_are_held_where_the_state_has_them():
     mode = np.zeros((CELLS**2, 5))
     mode[:, 2] = -1.0
-    freedom = Freedom(mode, mode * SYSTEM.weights[:, None], 2000.0)
-    problem = replace(pressed(translation=(0.0, 0.0)), freedoms=(freedom,))
+    freedom = PrescribedResultant(mode, mode * SYSTEM.weights[:, None], 2000.0)
+    problem = replace(pressed(translation=(0.0, 0.0)), prescribed_resultants=(freedom,))
     with pytest.raises(CaseError, match="1 motions or potentials of the indenter are free"):
         local_problem(problem)
     found = solve(problem, Auto())

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from meeframe.core.errors import CaseError, ResultError
-from meeframe.io.fclib import LARGEST, LocalProblem, LocalSolution, read_local, read_solution, write_local
+from meeframe.common.errors import CaseError, ResultError
+from meeframe.results.fclib import LARGEST, LocalProblem, LocalSolution, read_local, read_solution, write_local
 
 
 def test_layout_of_the_file(tmp_path):

@@ -6,9 +6,9 @@ import meshio
 import numpy as np
 import pytest
 
-from meeframe.core.errors import ResultError
-from meeframe.core.formulation import NodalFields
-from meeframe.io.vtk import write_fields
+from meeframe.common.errors import ResultError
+from meeframe.results.vtk import write_fields
+from meeframe.system.reduced import NodalFields
 
 
 def test_last_step_is_written_with_units(tmp_path, synthetic):
@@ -42,5 +42,5 @@ def test_region_and_slip_stand_on_the_contact_zone_alone(tmp_path, synthetic):
 
 
 def test_refused_without_fields(tmp_path, synthetic):
-    with pytest.raises(ResultError, match="no fields on the boundary"):
+    with pytest.raises(ResultError, match="no fields on the whole boundary"):
         write_fields(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None)))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.core.law import ContactLaw, contact_conductivity
+from meeframe.common.errors import CaseError
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.laws.base import ContactLaw, contact_conductivity
 from meeframe.testing.contact import check_conductivity_law
 
 INF = np.inf

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
-from meeframe.materials import (
+from meeframe.common.errors import MaterialError
+from meeframe.material import (
     VACUUM_PERMEABILITY,
     VACUUM_PERMITTIVITY,
     Material,
     library_material,
     material_from_components,
 )
-from meeframe.materials.components import component_label, parse_component
+from meeframe.material.components import component_label, parse_component
 
 HEXAGONAL = {"c_1111": 226e9, "c_1122": 125e9, "c_1133": 124.25e9, "c_3333": 216e9, "c_2323": 44.15e9}
 CUBIC = {"c_1111": 118.8e9, "c_1122": 53.8e9, "c_2323": 59.4e9, "e_123": -0.16}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from meeframe.materials import Material, library, material_from_table
+from meeframe.material import Material, library, material_from_table
 
 PAGE = (Path(__file__).parents[3] / "docs" / "materials.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", PAGE, re.DOTALL)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
-from meeframe.core.fields import FieldScaling
-from meeframe.materials import VACUUM_PERMITTIVITY, Material, library_material, mixture, rotation_about
-from meeframe.materials.half_space import axisymmetric_compliance, surface_compliance
+from meeframe.common.errors import MaterialError
+from meeframe.fields import FieldScaling
+from meeframe.material import VACUUM_PERMITTIVITY, Material, library_material, mixture, rotation_about
+from meeframe.material.half_space import axisymmetric_compliance, surface_compliance
 
 AXIS = np.array([0.0, 0.0, 1.0])
 

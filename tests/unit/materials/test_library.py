@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
-from meeframe.materials import (
+from meeframe.common.errors import MaterialError
+from meeframe.material import (
     VACUUM_PERMEABILITY,
     Material,
     library,
@@ -42,7 +42,7 @@ def test_every_entry_is_made_and_cited() -> None:
 
 
 def test_every_data_file_is_listed() -> None:
-    folder = importlib.resources.files("meeframe.materials") / "data"
+    folder = importlib.resources.files("meeframe.material") / "data"
     stems = {Path(file.name).stem for file in folder.iterdir() if file.name.endswith(".toml")}
     assert stems == {entry.name for entry in library()} - {"isotropic"}
 

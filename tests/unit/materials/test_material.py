@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.errors import MaterialError
-from meeframe.materials import Material, library_material, mixture, rotation_about, rotation_from_euler
-from meeframe.materials.voigt import coupling_matrix, coupling_tensor, elastic_matrix, elastic_tensor, mandel_matrix
+from meeframe.common.errors import MaterialError
+from meeframe.material import Material, library_material, mixture, rotation_about, rotation_from_euler
+from meeframe.material.voigt import coupling_matrix, coupling_tensor, elastic_matrix, elastic_tensor, mandel_matrix
 
 VOIGT = {(0, 0): 0, (1, 1): 1, (2, 2): 2, (1, 2): 3, (0, 2): 4, (0, 1): 5}
 

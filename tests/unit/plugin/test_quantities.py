@@ -7,7 +7,7 @@ from typing import Annotated
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from meeframe.core.quantities import Quantity, unit_registry
+from meeframe.fields.units import Quantity, unit_registry
 from meeframe.study.declare import place_of
 
 LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from meeframe.core.errors import PluginError
-from meeframe.core.formulation import Formulation
-from meeframe.core.indenter import Indenter
-from meeframe.core.law import ConductivityLaw, ContactLaw
-from meeframe.core.quantities import Quantity
+from meeframe.common.errors import PluginError
 from meeframe.elements import Quad4
+from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
+from meeframe.indenters.base import Indenter
 from meeframe.laws import Signorini
+from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.plugin.registry import Kind, Provider, Registry
 from meeframe.plugin.validation import TableError
@@ -275,7 +275,7 @@ def test_inherited_methods_are_looked_at_too():
         ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a text that is not empty"),
         ({"factory": lambda: law_with()()}, "conductivity law 'law': its factory is <function "),
         ({"factory": 3}, "conductivity law 'law': its factory is 3; allowed: a class"),
-        ({"factory": Ball}, "class Ball is no meeframe.core.law.ConductivityLaw"),
+        ({"factory": Ball}, "class Ball is no meeframe.laws.base.ConductivityLaw"),
         ({"factory": type("Plain", (law_with(),), {})}, "class Plain is no frozen dataclass; allowed: classes under @"),
     ],
 )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meeframe.report.picture import Picture
+from meeframe.results.picture import Picture
 
 
 def test_a_direction_field_leaves_the_picture_as_it_is(synthetic) -> None:

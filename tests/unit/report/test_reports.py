@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from meeframe.core.contact import Status
-from meeframe.core.result import Loading, Region, Zone, resultants
+from meeframe.contact.problem import Status
 from meeframe.elements import ELEMENTS
-from meeframe.report.compare import ComparedRun, Comparison, comparison_table
-from meeframe.report.figures import figures, save_figure
-from meeframe.report.picture import Picture
-from meeframe.report.summary import summary, summary_json, summary_table
+from meeframe.results.figures import figures, save_figure
+from meeframe.results.picture import Picture
+from meeframe.results.records import Loading, Region, Zone, resultants
+from meeframe.results.summary import summary, summary_json, summary_table
+from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_table
 
 STEP_KEYS = {
     "force", "charge", "magnetic_flux", "contact_area", "max_pressure", "max_abs_electric_potential",
@@ -390,7 +390,7 @@ def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_nu
     whole, plain = text(synthetic.step(1e-6)), text(elastic(synthetic.step(1e-6)))
     assert [word in whole for word in words] == [True] * 4
     assert [word in plain for word in words] == [False] * 4
-    assert "difference in pressure" in plain
+    assert "difference in contact pressure" in plain
     assert "meeframe verify CASE.toml" in plain
 
 

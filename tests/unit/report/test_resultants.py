@@ -6,10 +6,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from meeframe.core.indenter import RESULTANTS, motion_measures, motion_modes
-from meeframe.core.result import Region, Zone, resultants
 from meeframe.elements import ELEMENTS
-from meeframe.geometry import half_space_mesh, zone_frames
+from meeframe.indenters.base import RESULTANTS, motion_measures, motion_modes
+from meeframe.mesh import half_space_mesh, zone_frames
+from meeframe.results.records import Region, Zone, resultants
 
 EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
 DIVISIONS = 20
@@ -42,9 +42,9 @@ def test_area_of_a_circle(name, synthetic):
 def test_covered_parts_of_nodes(synthetic):
     """Those in contact count by their part, those that are not do not count."""
     zone, whole = synthetic.zone(), synthetic.step(1e-6)
-    full = resultants(zone, dataclasses.replace(whole, covered=np.ones(25)))
+    full = resultants(zone, dataclasses.replace(whole, area_fraction=np.ones(25)))
     assert full.contact_area == pytest.approx(resultants(zone, whole).contact_area) == pytest.approx(9e-6)
-    half = resultants(zone, dataclasses.replace(whole, covered=np.full(25, 0.5)))
+    half = resultants(zone, dataclasses.replace(whole, area_fraction=np.full(25, 0.5)))
     assert (half.stick_area, half.slip_area, half.contact_area) == pytest.approx((0.5e-6, 4e-6, 4.5e-6))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.report.study import Panel, Study, middle_line, study_figure, study_json
+from meeframe.study.reports.study import Panel, Study, middle_line, study_figure, study_json
 
 
 def panel(zone, shape, converged=True):

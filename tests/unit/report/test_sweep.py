@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from meeframe.core.sweep import SweepAxis, SweepResult
-from meeframe.report.sweep import SweepPlot, sweep_figure, sweep_table
+from meeframe.results.sweep_records import SweepAxis, SweepResult
+from meeframe.study.reports.sweep import SweepPlot, sweep_figure, sweep_table
 
 
 @pytest.fixture

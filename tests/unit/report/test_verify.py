@@ -3,9 +3,9 @@
 import pytest
 from rich.console import Console
 
-from meeframe.core.contact import Status
-from meeframe.report.verified import Measured, Verification, VerifiedRun
-from meeframe.report.verify import verification_table
+from meeframe.contact.problem import Status
+from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
+from meeframe.study.reports.verify import verification_table
 
 SIZES = (1 / 4, 1 / 8, 1 / 16)
 

@@ -6,13 +6,14 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, Status, contact_gap, resultant
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, contact_conductivity
+from meeframe.contact import conduction
+from meeframe.contact.problem import ContactProblem, Status, contact_gap, resultant
+from meeframe.fields import Array
 from meeframe.laws import StepConductivity
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Limits, Uzawa, conduction, residual, solve
+from meeframe.laws.base import ConductivityLaw, contact_conductivity
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.solvers import StoppingCriteria, Uzawa, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
@@ -29,7 +30,7 @@ def problem(factor: float, cells: int = 16) -> ContactProblem:
 
 def test_without_resolution_it_flips_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(conduction, "FLIPS", np.inf)
-    solution = solve(problem(1.0), Uzawa(), Limits(max_iterations=6000))
+    solution = solve(problem(1.0), Uzawa(), StoppingCriteria(max_iterations=6000))
     assert solution.status in (Status.CYCLING, Status.STALLED)
     assert solution.residual > 1e-4
 
@@ -40,12 +41,12 @@ def test_with_resolution_it_grazes() -> None:
     state = solution.state
     assert solution.status is Status.CONVERGED
     assert residual(case, state) <= 1e-10
-    grazing = (state.closed > 0.0) & (state.closed < 1.0)
+    grazing = (state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)
     assert grazing.any()
     pressure = np.abs(state.load[:, 2]).max()
     assert np.abs(state.load[grazing, 2]).max() < 1e-9 * pressure
     assert np.abs(contact_gap(case, state.displacement)[grazing, 2]).max() < 1e-9 * 5e-5
-    assert ((state.closed == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~grazing].all()
+    assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~grazing].all()
 
 
 @pytest.mark.full(except_for=1)
@@ -70,7 +71,7 @@ def test_fractions_do_not_depend_on_the_way_there() -> None:
     small_step = solve(case, Uzawa(step_normal=1e13))
     assert direct.status is above.status is small_step.status is Status.CONVERGED
     for other in (above, small_step):
-        assert other.state.closed == pytest.approx(direct.state.closed, abs=1e-6)
+        assert other.state.contact_fraction == pytest.approx(direct.state.contact_fraction, abs=1e-6)
         assert other.state.load == pytest.approx(direct.state.load, rel=1e-6, abs=10.0)
 
 
@@ -80,16 +81,16 @@ def test_resistances() -> None:
     own = conduction.own_response(case)
     traction = np.full(n, -1.0)
     kappa = contact_conductivity(case.magnetic_law, traction)[0]
-    closed = np.linspace(0.0, 1.0, n)
-    resistance = conduction.resistances(case, traction, closed, own)
+    contact_fraction = np.linspace(0.0, 1.0, n)
+    resistance = conduction.resistances(case, traction, contact_fraction, own)
     assert np.isinf(resistance[:, 0]).all()
     assert np.isinf(resistance[0, 1])
     assert resistance[-1, 1] == 1.0 / kappa
     assert (np.diff(resistance[1:, 1]) < 0.0).all()
-    assert resistance[1:, 1] == pytest.approx((1.0 / kappa + own[1:, 1]) / closed[1:] - own[1:, 1])
-    perfect = conduction.resistances(problem(np.inf, cells=4), traction, closed, own)
+    assert resistance[1:, 1] == pytest.approx((1.0 / kappa + own[1:, 1]) / contact_fraction[1:] - own[1:, 1])
+    perfect = conduction.resistances(problem(np.inf, cells=4), traction, contact_fraction, own)
     assert perfect[-1, 1] == 0.0
-    assert perfect[1:, 1] == pytest.approx((1.0 / closed[1:] - 1.0) * own[1:, 1])
+    assert perfect[1:, 1] == pytest.approx((1.0 / contact_fraction[1:] - 1.0) * own[1:, 1])
 
 
 def test_graph_as_a_fixed_point() -> None:

@@ -8,12 +8,12 @@ from typing import final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
-from meeframe.core.errors import CaseError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
+from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, residual, solve
+from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.testing.contact import check_solver, exact_pressure
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -63,7 +63,7 @@ class MadeUp(Solver):
     ],
 )
 def test_status_of_iterations_that_fail(kind: str, status: Status, said: str) -> None:
-    solution = solve(problem(), MadeUp(kind), Limits(stall_window=100, max_iterations=500))
+    solution = solve(problem(), MadeUp(kind), StoppingCriteria(stall_window=100, max_iterations=500))
     assert solution.status is status
     assert said in solution.message
     assert solution.iterations < 500
@@ -102,7 +102,7 @@ def test_a_state_is_judged_by_all_of_its_displacement(solver: Solver) -> None:
     """Whatever the solver itself iterates on: what it calls solved of other responses is not, and the reverse."""
     honest = replace(problem(), contact_law=Signorini())
     misled = replace(honest, system=Misled.of(honest.system))
-    solution = solve(misled, solver, Limits(stall_window=20))
+    solution = solve(misled, solver, StoppingCriteria(stall_window=20))
     assert solution.residual == pytest.approx(residual(honest, solution.state), abs=1e-14)
     assert (solution.status is Status.CONVERGED) == (solution.residual <= 1e-10)
     assert (solution.residual > 1e-5) == isinstance(solver, ProjectedCG)  # Newton's own states follow from apply
@@ -112,7 +112,7 @@ def test_a_state_is_judged_by_all_of_its_displacement(solver: Solver) -> None:
 
 
 def test_iteration_limit_hands_over_the_last_state() -> None:
-    solution = solve(problem(), Uzawa(), Limits(max_iterations=13))
+    solution = solve(problem(), Uzawa(), StoppingCriteria(max_iterations=13))
     assert solution.status is Status.ITERATION_LIMIT
     assert solution.iterations == 13
     assert solution.residual == pytest.approx(residual(problem(), solution.state))
@@ -120,7 +120,7 @@ def test_iteration_limit_hands_over_the_last_state() -> None:
 
 def test_fixed_step_beyond_stability_is_not_called_converged() -> None:
     """r above 2/lambda_max: the pressure of the stiffest pattern grows until it leaves contact, and so on."""
-    solution = solve(problem(), Uzawa(step_normal=5e14), Limits(max_iterations=3000))
+    solution = solve(problem(), Uzawa(step_normal=5e14), StoppingCriteria(max_iterations=3000))
     assert solution.status in (Status.DIVERGED, Status.CYCLING, Status.STALLED)
     assert solution.residual > 1e-3
 
@@ -136,7 +136,7 @@ def test_fixed_step_of_the_paper_converges_to_the_automatic_answer() -> None:
 
 def test_criterion_of_the_paper() -> None:
     """Changes in m, GV, GA and GPa over one step; the residual is reported all the same."""
-    limits = Limits(criterion="paper", tolerance=1e-6)
+    limits = StoppingCriteria(criterion="paper", tolerance=1e-6)
     solution = solve(problem(), Uzawa(step_normal=5e12), limits)
     assert solution.status is Status.CONVERGED
     before = solve(problem(), Uzawa(step_normal=5e12), replace(limits, max_iterations=solution.iterations - 1))
@@ -151,7 +151,7 @@ def test_criterion_of_the_paper() -> None:
 
 def test_small_changes_far_from_a_solution_are_not_called_converged() -> None:
     """The paper's number read as Pa/m: nothing moves, nothing is solved."""
-    solution = solve(problem(), Uzawa(step_normal=5e3), Limits(criterion="paper", tolerance=1e-6))
+    solution = solve(problem(), Uzawa(step_normal=5e3), StoppingCriteria(criterion="paper", tolerance=1e-6))
     assert solution.status is Status.STALLED
     assert "a longer step is needed" in solution.message
     assert solution.residual > 0.5
@@ -195,9 +195,9 @@ def test_the_judge_sees_every_kind_of_violation() -> None:
 
     centre = int(np.argmin(good.load[:, 2]))
     corner = 0
-    outside = good.closed.copy()
+    outside = good.contact_fraction.copy()
     outside[corner] = 1.0
-    inside = good.closed.copy()
+    inside = good.contact_fraction.copy()
     inside[centre] = 0.5
     wrong = [
         replace(good, displacement=moved(good.displacement, centre, 2, 1e-8)),
@@ -207,8 +207,8 @@ def test_the_judge_sees_every_kind_of_violation() -> None:
         replace(good, load=moved(good.load, centre, 0, 1e-3 * pressure)),
         replace(good, load=moved(good.load, corner, 3, 1e-3 * np.abs(good.load[:, 3]).max())),
         replace(good, load=moved(good.load, centre, 4, 1e-6)),
-        replace(good, closed=outside),
-        replace(good, closed=inside),
+        replace(good, contact_fraction=outside),
+        replace(good, contact_fraction=inside),
     ]
     assert [residual(case, state) > 1e-7 for state in wrong] == [True] * len(wrong)
     assert residual(case, replace(good, load=moved(good.load, corner, 0, np.nan))) == np.inf
@@ -232,8 +232,8 @@ def test_bad_options_are_named() -> None:
     with pytest.raises(CaseError, match="step_tangential"):
         Uzawa(step_tangential="fast")  # type: ignore[arg-type]
     with pytest.raises(CaseError, match="tolerance"):
-        Limits(tolerance=0.0)
+        StoppingCriteria(tolerance=0.0)
     with pytest.raises(CaseError, match="criterion"):
-        Limits(criterion="hope")  # type: ignore[arg-type]
+        StoppingCriteria(criterion="hope")  # type: ignore[arg-type]
     with pytest.raises(CaseError, match="max_iterations"):
-        Limits(max_iterations=-1)
+        StoppingCriteria(max_iterations=-1)

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, contact_gap
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import MeeframeError
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields
+from meeframe.common.errors import MeeframeError
+from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.problem import ContactProblem, contact_gap
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.solvers import Uzawa, residual, solve
-from meeframe.solvers.conduction import own_response, resistances
-from meeframe.solvers.krylov_elimination import KrylovElimination, eliminate
+from meeframe.solvers.conduction.krylov_elimination import KrylovElimination, eliminate
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields
 from meeframe.testing.matrix_free import MatrixFree
 
 N = 12
@@ -54,7 +54,7 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
     traction = random.normal(size=(N, 3))
     traction[:, 2] = -np.abs(traction[:, 2])
     traction[[3, 5]] = 0.0
-    closed = (traction[:, 2] < 0.0).astype(float)
+    contact_fraction = (traction[:, 2] < 0.0).astype(float)
     system = problem.system
     matrix = system.dense().reshape(5 * N, 5 * N)
     potential = np.flatnonzero(np.tile([False, False, False, True, True], N))
@@ -67,7 +67,7 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
     load[:, :3] = traction
     right[: 5 * N] = system.offset.ravel() + matrix @ load.ravel()
     for row, (node, field) in enumerate((node, field) for node in range(N) for field in range(2)):
-        conductivity = kappa[field] * closed[node] if closed[node] else 0.0
+        conductivity = kappa[field] * contact_fraction[node] if contact_fraction[node] else 0.0
         perfect = np.isinf(conductivity)
         left[5 * N + row, 5 * node + 3 + field] = 1.0 if perfect else conductivity
         left[5 * N + row, 5 * N + row] = 0.0 if perfect else 1.0
@@ -75,7 +75,9 @@ def test_reduced_answer_is_the_monolithic_one(kappa: tuple[float, float]) -> Non
     monolithic = np.linalg.solve(left, right)
 
     elimination = eliminate(problem)
-    conductors = elimination.prepare(resistances(problem, traction[:, 2], closed, own_response(problem)), None)
+    conductors = elimination.prepare(
+        resistances(problem, traction[:, 2], contact_fraction, own_response(problem)), None
+    )
     state = elimination.state(traction, conductors, np.zeros((N, 2)), np.zeros(0))
     above = np.isfinite(problem.gap)
     assert state.flux.ravel() == pytest.approx(monolithic[5 * N :], rel=1e-12, abs=1e-12)
@@ -89,10 +91,15 @@ def test_krylov_agrees_with_factors(kappa: tuple[float, float]) -> None:
     random = np.random.default_rng(4)
     dense, krylov = eliminate(problem), KrylovElimination.of(problem)
     factors = iterative = None
-    for closed in (random.uniform(size=N), np.ones(N), np.zeros(N), (random.uniform(size=N) > 0.5).astype(float)):
+    for contact_fraction in (
+        random.uniform(size=N),
+        np.ones(N),
+        np.zeros(N),
+        (random.uniform(size=N) > 0.5).astype(float),
+    ):
         traction = random.normal(size=(N, 3))
         traction[3] = 0.0
-        resistance = resistances(problem, -np.ones(N), closed, own_response(problem))
+        resistance = resistances(problem, -np.ones(N), contact_fraction, own_response(problem))
         factors, iterative = dense.prepare(resistance, factors), krylov.prepare(resistance, iterative)
         above = np.isfinite(problem.gap)
         nothing, none = np.zeros((N, 2)), np.zeros(0)

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
-from meeframe.core.law import ContactLaw
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.materials import library_material
-from meeframe.solvers import Auto, Limits, ProjectedCG, SemismoothNewton, Uzawa, residual, solve
-from meeframe.testing.counted import Counted
+from meeframe.laws.base import ContactLaw
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 TOLERANCE = 1e-8
-LIMITS = Limits(TOLERANCE)
+LIMITS = StoppingCriteria(TOLERANCE)
 
 
 @pytest.fixture
@@ -26,18 +26,18 @@ def problem() -> ContactProblem:
     """A sphere on a few cells, whose products are counted."""
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 8)
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
-    return indentation_problem(Counted.of(system), height, 5e-5)
+    return indentation_problem(OperationCounter.of(system), height, 5e-5)
 
 
 @pytest.fixture
 def solution(problem: ContactProblem) -> ContactState:
-    state = solve(problem, Uzawa(), Limits(1e-10)).state
+    state = solve(problem, Uzawa(), StoppingCriteria(1e-10)).state
     products(problem).clear()
     return state
 
 
 def products(problem: ContactProblem) -> list[None]:
-    assert isinstance(problem.system, Counted)
+    assert isinstance(problem.system, OperationCounter)
     return problem.system.products
 
 
@@ -69,13 +69,15 @@ class Guessing(Solver):
         last = len(self.estimates) - 1
         share = float(step >= last or self.still)
         return Iterate(
-            share * self.found.load, share * self.found.closed, step, estimate=self.estimates[min(step, last)]
+            share * self.found.load, share * self.found.contact_fraction, step, estimate=self.estimates[min(step, last)]
         )
 
 
 def unloaded(problem: ContactProblem, solution: ContactState) -> float:
     """Residual without load."""
-    return residual(problem, ContactState(*(0.0 * part for part in (solution.load, solution.load, solution.closed))))
+    return residual(
+        problem, ContactState(*(0.0 * part for part in (solution.load, solution.load, solution.contact_fraction)))
+    )
 
 
 @pytest.mark.parametrize("estimate", [2.0 * TOLERANCE, 0.7, 1e30])
@@ -137,7 +139,7 @@ def test_iterations_that_end_before_they_are_looked_at_are_judged(problem, solut
 def test_the_criterion_of_the_paper_looks_at_each_state(problem, solution, estimate: float | None) -> None:
     """The first change is that of the first step; the solver is told no residual, as none is asked for."""
     solver = Guessing(solution, (estimate, estimate))
-    found = solve(problem, solver, Limits(1e-6, criterion="paper"))
+    found = solve(problem, solver, StoppingCriteria(1e-6, criterion="paper"))
     assert solver.before[0] == 1
     assert found.status is Status.CONVERGED
     np.testing.assert_array_equal(found.history[:, 0], [1, 2])
@@ -181,7 +183,7 @@ def test_solvers_that_know_are_not_looked_at_first(solver: Solver, law: ContactL
     """Without a matrix, from no load and from that of a smaller approach; the judge has the last word all the same."""
     mesh = half_space_mesh(0.05, 5e-3, 31, 1, Quad4())
     body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
-    system = Counted.of(HalfSpace(matrix_up_to=0).reduce(body))
+    system = OperationCounter.of(HalfSpace(matrix_up_to=0).reduce(body))
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
     less, more = (indentation_problem(system, height, approach, law) for approach in (2e-5, 3e-5))
     for start in (None, solve(less, solver, LIMITS).state):

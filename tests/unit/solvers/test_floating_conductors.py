@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from meeframe.core.contact import ContactState, Status
+from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.problem import ContactState, Status
 from meeframe.laws import IsotropicCoulomb, Signorini
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import BarzilaiBorwein, Limits, Nesterov, ProjectedCG, Uzawa, solve
-from meeframe.solvers.conduction import own_response, resistances
-from meeframe.solvers.krylov_elimination import KrylovElimination, eliminate
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.solvers import BarzilaiBorwein, Nesterov, ProjectedCG, StoppingCriteria, Uzawa, solve
+from meeframe.solvers.conduction.krylov_elimination import KrylovElimination, eliminate
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.contact import rescaled
 from meeframe.testing.contact_cases import APPROACH, RADIUS
@@ -63,7 +63,7 @@ def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
     free = freedom(system, PRESS, exact.force), freedom(system, VOLTAGE, exact.charge)
     height = (system.points**2).sum(axis=1) / (2.0 * RADIUS)
     touching = indentation_problem(system, height, approach=0.0, conductivity=(np.inf, 0.0))
-    motion = balanced_solution(replace(touching, freedoms=free), solver, Limits()).state.motion
+    motion = balanced_solution(replace(touching, prescribed_resultants=free), solver, StoppingCriteria()).state.motion
     assert motion[0] == pytest.approx(APPROACH, rel=5e-3)
     assert motion[1] == pytest.approx(potential, rel=0.03)
 
@@ -73,7 +73,9 @@ def test_floating_conductor_against_the_closed_form(solver, potential) -> None:
 def test_floating_conductor_is_one_with_the_potential_found(condition, charges) -> None:
     problem = conducting_sphere(Signorini(), KAPPA[condition], potentials=(0.0, 0.0))
     modes = zip((VOLTAGE, MAGNETOMOTIVE), charges, strict=True)
-    floating = replace(problem, freedoms=tuple(freedom(problem.system, mode, total) for mode, total in modes))
+    floating = replace(
+        problem, prescribed_resultants=tuple(freedom(problem.system, mode, total) for mode, total in modes)
+    )
     for solver in ALL:
         state = balanced_solution(floating, solver).state
         held = replace(problem, potentials=np.tile(state.motion, (len(problem.gap), 1)))
@@ -91,12 +93,12 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA[condition], cells=6)
     system, n = problem.system, len(problem.gap)
     free = freedom(system, VOLTAGE, 1e-8), freedom(system, PRESS, 1.0), freedom(system, MAGNETOMOTIVE, -3e-9)
-    problem = replace(problem, freedoms=free)
+    problem = replace(problem, prescribed_resultants=free)
     random = np.random.default_rng(1)
     load = np.zeros((n, 5))
     load[:, :3] = 1e6 * random.normal(size=(n, 3))
-    closed = (random.uniform(size=n) > 0.4).astype(float)
-    resistance = resistances(problem, -np.ones(n), closed, own_response(problem))
+    contact_fraction = (random.uniform(size=n) > 0.4).astype(float)
+    resistance = resistances(problem, -np.ones(n), contact_fraction, own_response(problem))
     pairs = np.flatnonzero(np.column_stack([np.zeros((n, 3), bool), np.isfinite(resistance)]))
     matrix = system.dense().reshape(5 * n, 5 * n)
     scale = np.tile(np.diag(matrix)[:5] ** -0.5, n)[pairs]
@@ -131,10 +133,10 @@ def test_eliminated_potentials_are_those_of_the_whole_system(condition) -> None:
 def test_where_nothing_conducts_the_potential_stays_where_it_was(solver) -> None:
     problem = conducting_sphere(Signorini())
     start = ContactState(np.zeros((64, 5)), np.zeros((64, 5)), np.zeros(64), np.array([123.0]))
-    floating = replace(problem, freedoms=(freedom(problem.system, VOLTAGE, 0.0),))
+    floating = replace(problem, prescribed_resultants=(freedom(problem.system, VOLTAGE, 0.0),))
     assert balanced_solution(floating, solver, start=start).state.motion == [123.0]
-    charged = replace(problem, freedoms=(freedom(problem.system, VOLTAGE, 1e-7),))
-    assert solve(charged, solver, Limits(max_iterations=200), start).status is not Status.CONVERGED
+    charged = replace(problem, prescribed_resultants=(freedom(problem.system, VOLTAGE, 1e-7),))
+    assert solve(charged, solver, StoppingCriteria(max_iterations=200), start).status is not Status.CONVERGED
 
 
 @pytest.mark.parametrize("solver", ALL, ids=str)
@@ -144,10 +146,10 @@ def test_systems_without_a_matrix(solver) -> None:
     free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
     if law != Signorini():
         free.append(freedom(problem.system, SLIDE, 100.0))
-    problem = replace(problem, freedoms=tuple(free))
-    dense = balanced_solution(problem, solver, Limits())
-    bare = balanced_solution(replace(problem, system=MatrixFree.of(problem.system)), solver, Limits())
-    assert abs(bare.iterations - dense.iterations) <= solver.stride
+    problem = replace(problem, prescribed_resultants=tuple(free))
+    dense = balanced_solution(problem, solver, StoppingCriteria())
+    bare = balanced_solution(replace(problem, system=MatrixFree.of(problem.system)), solver, StoppingCriteria())
+    assert abs(bare.iterations - dense.iterations) <= solver.check_interval
     np.testing.assert_allclose(bare.state.motion, dense.state.motion, rtol=1e-8)
     np.testing.assert_allclose(
         bare.state.load[:, :3], dense.state.load[:, :3], atol=1e-8 * np.abs(dense.state.load).max()
@@ -164,13 +166,13 @@ def test_units_do_not_matter(solver, factors, potentials) -> None:
     free = [freedom(problem.system, PRESS, 800.0), freedom(problem.system, VOLTAGE, 1e-7)]
     if law != Signorini():
         free.append(freedom(problem.system, SLIDE, 100.0))
-    problem = replace(problem, freedoms=tuple(free))
+    problem = replace(problem, prescribed_resultants=tuple(free))
     changed = np.array([not potentials] * 3 + [True] * 2)
     displacement, load = (np.where(changed, factor, 1.0) for factor in factors)
-    plain = balanced_solution(problem, solver, Limits())
+    plain = balanced_solution(problem, solver, StoppingCriteria())
     other = solve(rescaled(problem, displacement, load), solver)
     assert other.status is Status.CONVERGED
-    assert abs(other.iterations - plain.iterations) <= solver.stride
+    assert abs(other.iterations - plain.iterations) <= solver.check_interval
     size = np.abs(plain.state.load).max(axis=0)
     assert (np.abs(other.state.load / load - plain.state.load) <= 1e-8 * size).all()
     np.testing.assert_allclose(other.state.motion, plain.state.motion, rtol=1e-8)

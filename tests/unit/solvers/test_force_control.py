@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import Status, resultant
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status, resultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import BarzilaiBorwein, Limits, Nesterov, ProjectedCG, Uzawa, solve
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.solvers import BarzilaiBorwein, Nesterov, ProjectedCG, StoppingCriteria, Uzawa, solve
 from meeframe.testing.closed_forms import FlatPunch, Sphere, indent
 from meeframe.testing.contact_cases import APPROACH, RADIUS
 from meeframe.testing.force_control import (
@@ -54,12 +54,14 @@ def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None
     problem = conducting_sphere(IsotropicCoulomb(MU))
     system = problem.system
     ratio = freedom(system, SLIDE, 0.0, measure=SLIDE - share * MU * PRESS)
-    at_depth = balanced_solution(replace(problem, freedoms=(ratio,)), solver).state
+    at_depth = balanced_solution(replace(problem, prescribed_resultants=(ratio,)), solver).state
     force = resultant(system, at_depth.load)[0]
     assert force[0] == pytest.approx(-share * MU * force[2], rel=1e-9)
     moved = replace(problem, translation=problem.translation + at_depth.motion * SLIDE[:2])
     check_same(balanced_solution(moved, Uzawa()).state, at_depth)
-    lifted = replace(problem, gap=problem.gap + APPROACH, freedoms=(freedom(system, PRESS, -force[2]), ratio))
+    lifted = replace(
+        problem, gap=problem.gap + APPROACH, prescribed_resultants=(freedom(system, PRESS, -force[2]), ratio)
+    )
     at_force = balanced_solution(lifted, solver).state
     check_same(at_force, at_depth)
     np.testing.assert_allclose(at_force.motion, [APPROACH, at_depth.motion[0]], rtol=1e-8)
@@ -94,7 +96,7 @@ def test_eccentric_force_tilts_the_punch(solver) -> None:
     expected = np.linalg.solve(system_matrix, right)
     assert (expected[:k] < 0.0).all()
     free = tuple(freedom(system, mode, total) for mode, total in zip(modes[:3], totals, strict=True))
-    state = balanced_solution(replace(problem, freedoms=free), solver).state
+    state = balanced_solution(replace(problem, prescribed_resultants=free), solver).state
     assert np.abs(state.load[inside, 2] - expected[:k]).max() <= 1e-8 * np.abs(expected[:k]).max()
     np.testing.assert_allclose(state.motion, expected[k:] / units, rtol=1e-8)
 
@@ -110,7 +112,7 @@ def test_three_points_carry_what_statics_says(solver) -> None:
     forces = np.array([100.0, 60.0, 40.0])
     totals = [forces.sum(), forces @ x, forces @ y]
     free = tuple(freedom(problem.system, mode, total) for mode, total in zip(modes[:3], totals, strict=True))
-    state = balanced_solution(replace(problem, gap=gap, freedoms=free), solver).state
+    state = balanced_solution(replace(problem, gap=gap, prescribed_resultants=free), solver).state
     assert list(np.flatnonzero(state.load[:, 2])) == feet
     np.testing.assert_allclose(-state.load[feet, 2] * problem.system.weights[feet], forces, rtol=1e-9)
 
@@ -128,8 +130,8 @@ def test_tilt_of_the_punch_against_its_closed_form() -> None:
     moment = 4.0 / 3.0 * radius**3 / (np.pi * XI[0, 0]) * angle
     free = freedom(system, PRESS, force), freedom(system, tilt, moment)
     punch = indentation_problem(system, np.where(inside, 0.0, np.inf), approach=0.0)
-    problem = replace(punch, freedoms=free)
-    motion = balanced_solution(problem, ProjectedCG(), Limits()).state.motion
+    problem = replace(punch, prescribed_resultants=free)
+    motion = balanced_solution(problem, ProjectedCG(), StoppingCriteria()).state.motion
     assert motion == pytest.approx([APPROACH, angle], rel=0.03)
 
 
@@ -145,7 +147,7 @@ def test_six_motions_at_once(solver) -> None:
     assert 0 < pressed.sum() < np.isfinite(problem.gap).sum()
     totals = [(problem.system.weights[:, None] * mode * expected.load).sum() for mode in modes]
     free = [freedom(problem.system, mode, total) for mode, total in zip(modes, totals, strict=True)]
-    state = balanced_solution(replace(problem, freedoms=tuple(free)), solver).state
+    state = balanced_solution(replace(problem, prescribed_resultants=tuple(free)), solver).state
     check_same(state, expected)
     np.testing.assert_allclose(state.motion, motion, rtol=1e-7)
 
@@ -155,8 +157,8 @@ def test_hertz_at_a_given_force(solver) -> None:
     exact = indent(XI, Sphere(RADIUS), APPROACH)
     system = half_space_system(XI, 5e-3, 20)
     touching = indentation_problem(system, (system.points**2).sum(axis=1) / (2.0 * RADIUS), approach=0.0)
-    problem = replace(touching, freedoms=(freedom(system, PRESS, exact.force),))
-    state = balanced_solution(problem, solver, Limits()).state
+    problem = replace(touching, prescribed_resultants=(freedom(system, PRESS, exact.force),))
+    state = balanced_solution(problem, solver, StoppingCriteria()).state
     assert state.motion == pytest.approx([APPROACH], rel=2e-3)
     assert -state.load[:, 2].min() == pytest.approx(exact.pressure(np.zeros(1))[0], rel=0.01)
 
@@ -165,11 +167,16 @@ def test_hertz_at_a_given_force(solver) -> None:
 @pytest.mark.parametrize("lift", [1e-6, 1e-3, 0.1])
 def test_a_lifted_indenter_is_brought_down(solver, lift) -> None:
     problem = conducting_sphere(Signorini())
-    touching = replace(problem, gap=problem.gap + APPROACH, freedoms=(freedom(problem.system, PRESS, 500.0),))
+    touching = replace(
+        problem, gap=problem.gap + APPROACH, prescribed_resultants=(freedom(problem.system, PRESS, 500.0),)
+    )
     above = replace(touching, gap=touching.gap + lift)
-    reference, found = balanced_solution(touching, solver, Limits()), balanced_solution(above, solver, Limits())
+    reference, found = (
+        balanced_solution(touching, solver, StoppingCriteria()),
+        balanced_solution(above, solver, StoppingCriteria()),
+    )
     assert found.state.motion == pytest.approx(reference.state.motion + lift, rel=1e-9)
-    assert found.iterations <= reference.iterations + 2 * solver.stride
+    assert found.iterations <= reference.iterations + 2 * solver.check_interval
 
 
 IMPOSSIBLE = {
@@ -188,7 +195,9 @@ def test_what_cannot_be_reached_does_not_converge(solver, name) -> None:
         pytest.skip("frictionless contact only")
     problem = conducting_sphere(law, cells=6)
     free = tuple(freedom(problem.system, mode, total) for mode, total in totals)
-    solution = solve(replace(problem, freedoms=free), solver, Limits(max_iterations=400, stall_window=60))
+    solution = solve(
+        replace(problem, prescribed_resultants=free), solver, StoppingCriteria(max_iterations=400, stall_window=60)
+    )
     assert solution.status not in (Status.CONVERGED, Status.DIVERGED)
     assert np.isfinite(solution.state.load).all()
     assert np.isfinite(solution.state.motion).all()
@@ -204,7 +213,8 @@ def test_forces_cost_no_more_iterations_than_motions() -> None:
     free, _ = released(problem, expected, "approach", "translation")
     for solver in GRADIENT:
         assert (
-            balanced_solution(free, solver).iterations <= balanced_solution(problem, solver).iterations + solver.stride
+            balanced_solution(free, solver).iterations
+            <= balanced_solution(problem, solver).iterations + solver.check_interval
         )
 
 
@@ -212,4 +222,4 @@ def test_conjugate_gradients_refuse_a_force_that_is_not_that_of_its_motion() -> 
     problem = conducting_sphere(Signorini())
     ratio = freedom(problem.system, SLIDE, 0.0, measure=SLIDE - 0.1 * PRESS)
     with pytest.raises(CaseError, match=r"freedom 1 of the indenter.*weights \* mode"):
-        solve(replace(problem, freedoms=(freedom(problem.system, PRESS, 500.0), ratio)), ProjectedCG())
+        solve(replace(problem, prescribed_resultants=(freedom(problem.system, PRESS, 500.0), ratio)), ProjectedCG())

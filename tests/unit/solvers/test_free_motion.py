@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from meeframe.core.contact import ContactProblem, Freedom
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.free_motion import balanced_projection
+from meeframe.contact.problem import ContactProblem, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.free_motion import balanced_projection
 from meeframe.testing.half_space import half_space_system
 
 R = 2e13
@@ -15,7 +15,7 @@ R = 2e13
 
 def freedom(system, mode, total):
     mode = np.broadcast_to(mode, (len(system.points), 5)).copy()
-    return Freedom(mode, system.weights[:, None] * mode, total)
+    return PrescribedResultant(mode, system.weights[:, None] * mode, total)
 
 
 def problem(law, *totals, cells=12):
@@ -75,6 +75,6 @@ def test_units_do_not_matter(scale):
 
 def test_modes_that_mix_motion_and_potential_are_refused():
     with pytest.raises(CaseError, match="either a motion or a potential"):
-        Freedom(np.ones((4, 5)), np.ones((4, 5)), 1.0)
+        PrescribedResultant(np.ones((4, 5)), np.ones((4, 5)), 1.0)
     with pytest.raises(CaseError, match="not finite"):
-        Freedom(np.eye(5), np.eye(5), np.nan)
+        PrescribedResultant(np.eye(5), np.eye(5), np.nan)

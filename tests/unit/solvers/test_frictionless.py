@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from meeframe.case.outlook import RigidSystem
-from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import N_FIELDS, Array
+from meeframe.contact.nested import holds_nodes
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import N_FIELDS, Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
-from meeframe.solvers.frictionless import takes
-from meeframe.solvers.nested import holds_nodes
+from meeframe.model.preflight import RigidSystem
+from meeframe.solvers.cg.frictionless import takes
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactSolution, Status, resultant
-from meeframe.core.fields import Array
+from meeframe.contact.problem import ContactProblem, ContactSolution, Status, resultant
+from meeframe.fields import Array
 from meeframe.laws import Signorini
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.solvers import Uzawa, solve
 from meeframe.testing.closed_forms import CONDITIONS, Cone, FlatPunch, Indentation, Shape, Sphere, indent
 from meeframe.testing.half_space import half_space_system, indentation_problem, inverse_distance_integral

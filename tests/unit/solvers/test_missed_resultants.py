@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import Freedom, Status
+from meeframe.contact.problem import PrescribedResultant, Status
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, SemismoothNewton, Uzawa, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, SemismoothNewton, StoppingCriteria, Uzawa, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 MU, CELLS, APPROACH = 0.3, 8, 2e-5
@@ -28,12 +28,12 @@ def pressed(law):
 
 def driven(problem, *given):
     """given: (mode (3,) or (n, 3), total)."""
-    freedoms = []
+    prescribed_resultants = []
     for motion, total in given:
         mode = np.zeros((len(problem.gap), 5))
         mode[:, :3] = motion
-        freedoms.append(Freedom(mode, problem.system.weights[:, None] * mode, total))
-    return replace(problem, freedoms=tuple(freedoms))
+        prescribed_resultants.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, total))
+    return replace(problem, prescribed_resultants=tuple(prescribed_resultants))
 
 
 def told(message):
@@ -47,7 +47,7 @@ def told(message):
 @pytest.mark.parametrize(("share", "missed"), [(0.5, False), (2.0, True)])
 def test_resultants_that_are_missed_before_the_laws_hold(share, missed):
     problem, force = pressed(IsotropicCoulomb(MU))
-    found = solve(driven(problem, (X, share * MU * force)), Uzawa(), Limits(max_iterations=4))
+    found = solve(driven(problem, (X, share * MU * force)), Uzawa(), StoppingCriteria(max_iterations=4))
     assert found.status is Status.ITERATION_LIMIT
     assert ("the loads found miss the prescribed resultants" in found.message) == missed
 
@@ -107,5 +107,5 @@ def test_a_torque_beyond_friction_under_a_prescribed_force(solver):
 
 def test_full_stick_bears_any_force():
     problem, force = pressed(IsotropicCoulomb(np.inf))
-    found = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), Limits(max_iterations=60))
+    found = solve(driven(problem, (X, 3.0 * force)), SemismoothNewton(), StoppingCriteria(max_iterations=60))
     assert "more than friction bears" not in found.message

@@ -7,12 +7,12 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw, StepLengths
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
-from meeframe.solvers import Limits, ProjectedCG, SemismoothNewton, residual, solve
-from meeframe.solvers.scales import problem_scales
+from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths
+from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 TOLERANCE = 1e-10
@@ -45,7 +45,7 @@ SOLVED = {
 @pytest.fixture(autouse=True, params=[10, 100], ids=["blocks", "at once"])
 def blocks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Laws are asked at a part of the nodes, the last one smaller, or at all of them."""
-    monkeypatch.setattr(import_module("meeframe.solvers.residual"), "BLOCK", request.param)
+    monkeypatch.setattr(import_module("meeframe.contact.residual"), "BLOCK", request.param)
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Sure(Solver):
     state: ContactState
 
     def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
-        return Iterate(self.state.load, self.state.closed, motion=self.state.motion, estimate=0.0)
+        return Iterate(self.state.load, self.state.contact_fraction, motion=self.state.motion, estimate=0.0)
 
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         return iterate
@@ -66,13 +66,15 @@ def by_hand(problem: ContactProblem, state: ContactState) -> float:
     of a state whose displacement is that of its load."""
     scales = problem_scales(problem)
     worst = 0.0
-    for load, displacement, gap, closed in zip(state.load, state.displacement, problem.gap, state.closed, strict=True):
+    for load, displacement, gap, contact_fraction in zip(
+        state.load, state.displacement, problem.gap, state.contact_fraction, strict=True
+    ):
         pressure, distance = -load[2], (gap - displacement[2]) / scales.normal_compliance
         parts = [load[0], load[1], min(pressure, distance)]
         worst = max(worst, *(abs(part) / scales.pressure for part in parts))
         worst = max(worst, *(abs(load[k]) * scales.compliance[k, k] / scales.displacement[k] for k in (3, 4)))
-        fraction = min(max(closed + (pressure - distance) / scales.pressure, 0.0), 1.0)
-        worst = max(worst, abs(closed - fraction))
+        fraction = min(max(contact_fraction + (pressure - distance) / scales.pressure, 0.0), 1.0)
+        worst = max(worst, abs(contact_fraction - fraction))
     return worst
 
 
@@ -101,25 +103,25 @@ def test_one_wrong_load_is_found(law: str, place: str, field: int) -> None:
     assert residual(case, wrong) > 100.0 * TOLERANCE
     if law == "frictionless":
         assert residual(case, wrong) == pytest.approx(by_hand(case, wrong), rel=1e-8)
-    solution = solve(case, Sure(wrong), Limits(max_iterations=1, tolerance=TOLERANCE))
+    solution = solve(case, Sure(wrong), StoppingCriteria(max_iterations=1, tolerance=TOLERANCE))
     assert solution.status is not Status.CONVERGED
     assert solution.residual == pytest.approx(residual(case, wrong), rel=1e-8)
 
 
-@pytest.mark.parametrize("part", ["load", "displacement", "closed"])
+@pytest.mark.parametrize("part", ["load", "displacement", "contact_fraction"])
 @pytest.mark.parametrize("place", ["closed", "open"])
 @pytest.mark.parametrize("law", SOLVED)
 def test_one_number_that_is_none_is_found(law: str, place: str, part: str) -> None:
     case, state = SOLVED[law]
     node = node_of(state, place)
-    for field in range(1 if part == "closed" else 5):
+    for field in range(1 if part == "contact_fraction" else 5):
         for value in (np.nan, np.inf):
             values: Array = getattr(state, part).copy()
             values.reshape(len(values), -1)[node, field] = value
             with np.errstate(invalid="ignore"):
                 assert residual(case, replace(state, **{part: values})) == np.inf
             if part != "displacement":
-                solution = solve(case, Sure(replace(state, **{part: values})), Limits(max_iterations=1))
+                solution = solve(case, Sure(replace(state, **{part: values})), StoppingCriteria(max_iterations=1))
                 assert solution.status is Status.DIVERGED
 
 
@@ -139,9 +141,9 @@ def test_one_wrong_closed_fraction_is_found(law: str, place: str) -> None:
     """Where there is pressure, or the gap is open, by more than the fraction is off."""
     case, state = SOLVED[law]
     trial = -state.load[:, 2] if place == "closed" else case.gap - state.displacement[:, 2]
-    closed = state.closed.copy()
-    closed[np.argmax(trial)] += -WRONG if place == "closed" else WRONG
-    solution = solve(case, Sure(replace(state, closed=closed)), Limits(max_iterations=1))
+    contact_fraction = state.contact_fraction.copy()
+    contact_fraction[np.argmax(trial)] += -WRONG if place == "closed" else WRONG
+    solution = solve(case, Sure(replace(state, contact_fraction=contact_fraction)), StoppingCriteria(max_iterations=1))
     assert solution.status is not Status.CONVERGED
     assert solution.residual >= 0.99 * WRONG
 

@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Status
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Limits, SemismoothNewton, newton_coarse, solve
-from meeframe.solvers.nonsmooth import Equation, Point
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.newton import coarse_start as newton_coarse
+from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
@@ -116,8 +117,10 @@ def conducting() -> Callable[..., ContactProblem]:
 def at() -> Callable[[ContactProblem, Array, Array], Point]:
     """The equation at a load and closed fractions, nodes in between grazing."""
 
-    def make(problem: ContactProblem, load: Array, closed: Array) -> Point:
-        return Equation.of(problem).at(load, closed, (closed > 0.0) & (closed < 1.0), np.zeros(0))
+    def make(problem: ContactProblem, load: Array, contact_fraction: Array) -> Point:
+        return Equation.of(problem).at(
+            load, contact_fraction, (contact_fraction > 0.0) & (contact_fraction < 1.0), np.zeros(0)
+        )
 
     return make
 
@@ -127,9 +130,9 @@ def at_solution(at: Callable[..., Point]) -> Callable[[ContactProblem], Point]:
     """The equation at the solution, nodes in between grazing."""
 
     def make(problem: ContactProblem) -> Point:
-        solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-11))
+        solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))
         assert solution.status is Status.CONVERGED, solution.message
-        return at(problem, solution.state.load, solution.state.closed)
+        return at(problem, solution.state.load, solution.state.contact_fraction)
 
     return make
 

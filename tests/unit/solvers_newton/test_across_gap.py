@@ -6,13 +6,13 @@ from typing import ClassVar, final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import AT_REST, ContactProblem, Status
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import AT_REST, ContactProblem, Status
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, solve
-from meeframe.solvers.conduction import own_response
-from meeframe.solvers.nonsmooth import Equation
+from meeframe.solvers.newton.residual import Equation
 from meeframe.testing.force_control import balanced_solution, check_same, released
 
 RANDOM = np.random.default_rng(11)
@@ -69,15 +69,16 @@ def test_linearisation_is_the_derivative_of_the_residual(across, kappa, grazing)
     load[:, 2] = -np.abs(load[:, 2]) * np.where(problem.gap < 0.0, 1.0, 0.01)
     mask = np.zeros(n, bool)
     mask[::3] = grazing
-    closed = np.full(n, 0.5)
-    here = equation.at(load, closed, mask, AT_REST)
+    contact_fraction = np.full(n, 0.5)
+    here = equation.at(load, contact_fraction, mask, AT_REST)
     opened, width = here.ahead[:, 2], 1e-6
     assert (opened > 0.1 * problem.electric_law.distance).sum() > 5
     step = np.column_stack(
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
     ahead, behind = (
-        equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask, AT_REST) for h in (width, -width)
+        equation.at(load + h * step[:, :5], here.contact_fraction + h * step[:, 5], mask, AT_REST)
+        for h in (width, -width)
     )
     expected = (ahead.residual - behind.residual)[:, 3:5] / (2.0 * width)
     blocks = here.linearise()

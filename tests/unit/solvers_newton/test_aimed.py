@@ -5,28 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, Solver, Status
+from meeframe.contact.problem import ContactProblem, Solver, Status
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
-    Limits,
     Nesterov,
     ProjectedCG,
     SemismoothNewton,
+    StoppingCriteria,
     Uzawa,
     residual,
     solve,
 )
-from meeframe.testing.counted import Counted
+from meeframe.testing.operation_counter import OperationCounter
 
 DRAGGED = (3e-6, 1e-6)
 
 
 def spent(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
     """How many products a solution took, which is one."""
-    counting = replace(problem, system=Counted.of(problem.system))
-    solution = solve(counting, solver, Limits(tolerance))
+    counting = replace(problem, system=OperationCounter.of(problem.system))
+    solution = solve(counting, solver, StoppingCriteria(tolerance))
     products = len(counting.system.products)
     assert solution.status is Status.CONVERGED, solution.message
     assert residual(problem, solution.state) <= tolerance
@@ -49,7 +49,7 @@ def test_by_default_nobody_cares(solver: Solver, conducting) -> None:
 def test_nothing_but_what_is_remembered_changes(solver: Solver, conducting) -> None:
     iterate = solver.init(conducting(32, 0.3, Signorini()), None)
     aimed = solver.aimed(iterate, 1e-3)
-    for name in ("load", "closed", "motion"):
+    for name in ("load", "contact_fraction", "motion"):
         np.testing.assert_array_equal(getattr(aimed, name), getattr(iterate, name))
     assert aimed.estimate == iterate.estimate
     with pytest.raises(TypeError, match="was not made by"):

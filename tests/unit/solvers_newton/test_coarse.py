@@ -7,22 +7,24 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Status
-from meeframe.core.mesh import Indices
+from meeframe.contact.conduction import Mask
+from meeframe.contact.nested import Coarse
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Indices
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
-from meeframe.solvers import Limits, SemismoothNewton, newton, newton_coarse, solve
-from meeframe.solvers.conduction import Mask
-from meeframe.solvers.nested import Coarse
-from meeframe.solvers.newton_coarse import corrected, improved_start
-from meeframe.solvers.newton_edge import relaxed_edge
-from meeframe.solvers.newton_part import inset
-from meeframe.solvers.newton_slip import relaxed_slip
-from meeframe.solvers.newton_steps import Step
-from meeframe.solvers.nonsmooth import ROUNDED, Equation, Point
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.newton import coarse_start as newton_coarse
+from meeframe.solvers.newton import method as newton
+from meeframe.solvers.newton.coarse_start import corrected, improved_start
+from meeframe.solvers.newton.contact_edge import relaxed_edge
+from meeframe.solvers.newton.globalization import Step
+from meeframe.solvers.newton.neighbourhood import inset
+from meeframe.solvers.newton.residual import ROUNDED, Equation, Point
+from meeframe.solvers.newton.slip_boundary import relaxed_slip
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, VOLTAGE, freedom
 from meeframe.testing.half_space import indentation_problem
 
@@ -98,25 +100,27 @@ def made(conducting) -> Callable[..., ContactProblem]:
         problem = conducting(n, 0.3, law, flux, dragged=DRAGGED)
         if name != "free":
             return problem
-        load = solve(problem, SemismoothNewton(), Limits(tolerance=1e-6)).state.load
+        load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-6)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
         modes = [(PRESS, -total[2]), (SLIDE, total[0]), (ASIDE, total[1]), (VOLTAGE, total[3])]
-        freedoms = tuple(freedom(problem.system, mode, 1.001 * amount) for mode, amount in modes)
+        prescribed_resultants = tuple(freedom(problem.system, mode, 1.001 * amount) for mode, amount in modes)
         gap, still = problem.gap - problem.gap.min(), np.zeros_like(problem.translation)
-        return replace(problem, freedoms=freedoms, gap=gap, translation=still)
+        return replace(problem, prescribed_resultants=prescribed_resultants, gap=gap, translation=still)
 
     return make
 
 
 def on_less(problem: ContactProblem, given: Start) -> Start:
     """The finer point on a part that is just around the contact, below it the whole coarser grid."""
-    load, closed = np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap))
-    load[given.nodes], closed[given.nodes] = given.point.load, given.point.closed
+    load, contact_fraction = np.zeros((len(problem.gap), 5)), np.zeros(len(problem.gap))
+    load[given.nodes], contact_fraction[given.nodes] = given.point.load, given.point.contact_fraction
     part = inset(problem, load[:, 2] < 0.0)
     assert part is not None
-    point = part.equation.at(load[part.kept], closed[part.kept], closed[part.kept] % 1.0 > 0.0, given.point.motion)
+    point = part.equation.at(
+        load[part.nodes], contact_fraction[part.nodes], contact_fraction[part.nodes] % 1.0 > 0.0, given.point.motion
+    )
     below = given.coarse.problem
-    return Start(point, part.kept, given.coarse, Equation.of(below), np.arange(len(below.gap)))
+    return Start(point, part.nodes, given.coarse, Equation.of(below), np.arange(len(below.gap)))
 
 
 @pytest.mark.full(except_for=8)
@@ -136,7 +140,7 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     alike = replace(given.below, scales=fine.scales, r=fine.r, own=own, lifted=lifted, units=fine.units)
     there = replace(given, below=alike).ask(newton_coarse._seen_from_below)
     single = ROUNDED * alike.roughly_ahead(there.load, point.motion)[1]  # in which the coarse body was moved
-    anew = there.equation.at(there.load, there.closed, there.grazing, there.motion)
+    anew = there.equation.at(there.load, there.contact_fraction, there.grazing, there.motion)
     for found, bound in ((there, 1e-12), (anew, single)):
         np.testing.assert_allclose(found.residual[same], point.residual[at], rtol=0, atol=bound)
         totals, coarse_totals = (each.equation.scales.totals for each in (point, found))
@@ -150,13 +154,13 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
 @pytest.mark.parametrize("name", CASES)
 def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     problem = made(name)
-    solution = solve(problem, SemismoothNewton(), Limits(tolerance=1e-11))
+    solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-11))
     assert solution.status is Status.CONVERGED
     state, given = solution.state, start(problem).smooth
-    kept, closed = given.nodes, state.closed[given.nodes]
+    kept, contact_fraction = given.nodes, state.contact_fraction[given.nodes]
     assert not np.delete(state.load, kept, axis=0).any()
-    grazing = (closed > 0.0) & (closed < 1.0)
-    point = given.point.equation.at(state.load[kept], closed, grazing, state.motion)
+    grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
+    point = given.point.equation.at(state.load[kept], contact_fraction, grazing, state.motion)
     assert point.violation < 1e-10
     found = replace(given, point=point).ask(corrected)
     scales, before = point.equation.scales, given.ask(corrected)
@@ -175,7 +179,7 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     given = (on_less(problem, given) if less and name != "periodic" else given).smooth  # which has no parts
     point, found = given.point, given.ask(corrected)
     assert found.merit < CASES[name] * point.merit
-    expected = found.equation.at(found.load, found.closed, found.grazing, found.motion)
+    expected = found.equation.at(found.load, found.contact_fraction, found.grazing, found.motion)
     assert found.merit == pytest.approx(expected.merit, rel=1e-4)
     scales, law = found.equation.scales, problem.contact_law
     admissible = law.project(found.load[:, :3])
@@ -208,7 +212,7 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
     def worse(point: Point, *asked) -> tuple:
         flips, moved = moved_by(point, *asked)
         load = point.load - (moved.load - point.load)
-        back = point.moved(load, point.closed, point.grazing, point.motion)
+        back = point.moved(load, point.contact_fraction, point.grazing, point.motion)
         assert back.merit > point.merit
         return flips, back if grid == "coarser" else replace(moved, load=load)
 

@@ -6,20 +6,20 @@ from typing import final
 import numpy as np
 import pytest
 
-from meeframe.core.contact import AT_REST, Freedom, contact_gap
-from meeframe.core.fields import Array
-from meeframe.core.law import (
+from meeframe.contact.problem import AT_REST, PrescribedResultant, contact_gap
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import Array
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import (
     ConductivityLaw,
     ContactLaw,
     StepLengths,
     augmented_traction,
     contact_traction,
-    lawful_traction,
+    fixed_point_map,
 )
-from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.solvers import BarzilaiBorwein, Nesterov, SemismoothNewton, Uzawa, solve
-from meeframe.solvers.nonsmooth import Equation
-from meeframe.solvers.scales import problem_scales
+from meeframe.solvers.newton.residual import Equation
 from meeframe.testing.matrix_free import MatrixFree
 
 RANDOM = np.random.default_rng(4)
@@ -141,7 +141,7 @@ def test_solvers_agree(problem, kind, free) -> None:
         weights = problem.system.weights[:, None]
         mode = np.tile([0.0, 0.0, -1.0, 0.0, 0.0], (len(problem.gap), 1))
         total = 0.4 * problem_scales(problem).pressure * weights.sum()
-        problem = replace(problem, freedoms=(Freedom(mode, weights * mode, total),))
+        problem = replace(problem, prescribed_resultants=(PrescribedResultant(mode, weights * mode, total),))
     newton = solve(problem, SemismoothNewton())
     assert newton.status == "converged", newton.message
     force = problem.system.weights @ newton.state.load
@@ -182,7 +182,7 @@ def test_attraction_comes_on_top_of_the_contact(problem) -> None:
     np.testing.assert_allclose(state.load[~touching, 2], pulled, rtol=1e-6)
     friction = np.linalg.norm(state.load[:, :2], axis=1)
     assert (friction <= 0.3 * np.maximum(-pressing, 0.0) * (1 + 1e-9) + 1e-9 * law.strength).all()
-    np.testing.assert_array_equal(state.closed > 0.5, touching)
+    np.testing.assert_array_equal(state.contact_fraction > 0.5, touching)
 
 
 @pytest.mark.parametrize("kind", ["soft", "weakening", "sticky"])
@@ -195,7 +195,7 @@ def test_solutions_do_not_depend_on_the_length_of_the_step(problem, kind) -> Non
     for length in (0.01, 1.0, 100.0):
         r = (length / scales.normal_compliance, 2.0 * length / scales.normal_compliance)
         trial = augmented_traction(law, state.load[:, :3], gap, r)
-        again = lawful_traction(law, trial, gap, r)
+        again = fixed_point_map(law, trial, gap, r)
         np.testing.assert_allclose(again, state.load[:, :3], atol=max(length, 1.0) * 1e-8 * scales.pressure)
 
 
@@ -221,8 +221,8 @@ def test_charge_is_borne_where_only_the_highest_pressure_conducts(problem) -> No
     assert given.status == "converged"
     assert abs(charge) > 0.0
     mode = np.tile([0.0, 0.0, 0.0, -1.0, 0.0], (256, 1))
-    freedom = Freedom(mode, -problem.system.weights[:, None] * mode, charge)
-    free = replace(problem, potentials=np.zeros((256, 2)), freedoms=(freedom,))
+    freedom = PrescribedResultant(mode, -problem.system.weights[:, None] * mode, charge)
+    free = replace(problem, potentials=np.zeros((256, 2)), prescribed_resultants=(freedom,))
     for solver in (SemismoothNewton(), BarzilaiBorwein()):
         found = solve(free, solver)
         assert found.status == "converged", found.message

@@ -8,17 +8,18 @@ import pytest
 from meeframe_laws.conductivity import PowerLaw
 from scipy.spatial.distance import cdist
 
-import meeframe.solvers.newton_edge as edge_module
-from meeframe.core.contact import ContactState, Iterate
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw
-from meeframe.kernels.edge_relaxation import number_edge, relax_edge
+import meeframe.solvers.newton.contact_edge as edge_module
+from meeframe.contact.problem import ContactState, Iterate
+from meeframe.contact.residual import evaluate
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ConductivityLaw
 from meeframe.solvers import residual
-from meeframe.solvers.newton_edge import relaxed_edge, relaxed_where_switched
-from meeframe.solvers.nonsmooth import Equation, Point
-from meeframe.solvers.residual import evaluate
-from meeframe.testing.counted import Counted
+from meeframe.solvers._kernels.edge_relaxation import number_edge, relax_edge
+from meeframe.solvers.newton.contact_edge import relaxed_edge, relaxed_where_switched
+from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.capabilities import LatticeStencil
+from meeframe.testing.operation_counter import OperationCounter
 
 MU = 0.3
 
@@ -44,19 +45,21 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str, co
     """Projected Gauss-Seidel converges without friction; the judge finds the laws satisfied. Single precision."""
     problem = conducting(49, 0.1, material=material)
     system, reach, middle = problem.system, 24, 24
-    stencil = system.stencil(reach, range(5))
+    stencil = system.capability(LatticeStencil).stencil(reach, range(5))
     assert stencil is not None
     number = np.full(stencil.lattice.shape, -1)
     inside = np.hypot(*(np.indices(number.shape) - middle)) <= 11.0
     number[inside] = np.arange(inside.sum())
     places, nodes = np.argwhere(inside), stencil.lattice[inside]
     point = at(problem, np.zeros_like(system.offset), np.zeros(len(problem.gap)))
-    load, ahead, closed = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
+    load, ahead, contact_fraction = point.load[nodes], np.ascontiguousarray(point.ahead[nodes]), np.zeros(len(nodes))
     load, shut = np.ascontiguousarray(load), np.ones((len(nodes), 2))
     slips = np.zeros(len(nodes), bool)
-    relax_edge(number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, closed, 300, 0.0)
+    relax_edge(
+        number, places, False, stencil.responses, shut, 0.0 * shut, slips, load, ahead, contact_fraction, 300, 0.0
+    )
     whole, fraction = point.load.copy(), np.zeros(len(problem.gap))
-    whole[nodes], fraction[nodes] = load, closed
+    whole[nodes], fraction[nodes] = load, contact_fraction
     assert 50 < (load[:, 2] < 0.0).sum() < len(nodes)
     assert residual(problem, evaluate(problem, Iterate(whole, fraction))) < 1e-5
 
@@ -66,14 +69,14 @@ def test_a_solution_stays_what_it_is(law: Any, monkeypatch: pytest.MonkeyPatch, 
     """To the precision of the stencil, which would not be taken in the solver's place."""
     problem = replace(conducting(80, 0.3, law), translation=np.tile([2e-7, 0.0], (6400, 1)))
     point = at_solution(problem)
-    between = (point.closed > 0.0) & (point.closed < 1.0)
+    between = (point.contact_fraction > 0.0) & (point.contact_fraction < 1.0)
     assert between.any()
     assert relaxed_edge(point) is point
     monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     relaxed = relaxed_edge(point)
     assert relaxed is not point
-    assert np.abs(relaxed.closed - point.closed).max() < 1e-4
-    assert np.array_equal(relaxed.closed > 0.0, point.closed > 0.0)
+    assert np.abs(relaxed.contact_fraction - point.contact_fraction).max() < 1e-4
+    assert np.array_equal(relaxed.contact_fraction > 0.0, point.contact_fraction > 0.0)
     scale = np.maximum(np.abs(point.load).max(axis=0), 1e-300)
     assert (np.abs(relaxed.load - point.load) / scale).max() < 1e-4
     assert relaxed.violation < 1e-5
@@ -83,21 +86,21 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
     """Open nodes at the edge are closed and closed ones opened, with loads of the wrong kind."""
     problem = conducting(80, 0.3)
     point = at_solution(problem)
-    pressed, stencil = point.load[:, 2] < 0.0, problem.system.stencil(1, [2])
+    pressed, stencil = point.load[:, 2] < 0.0, problem.system.capability(LatticeStencil).stencil(1, [2])
     assert stencil is not None
     number = np.empty(stencil.lattice.shape, np.int64)
     number_edge(pressed[stencil.lattice], 1, False, number)
     rim = np.zeros(len(pressed), bool)
     rim[stencil.lattice[number >= 0]] = np.random.default_rng(5).random((number >= 0).sum()) < 0.3
-    load, closed = point.load.copy(), point.closed.copy()
+    load, contact_fraction = point.load.copy(), point.contact_fraction.copy()
     load[rim & pressed] = 0.0
     load[rim & ~pressed, 2] = 0.2 * point.load[:, 2].min()
-    closed[rim] = ~pressed[rim]
-    changed = at(problem, load, closed)
+    contact_fraction[rim] = ~pressed[rim]
+    changed = at(problem, load, contact_fraction)
     relaxed = relaxed_edge(changed)
     assert rim.sum() > 20
     assert relaxed.merit < changed.merit
-    unlike = [((one.closed > 0.0) != (point.closed > 0.0)).sum() for one in (changed, relaxed)]
+    unlike = [((one.contact_fraction > 0.0) != (point.contact_fraction > 0.0)).sum() for one in (changed, relaxed)]
     assert unlike[1] <= 0.2 * unlike[0]
 
 
@@ -116,13 +119,13 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
     monkeypatch.setattr(edge_module, "ROUGHER", np.inf)
     problem = conducting(40, 0.3)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
-    closed = (load[:, 2] < 0.0).astype(float)
-    unhelped = replace(problem, system=Counted.of(problem.system, helped=False))
+    contact_fraction = (load[:, 2] < 0.0).astype(float)
+    unhelped = replace(problem, system=OperationCounter.of(problem.system, accelerated=False))
     for given, state in (
-        (unhelped, ContactState(load, load, closed)),
-        (problem, ContactState(0 * load, load, 0 * closed)),
+        (unhelped, ContactState(load, load, contact_fraction)),
+        (problem, ContactState(0 * load, load, 0 * contact_fraction)),
     ):
-        point = at(given, state.load, state.closed)
+        point = at(given, state.load, state.contact_fraction)
         assert relaxed_edge(point) is point
 
 
@@ -130,9 +133,9 @@ def switched(point: Point) -> Point:
     """The point with a closed node of little pressure opened, whose flux has not followed."""
     held = (point.load[:, 2] < 0.0) & (point.lift > 0.0) & ~point.grazing
     node = np.flatnonzero(held)[point.load[held, 2].argmax()]
-    load, closed, grazing = point.load.copy(), point.closed.copy(), point.grazing.copy()
-    load[node, :3], closed[node], grazing[node] = 0.0, 0.0, True
-    return point.equation.at(load, closed, grazing, point.motion)
+    load, contact_fraction, grazing = point.load.copy(), point.contact_fraction.copy(), point.grazing.copy()
+    load[node, :3], contact_fraction[node], grazing[node] = 0.0, 0.0, True
+    return point.equation.at(load, contact_fraction, grazing, point.motion)
 
 
 def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution) -> None:
@@ -142,7 +145,7 @@ def test_a_node_that_a_step_has_switched_is_found_again(conducting, at_solution)
     for before in (point, moved):
         found = relaxed_where_switched(before, moved)
         assert found.merit < 0.2 * moved.merit
-        assert np.array_equal(found.closed > 0.0, point.closed > 0.0)
+        assert np.array_equal(found.contact_fraction > 0.0, point.contact_fraction > 0.0)
     neither = replace(moved, grazing=np.zeros_like(moved.grazing))
     assert relaxed_where_switched(neither, neither) is neither
     followed = replace(moved, residual=moved.residual * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -155,11 +158,11 @@ def test_laws_of_each_node_are_asked_at_all_of_them(conducting, at_solution, eac
     solved = at_solution(problem)
     for law in (problem.contact_law, each_its_own(MU, mus=np.full(6400, MU))):
         equation = Equation.of(replace(problem, contact_law=law))
-        point = equation.beside(solved.load, solved.ahead, solved.closed, solved.grazing, solved.motion)
+        point = equation.beside(solved.load, solved.ahead, solved.contact_fraction, solved.grazing, solved.motion)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(edge_module, "ROUGHER", np.inf)
             found.append(relaxed_edge(switched(point)))
-    assert np.array_equal(found[0].closed, found[1].closed)
+    assert np.array_equal(found[0].contact_fraction, found[1].contact_fraction)
     np.testing.assert_allclose(found[0].load, found[1].load, atol=1e-12 * np.abs(found[0].load).max())
 
 

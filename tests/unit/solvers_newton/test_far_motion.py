@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, Freedom, Status
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
 from meeframe.laws import Insulating, OrthotropicCoulomb, Signorini
-from meeframe.solvers import Auto, Limits, SemismoothNewton, residual, solve
+from meeframe.solvers import Auto, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.testing.elastic_half_space import elastic_half_space
 
 MU = 0.6
@@ -21,7 +21,7 @@ def sliding(cells, approach, ratio, translation=0.0):
     mode, normal = np.zeros((2, n, 5))
     mode[:, 0], normal[:, 2] = 1.0, -1.0
     weights = system.weights[:, None]
-    free = (Freedom(mode, weights * (mode - ratio * normal), 0.0),) if ratio is not None else ()
+    free = (PrescribedResultant(mode, weights * (mode - ratio * normal), 0.0),) if ratio is not None else ()
     gap = (x**2 + y**2) / 0.2 - approach
     slid = np.tile([translation, 0.0], (n, 1))
     law = OrthotropicCoulomb(MU, MU / 2)
@@ -44,7 +44,7 @@ def test_unloading_at_a_large_share_of_friction(solver, cells, pressed, touching
     """From a pressed and dragged state to a slight touch of a few nodes, as at the end of unloading."""
     start = solve(sliding(cells, pressed, share * MU), solver).state
     problem = sliding(cells, touching, share * MU)
-    solution = solve(problem, solver, Limits(max_iterations=20), replace(start, motion=np.zeros(1)))
+    solution = solve(problem, solver, StoppingCriteria(max_iterations=20), replace(start, motion=np.zeros(1)))
     assert solution.status is Status.CONVERGED, solution.message
     assert residual(problem, solution.state) <= 1e-9
     # displacement control at the motion found gives the ratio back
@@ -62,7 +62,7 @@ def test_a_light_touch_from_afar(force):
     n = len(x)
     mode = np.zeros((n, 5))
     mode[:, 2] = -1.0
-    free = (Freedom(mode, system.weights[:, None] * mode, force),)
+    free = (PrescribedResultant(mode, system.weights[:, None] * mode, force),)
     gap = (x**2 + y**2) / 2e-2 + 1e-3
     problem = ContactProblem(
         system, Signorini(), Insulating(), Insulating(), gap, np.zeros((n, 2)), np.zeros((n, 2)), free

@@ -7,19 +7,28 @@ import numpy as np
 import pytest
 
 import meeframe.solvers.auto as auto_module
-from meeframe.core.contact import ContactProblem, ContactState, Freedom, Iterate, Solver, Status, resultant, unbalance
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import (
+    ContactProblem,
+    ContactState,
+    Iterate,
+    PrescribedResultant,
+    Solver,
+    Status,
+    resultant,
+    unbalance,
+)
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.materials import library_material
-from meeframe.materials.half_space import axisymmetric_compliance
-from meeframe.solvers import Auto, Limits, SemismoothNewton, residual, solve
+from meeframe.material import library_material
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.solvers import Auto, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.testing.closed_forms import Sphere, indent
 from meeframe.testing.contact import rescaled
 from meeframe.testing.contact_cases import APPROACH, RADIUS
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 SOLVERS = [SemismoothNewton(), Auto()]
-TIGHT = Limits(tolerance=1e-11, max_iterations=100)
+TIGHT = StoppingCriteria(tolerance=1e-11, max_iterations=100)
 MOTIONS = ("x", "y", "press", "roll", "pitch", "twist")
 LAWS = [Signorini(), IsotropicCoulomb(0.3), OrthotropicCoulomb(0.06, 0.6, 0.3), IsotropicCoulomb(np.inf)]
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
@@ -47,7 +56,7 @@ def freedom(system, key, total):
     """total: force or moment along the mode, or outward charge or flux."""
     mode = modes(system)[key]
     sign = -1.0 if key in ("electric", "magnetic") else 1.0
-    return Freedom(mode, sign * system.weights[:, None] * mode, total)
+    return PrescribedResultant(mode, sign * system.weights[:, None] * mode, total)
 
 
 def total_of(problem, key, load):
@@ -55,14 +64,16 @@ def total_of(problem, key, load):
 
 
 def freed(problem, **totals):
-    return replace(problem, freedoms=tuple(freedom(problem.system, key, total) for key, total in totals.items()))
+    return replace(
+        problem, prescribed_resultants=tuple(freedom(problem.system, key, total) for key, total in totals.items())
+    )
 
 
 def solved(problem, solver=SOLVERS[0], limits=TIGHT, start=None):
     solution = solve(problem, solver, limits, start)
     assert solution.status is Status.CONVERGED, f"{name(solver)}: {solution.message}"
     assert residual(problem, solution.state) <= 2.0 * limits.tolerance
-    for off, free in zip(unbalance(problem, solution.state.load), problem.freedoms, strict=True):
+    for off, free in zip(unbalance(problem, solution.state.load), problem.prescribed_resultants, strict=True):
         assert abs(off) <= 1e-10 * max(abs(free.total), np.abs(free.measure * solution.state.load).sum())
     return solution
 
@@ -163,7 +174,10 @@ def test_tangential_force_in_proportion_to_the_normal_one(sphere, share) -> None
     problem = sphere("transverse", IsotropicCoulomb(0.6), cells=10, drag=0.0)
     mode, ratio = modes(problem.system), share * 0.6
     weights = problem.system.weights[:, None]
-    problem = replace(problem, freedoms=(Freedom(mode["x"], weights * (mode["x"] - ratio * mode["press"]), 0.0),))
+    problem = replace(
+        problem,
+        prescribed_resultants=(PrescribedResultant(mode["x"], weights * (mode["x"] - ratio * mode["press"]), 0.0),),
+    )
     if share > 1.0:
         assert "no pressure and friction" in solve(problem, SemismoothNewton()).message
         return
@@ -180,7 +194,7 @@ def test_eccentric_force_tilts_a_flat_punch() -> None:
     loaded = freed(problem, press=press, roll=0.0, pitch=press * eccentricity)
     solution = solved(loaded)
     assert (solution.state.load[:, 2] < 0.0).all()
-    rows = np.stack([free.mode[:, 2] for free in loaded.freedoms])
+    rows = np.stack([free.mode[:, 2] for free in loaded.prescribed_resultants])
     matrix = np.block([[problem.system.matrix[:, 2, :, 2], -rows.T], [rows * system.weights, np.zeros((3, 3))]])
     scale = np.append(np.full(64, 1e8), [1e-6, 1e-3, 1e-3])
     expected = np.linalg.solve(matrix * scale, np.append(np.zeros(64), [press, 0.0, press * eccentricity])) * scale
@@ -263,9 +277,9 @@ def test_solvers_that_find_no_motion_are_refused(sphere) -> None:
 def test_auto_hands_the_motion_on(sphere, monkeypatch) -> None:
     problem = freed(sphere("orthotropic", IsotropicCoulomb(0.6), cells=8, drag=0.0), press=1e4, x=2e3)
     expected = solved(problem).state
-    stages = [replace(stage, patience=0) for stage in auto_module.STAGES[:2]]
+    stages = [replace(stage, stall_window=0) for stage in auto_module.STAGES[:2]]
     monkeypatch.setattr(auto_module, "STAGES", (*stages, auto_module.STAGES[2]))
     monkeypatch.setattr(auto_module, "FALL", 0.0)
-    solution = solved(problem, Auto(), Limits())
+    solution = solved(problem, Auto(), StoppingCriteria())
     assert solution.iterations > 3
     np.testing.assert_allclose(solution.state.motion, expected.motion, rtol=1e-7)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from meeframe_laws.conductivity import PowerLaw
 
-from meeframe.core.contact import ContactProblem, ContactState
+from meeframe.contact.problem import ContactProblem, ContactState
+from meeframe.contact.residual import law_residual
+from meeframe.contact.scales import problem_scales
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import Limits, SemismoothNewton, solve
-from meeframe.solvers.nonsmooth import Equation, Point
-from meeframe.solvers.residual import law_residual
-from meeframe.solvers.scales import problem_scales
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.capabilities import diagonal
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, VOLTAGE, freedom
 
 MU, NODES = 0.3, 48
@@ -26,7 +27,7 @@ def made(conducting):
 
     def make(law, name: str) -> ContactProblem:
         problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
-        own = np.abs(problem.system.own_response((3, 4))[0])
+        own = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
         if name == "power":
@@ -36,11 +37,13 @@ def made(conducting):
         problem = replace(problem, electric_law=laws[0], magnetic_law=laws[1])
         if name != "free":
             return problem
-        load = solve(problem, SemismoothNewton(), Limits(tolerance=1e-8)).state.load
+        load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
         modes = [(PRESS, -total[2]), (SLIDE, total[0]), (ASIDE, total[1]), (VOLTAGE, total[3])]
-        freedoms = tuple(freedom(problem.system, mode, amount) for mode, amount in modes)
-        return replace(problem, freedoms=freedoms, translation=np.zeros_like(problem.translation))
+        prescribed_resultants = tuple(freedom(problem.system, mode, amount) for mode, amount in modes)
+        return replace(
+            problem, prescribed_resultants=prescribed_resultants, translation=np.zeros_like(problem.translation)
+        )
 
     return make
 
@@ -48,8 +51,8 @@ def made(conducting):
 def beside(problem: ContactProblem, state: ContactState, changed: str, size: float) -> Point:
     """The equation where one part of a solution is another; the tractions admissible."""
     equation, random = Equation.of(problem), np.random.default_rng(5)
-    load, closed, motion = state.load.copy(), state.closed.copy(), state.motion.copy()
-    grazing = (closed > 0.0) & (closed < 1.0)
+    load, contact_fraction, motion = state.load.copy(), state.contact_fraction.copy(), state.motion.copy()
+    grazing = (contact_fraction > 0.0) & (contact_fraction < 1.0)
     if changed == "load":
         load *= 1.0 + size * random.normal(size=load.shape)
         load[:, :3] = problem.contact_law.project(load[:, :3])
@@ -58,13 +61,15 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     elif changed == "flux everywhere":
         load[:, 3:] += size * equation.scales.load[3:] * random.normal(size=(len(load), 2))
     elif changed == "fraction":
-        closed[grazing] = np.clip(closed[grazing] + size * random.normal(size=grazing.sum()), 1e-6, 1.0 - 1e-6)
+        contact_fraction[grazing] = np.clip(
+            contact_fraction[grazing] + size * random.normal(size=grazing.sum()), 1e-6, 1.0 - 1e-6
+        )
     elif changed == "grazing":  # some that are pressed: their fractions do not fit
         grazing[np.argsort(load[:, 2])[:6]] = True
-        closed[grazing] *= 1.0 - size
+        contact_fraction[grazing] *= 1.0 - size
     elif changed == "motion":
         motion = motion + size * equation.units * random.normal(size=len(motion))
-    return equation.at(load, closed, grazing, motion)
+    return equation.at(load, contact_fraction, grazing, motion)
 
 
 @pytest.mark.full(except_for=8)
@@ -76,15 +81,19 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
 )
 def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, made) -> None:
     problem = made(law, name)
-    state = solve(problem, SemismoothNewton(), Limits(tolerance=1e-10)).state
-    scales, grazing = problem_scales(problem), ((state.closed > 0.0) & (state.closed < 1.0)).any()
+    state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
+    scales, grazing = problem_scales(problem), ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     for size in (1e-2, 1e-4, 1e-6):
         point = beside(problem, state, changed, size)
         caused = problem.system.offset + problem.system.apply(point.load)
         judged = law_residual(
             problem,
             replace(
-                state, load=point.load, displacement=caused, closed=np.clip(point.closed, 0.0, 1.0), motion=point.motion
+                state,
+                load=point.load,
+                displacement=caused,
+                contact_fraction=np.clip(point.contact_fraction, 0.0, 1.0),
+                motion=point.motion,
             ),
             scales,
         )
@@ -98,7 +107,7 @@ def test_the_equation_knows_what_the_judge_finds(law, name: str, changed: str, m
 def test_a_drop_counts_as_on_a_body_as_compliant_as_the_contact_is_wide(made) -> None:
     """Where little conducts, and where fractions are between: more than the rows of the equation themselves leave."""
     problem = made(COULOMB, "perfect")
-    state = solve(problem, SemismoothNewton(), Limits(tolerance=1e-10)).state
-    assert ((state.closed > 0.0) & (state.closed < 1.0)).any()
+    state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10)).state
+    assert ((state.contact_fraction > 0.0) & (state.contact_fraction < 1.0)).any()
     point = beside(problem, state, "fraction", 1e-3)
     assert point.judged > 2.0 * point.violation

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import AT_REST, Freedom
-from meeframe.core.law import ConductivityLaw, ContactLaw
+from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.solvers import Limits, SemismoothNewton, solve
-from meeframe.solvers.newton_steps import newton_step
-from meeframe.solvers.nonsmooth import UNNOTICED, Equation, Point
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.newton.globalization import newton_step
+from meeframe.solvers.newton.residual import UNNOTICED, Equation, Point
 
 MU = 0.3
 SINGLE = float(np.finfo(np.float32).eps)
@@ -22,8 +22,8 @@ def moving(problem, fields=(0, 2, 3, 4)):
     for field in fields:
         mode = np.zeros_like(problem.system.offset)
         mode[:, field] = 1.0 + (100.0 * problem.system.points[:, 0] if field == 2 else 0.0)
-        found.append(Freedom(mode, problem.system.weights[:, None] * mode, 1.0))
-    return replace(problem, freedoms=tuple(found))
+        found.append(PrescribedResultant(mode, problem.system.weights[:, None] * mode, 1.0))
+    return replace(problem, prescribed_resultants=tuple(found))
 
 
 def far_off(problem) -> Point:
@@ -42,10 +42,12 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
     problem = moving(conducting(48, 0.3, IsotropicCoulomb(MU)))
     point, random = far_off(problem), np.random.default_rng(1)
     n, units = len(point.load), point.equation.units
-    grazing, closed = np.arange(n) % 5 == 0, random.random(n)
+    grazing, contact_fraction = np.arange(n) % 5 == 0, random.random(n)
     change = size * point.equation.scales.load * random.normal(size=(n, 5))
     motion = point.motion + size * units * random.normal(size=len(units))
-    moved, expected = (ask(point.load + change, closed, grazing, motion) for ask in (point.moved, point.equation.at))
+    moved, expected = (
+        ask(point.load + change, contact_fraction, grazing, motion) for ask in (point.moved, point.equation.at)
+    )
     caused = problem.system.apply(moved.load - point.load)
     # fields of other units add to one: by as much as each causes there alone
     parts = [np.abs(problem.system.apply(np.where(np.arange(5) == k, change, 0.0))).max(axis=0) for k in range(5)]
@@ -54,7 +56,7 @@ def test_what_moves_is_known_to_single_precision_of_the_change(size: float, cond
     assert (off <= 20.0 * SINGLE * largest + round_off).all()
     if size > 1e-6:
         assert (off > 1e-2 * SINGLE * np.abs(caused).max(axis=0)).any()  # not by a product in double precision
-    for name in ("load", "closed", "grazing", "motion", "balance"):
+    for name in ("load", "contact_fraction", "grazing", "motion", "balance"):
         np.testing.assert_array_equal(getattr(moved, name), getattr(expected, name))
     assert 0.0 < moved.rounded < UNNOTICED * moved.violation
     allowed = 1e4 * SINGLE * size + 1e-10
@@ -70,7 +72,7 @@ def test_motions_alone_are_exact(conducting) -> None:
         motion = point.motion.copy()
         motion[k] += 0.3 * unit
         moved, expected = (
-            ask(point.load, point.closed, point.grazing, motion) for ask in (point.moved, point.equation.at)
+            ask(point.load, point.contact_fraction, point.grazing, motion) for ask in (point.moved, point.equation.at)
         )
         scale = np.abs(expected.ahead).max(axis=0) + np.abs(problem.system.apply(point.load)).max(axis=0)
         assert (np.abs(expected.ahead - point.ahead) > 1e-3 * scale).any()
@@ -81,7 +83,7 @@ def test_with_a_matrix_all_digits_count(sphere) -> None:
     point = far_off(moving(sphere("orthotropic", IsotropicCoulomb(MU), (1.0, np.inf), cells=8)))
     load = point.load * (1.0 + 1e-3 * np.random.default_rng(2).normal(size=point.load.shape))
     moved, expected = (
-        ask(load, point.closed, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
+        ask(load, point.contact_fraction, point.grazing, 1.1 * point.motion) for ask in (point.moved, point.equation.at)
     )
     np.testing.assert_array_equal(moved.ahead, expected.ahead)
     np.testing.assert_array_equal(moved.residual, expected.residual)
@@ -108,8 +110,10 @@ def test_round_off_is_known_over_many_moves(law: ContactLaw, flux: ConductivityL
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
         load[:, :3] = law.project(load[:, :3])
         before = point.rounded
-        point = point.moved(load, solution.closed, solution.grazing, solution.motion)
-        shares.append(check_rounded(point, point.equation.at(load, point.closed, point.grazing, point.motion)))
+        point = point.moved(load, solution.contact_fraction, solution.grazing, solution.motion)
+        shares.append(
+            check_rounded(point, point.equation.at(load, point.contact_fraction, point.grazing, point.motion))
+        )
         assert point.rounded == 0.0 or point.rounded > before
     assert max(shares) > 1e-3
 
@@ -118,7 +122,7 @@ def test_where_round_off_would_count_there_is_none(conducting, at_solution) -> N
     """A step that ends at the solution is exact, wherever it began."""
     solution = at_solution(conducting(48, 0.3, IsotropicCoulomb(MU)))
     random = np.random.default_rng(2)
-    nodes = solution.closed, solution.grazing, solution.motion
+    nodes = solution.contact_fraction, solution.grazing, solution.motion
     for size in (1.0, 1e-2, 1e-4):
         load = solution.load * (1.0 + size * random.normal(size=solution.load.shape))
         beside = solution.moved(load, *nodes)
@@ -132,13 +136,13 @@ def beyond(point: Point, node: int, end: float, share: float) -> Point:
     """A solution whose node is taken to graze, its fraction just beyond an end, and its pressure such that its trial is
     a share of sigma from zero, positive if it is open."""
     equation, mask = point.equation, np.arange(len(point.load)) == node
-    load, closed = point.load.copy(), point.closed.copy()
-    closed[node] = end + (0.005 if end else -0.005)
+    load, contact_fraction = point.load.copy(), point.contact_fraction.copy()
+    contact_fraction[node] = end + (0.005 if end else -0.005)
     for _ in range(3):  # the trial is linear in the node's own pressure
-        moved = equation.at(load, closed, mask, AT_REST)
+        moved = equation.at(load, contact_fraction, mask, AT_REST)
         off = share * moved.sigma[node] - moved.trial[node, 2]
         load[node, 2] += off / (1.0 - equation.r * equation.blocks[node, 2, 2])
-    moved = equation.at(load, closed, mask, AT_REST)
+    moved = equation.at(load, contact_fraction, mask, AT_REST)
     assert moved.trial[node, 2] == pytest.approx(share * moved.sigma[node], rel=1e-6)
     assert (moved.switch[node] - end) * (1.0 if end else -1.0) >= 0.0
     return moved
@@ -148,10 +152,10 @@ def solved_edge(problem, end: float) -> tuple[Point, int]:
     """The solution, and of the nodes that are pressed, or open, the one nearest to the other, where that
     makes a difference."""
     equation = Equation.of(problem)
-    state = solve(problem, SemismoothNewton(), Limits(tolerance=1e-13)).state
-    point = equation.at(state.load, state.closed, np.zeros(len(state.load), bool), AT_REST)
+    state = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-13)).state
+    point = equation.at(state.load, state.contact_fraction, np.zeros(len(state.load), bool), AT_REST)
     assert point.violation < 1e-12
-    may = (point.closed == end) & (point.sigma > 1e-3 * equation.scales.pressure)
+    may = (point.contact_fraction == end) & (point.sigma > 1e-3 * equation.scales.pressure)
     assert may.any()
     return point, int(np.flatnonzero(may)[np.abs(point.trial[may, 2]).argmin()])
 
@@ -164,7 +168,9 @@ def test_nodes_at_an_end_are_found_again_in_a_step(law: ContactLaw, end: float, 
     point, node = solved_edge(problem, end)
     moved = beyond(point, node, end, 1e-3 if end else -1e-3)
     step = newton_step(moved.equation, moved.linearise())
-    after = moved.equation.at(moved.load + step.local[:, :5], moved.closed + step.local[:, 5], moved.grazing, AT_REST)
+    after = moved.equation.at(
+        moved.load + step.local[:, :5], moved.contact_fraction + step.local[:, 5], moved.grazing, AT_REST
+    )
     before, left = (np.abs((each.load - point.load) / point.equation.scales.load).max() for each in (moved, after))
     assert before > 1e-3
     assert left <= (before**2 if law.tangential_scaling().any() else 1e-9 * before)
@@ -185,7 +191,7 @@ def test_nodes_at_an_end_are_linearised_by_that(law: ContactLaw, end: float, sph
     equation, random = point.equation, np.random.default_rng(4)
     change = equation.scales.load * random.normal(size=(len(point.load), 5))
     widths = np.array([1.0, -1.0]) * 1e-8 * point.sigma[node] / equation.scales.pressure
-    rows = [equation.at(there.load + h * change, there.closed, there.grazing, AT_REST) for h in widths]
+    rows = [equation.at(there.load + h * change, there.contact_fraction, there.grazing, AT_REST) for h in widths]
     assert len({bool(each.trial[node, 2] < 0.0) for each in (*rows, there)}) == 1
     assert (here.trial[node, 2] < 0.0) != (there.trial[node, 2] < 0.0)
     expected = (rows[0].residual - rows[1].residual)[node, :5] / np.ptp(widths)
@@ -211,6 +217,6 @@ def test_other_fractions_are_those_of_the_equation_there(conducting) -> None:
         point.regrazed(fractions[1], masks[1]),
         equation.beside(point.load, point.ahead, fractions[1], masks[1], AT_REST),
     )
-    for name in ("closed", "grazing", "transmissivity", "switch", "sigma", "drive", "residual"):
+    for name in ("contact_fraction", "grazing", "transmissivity", "switch", "sigma", "drive", "residual"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-12, atol=1e-13, err_msg=name)
     assert not np.allclose(found.residual, point.residual)

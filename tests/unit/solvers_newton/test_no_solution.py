@@ -5,20 +5,20 @@ from itertools import product
 import numpy as np
 import pytest
 
-from meeframe.core.contact import ContactProblem, Solver, Status
-from meeframe.core.fields import Array
+from meeframe.contact.problem import ContactProblem, Solver, Status
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, SemismoothNewton, Uzawa, solve
+from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, SemismoothNewton, StoppingCriteria, Uzawa, solve
 
 STICK = IsotropicCoulomb(np.inf)
 SOLVERS = [SemismoothNewton(), BarzilaiBorwein(), Nesterov(), Uzawa(), Auto()]
-GRADIENT = Limits(max_iterations=3000, stall_window=3000)
+GRADIENT = StoppingCriteria(max_iterations=3000, stall_window=3000)
 """Enough for gradient iterations by far: those that converge here do so within 300 steps."""
-NEWTON = Limits(max_iterations=100, stall_window=100)
+NEWTON = StoppingCriteria(max_iterations=100, stall_window=100)
 
 
-def limits(solver: Solver) -> Limits:
-    return GRADIENT if solver.stride > 1 else NEWTON
+def limits(solver: Solver) -> StoppingCriteria:
+    return GRADIENT if solver.check_interval > 1 else NEWTON
 
 
 def name(solver: Solver) -> str:
@@ -32,11 +32,11 @@ def solutions(problem: ContactProblem) -> list[Array]:
     matrix = problem.system.matrix[:, :3, :, :3].reshape(3 * n, 3 * n)
     target = np.column_stack([problem.translation, problem.gap]).ravel()
     found = []
-    for closed in map(np.array, product([False, True], repeat=n)):
-        rows, traction = np.repeat(closed, 3), np.zeros(3 * n)
+    for contact_fraction in map(np.array, product([False, True], repeat=n)):
+        rows, traction = np.repeat(contact_fraction, 3), np.zeros(3 * n)
         traction[rows] = np.linalg.solve(matrix[np.ix_(rows, rows)], target[rows])
         gap = problem.gap - (matrix @ traction)[2::3]
-        if (traction[2::3][closed] < 0.0).all() and (gap[~closed] >= 0.0).all():
+        if (traction[2::3][contact_fraction] < 0.0).all() and (gap[~contact_fraction] >= 0.0).all():
             found.append(traction.reshape(n, 3))
     return found
 

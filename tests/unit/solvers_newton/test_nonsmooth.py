@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import AT_REST, Freedom
+from meeframe.contact.conduction import resistances
+from meeframe.contact.problem import AT_REST, PrescribedResultant
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.conduction import resistances
-from meeframe.solvers.newton_moves import moved_by
-from meeframe.solvers.newton_steps import Step, newton_step
-from meeframe.solvers.nonsmooth import Equation
+from meeframe.solvers.newton.globalization import Step, newton_step
+from meeframe.solvers.newton.moves import moved_by
+from meeframe.solvers.newton.residual import Equation
 
 RANDOM = np.random.default_rng(3)
 
@@ -53,17 +53,18 @@ def test_linearisation_is_the_derivative_of_the_residual(sphere, growing, grazin
     n = len(problem.gap)
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
     load[:, 2] = -np.abs(load[:, 2])
-    closed, mask = np.full(n, 0.5), np.zeros(n, bool)
+    contact_fraction, mask = np.full(n, 0.5), np.zeros(n, bool)
     if grazing:
         # where the trial is far from zero the row of the closed fraction is clipped: only the flux rows see c
         mask[::3] = True
-    here = equation.at(load, closed, mask, AT_REST)
+    here = equation.at(load, contact_fraction, mask, AT_REST)
     step = np.column_stack(
         [equation.scales.load * RANDOM.normal(size=(n, 5)), np.where(mask, RANDOM.normal(size=n), 0.0)]
     )
     width = 1e-6
     ahead, behind = (
-        equation.at(load + h * step[:, :5], here.closed + h * step[:, 5], mask, AT_REST) for h in (width, -width)
+        equation.at(load + h * step[:, :5], here.contact_fraction + h * step[:, 5], mask, AT_REST)
+        for h in (width, -width)
     )
     between = mask & (here.switch > 0.0) & (here.switch < 1.0)
     # a node between open and closed is written otherwise, see Point.linearise; the others must match, kinks apart
@@ -82,12 +83,12 @@ def test_a_grazing_node_is_brought_to_zero_traction_and_zero_gap(sphere) -> None
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(2):
         step = newton_step(equation, point.linearise()).local
-        point = equation.at(point.load + step[:, :5], point.closed, point.grazing, AT_REST)
+        point = equation.at(point.load + step[:, :5], point.contact_fraction, point.grazing, AT_REST)
     edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
     mask = np.arange(64) == edge
     # in the middle of its graph
-    closed = np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.closed)
-    point = equation.at(point.load, closed, mask, AT_REST)
+    contact_fraction = np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.contact_fraction)
+    point = equation.at(point.load, contact_fraction, mask, AT_REST)
     step = newton_step(equation, point.linearise()).local
     moved = equation.problem.system.apply(point.load + step[:, :5])
     scale = equation.scales
@@ -102,21 +103,23 @@ def test_the_fraction_of_a_grazing_node_fits_the_flux_that_a_step_finds(sphere) 
     point = equation.at(np.zeros((64, 5)), np.zeros(64), np.zeros(64, bool), AT_REST)
     for _ in range(3):
         step = newton_step(equation, point.linearise())
-        point = equation.at(point.load + step.local[:, :5], point.closed, point.grazing, AT_REST)
+        point = equation.at(point.load + step.local[:, :5], point.contact_fraction, point.grazing, AT_REST)
     edge = np.flatnonzero(point.load[:, 2] < 0.0)[0]
     load, mask = point.load.copy(), np.arange(64) == edge
     load[edge, 2:] = 0.0, 0.0, 0.5 * load[edge, 4]
-    point = equation.at(load, point.closed, mask, AT_REST)
+    point = equation.at(load, point.contact_fraction, mask, AT_REST)
     # in the middle of its graph, where the fraction lets through less
-    point = equation.at(load, np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.closed), mask, AT_REST)
+    point = equation.at(
+        load, np.where(mask, 0.5 + point.trial[:, 2] / point.sigma, point.contact_fraction), mask, AT_REST
+    )
     assert point.between[edge]
     none = Step(np.zeros((64, 6)), np.zeros(0))
     _, moved = moved_by(point, np.zeros(64), none, 1.0)
-    assert 0.0 < moved.closed[edge] < 1.0
+    assert 0.0 < moved.contact_fraction[edge] < 1.0
     np.testing.assert_array_equal(moved.load, point.load)
     needed = moved.ahead[edge, 4] / load[edge, 4]  # resistance; the indenter is at no potential
     resisting, before = (
-        resistances(problem, np.zeros(64), np.clip(each.closed, 0.0, 1.0), equation.own)[edge, 1]
+        resistances(problem, np.zeros(64), np.clip(each.contact_fraction, 0.0, 1.0), equation.own)[edge, 1]
         for each in (moved, point)
     )
     assert resisting == pytest.approx(needed, rel=1e-10)
@@ -146,10 +149,12 @@ def test_free_motions_are_solved_with_the_loads(sphere, matrixless, hidden) -> N
     problem = sphere("orthotropic", IsotropicCoulomb(0.5), (1.0, np.inf), cells=6)
     n, weights = 36, problem.system.weights[:, None]
     modes = [np.tile(mode, (n, 1)) for mode in np.diag([1.0, 1.0, -1.0, -1.0, 1.0])[[0, 2, 3]]]
-    freedoms = tuple(Freedom(mode, weights * mode, total) for mode, total in zip(modes, (4e3, 2e4, 1e-4), strict=True))
+    prescribed_resultants = tuple(
+        PrescribedResultant(mode, weights * mode, total) for mode, total in zip(modes, (4e3, 2e4, 1e-4), strict=True)
+    )
     if hidden:
         problem = replace(problem, system=matrixless(problem.system))
-    equation = Equation.of(replace(problem, freedoms=freedoms))
+    equation = Equation.of(replace(problem, prescribed_resultants=prescribed_resultants))
     grazing = np.zeros(n, bool)
     load = np.zeros((n, 5))
     load[:, :3] = IsotropicCoulomb(0.5).project(1e7 * RANDOM.normal(size=(n, 3)))
@@ -179,12 +184,12 @@ def test_what_its_own_closing_does_to_the_trial_of_a_node(sphere) -> None:
     equation = Equation.of(problem)
     n, node = len(problem.gap), 27
     load = equation.scales.load * RANDOM.normal(size=(n, 5))
-    closed, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))
+    contact_fraction, open_ = (equation.at(load, np.full(n, c), np.ones(n, bool), AT_REST) for c in (1.0, 0.0))
     own = np.diagonal(problem.system.diagonal_blocks()[node])[3:]
     # the fluxes with which its rows say the same as before, open and closed
-    flux = (open_.residual - closed.residual)[node, 3:5] * equation.scales.displacement[3:] / own
+    flux = (open_.residual - contact_fraction.residual)[node, 3:5] * equation.scales.displacement[3:] / own
     moved = load.copy()
     moved[node, 3:] += flux
-    raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - closed.trial
-    assert closed.lift[node] == pytest.approx(raised[node, 2], rel=1e-9)
-    assert np.ptp(np.sign(closed.lift)) == 2.0
+    raised = equation.at(moved, np.ones(n), np.ones(n, bool), AT_REST).trial - contact_fraction.trial
+    assert contact_fraction.lift[node] == pytest.approx(raised[node, 2], rel=1e-9)
+    assert np.ptp(np.sign(contact_fraction.lift)) == 2.0

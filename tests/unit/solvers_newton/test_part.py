@@ -8,30 +8,30 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, ContactSolution, ContactState, Freedom, Status
-from meeframe.core.fields import Array
-from meeframe.core.formulation import ReducedSystem
-from meeframe.core.law import ContactLaw
-from meeframe.core.mesh import Indices
-from meeframe.core.pair import pair
+from meeframe.contact.conduction import Mask
+from meeframe.contact.nested import coarse_problem
+from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, PrescribedResultant, Status
+from meeframe.contact.residual import law_residual
+from meeframe.contact.scales import problem_scales
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array, Indices
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material
-from meeframe.solvers import Limits, SemismoothNewton, newton, solve
-from meeframe.solvers.conduction import Mask
-from meeframe.solvers.edges import resolved
-from meeframe.solvers.nested import coarse_problem
-from meeframe.solvers.newton_part import Inset, inset
-from meeframe.solvers.newton_steps import Step
-from meeframe.solvers.nonsmooth import Equation, Point
-from meeframe.solvers.residual import law_residual
-from meeframe.solvers.scales import problem_scales
-from meeframe.testing.counted import Counted
+from meeframe.laws.base import ContactLaw
+from meeframe.material import Material, library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.solvers.edge_resolution import resolved
+from meeframe.solvers.newton import method as newton
+from meeframe.solvers.newton.globalization import Step
+from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
+from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.reduced import ReducedSystem
+from meeframe.system.two_body import combine_bodies
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, MU = 1e-2, 0.1, 0.3
-LIMITS = Limits(tolerance=1e-10)
+LIMITS = StoppingCriteria(tolerance=1e-10)
 
 
 def half_space(n: int = 63, stiffness: Array | None = None, **options: Any) -> ReducedSystem:
@@ -69,12 +69,12 @@ def sizes_of_parts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Of all that are taken from now on."""
     sizes: list[int] = []
 
-    class Seen(Inset):
+    class Seen(ContactNeighbourhood):
         def __init__(self, whole: ContactProblem, kept: Indices, equation: Any) -> None:
             super().__init__(whole, kept, equation)
             sizes.append(len(kept))
 
-    monkeypatch.setattr("meeframe.solvers.newton_part.Inset", Seen)
+    monkeypatch.setattr("meeframe.solvers.newton.neighbourhood.ContactNeighbourhood", Seen)
     return sizes
 
 
@@ -83,16 +83,16 @@ def check_alike(found: ContactSolution, other: ContactSolution) -> None:
     for field in range(5):
         largest = np.abs(other.state.load[:, field]).max()
         np.testing.assert_allclose(found.state.load[:, field], other.state.load[:, field], atol=1e-7 * largest, rtol=0)
-    np.testing.assert_array_equal(found.state.closed > 0.0, other.state.closed > 0.0)
+    np.testing.assert_array_equal(found.state.contact_fraction > 0.0, other.state.contact_fraction > 0.0)
 
 
-def freedoms(system: ReducedSystem, force: float) -> tuple[Freedom, ...]:
+def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[PrescribedResultant, ...]:
     """Pressed by a force and dragged with half of what friction bears."""
     totals, found = {2: -force, 0: 0.5 * MU * force, 1: 0.0}, []
     for field, total in totals.items():
         mode = np.zeros_like(system.offset)
         mode[:, field] = 1.0
-        found.append(Freedom(mode, system.weights[:, None] * mode, total))
+        found.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
     return tuple(found)
 
 
@@ -111,20 +111,24 @@ def freedoms(system: ReducedSystem, force: float) -> tuple[Freedom, ...]:
 def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     given = dict(given)
     body, other = half_space(), Material.isotropic(1e11, 0.25).stiffness
-    system = Counted.of(pair(body, half_space(stiffness=other)) if given.pop("pair", False) else body)
+    system = OperationCounter.of(
+        combine_bodies(body, half_space(stiffness=other)) if given.pop("pair", False) else body
+    )
     at, force = given.pop("at", (0.05, -0.1)), given.pop("force", None)
     problem = sphere(system, at, **given)
     if force is not None:
         still = np.zeros_like(problem.translation)
         gap = problem.gap - problem.gap.min()
-        problem = replace(problem, gap=gap, translation=still, freedoms=freedoms(system, force))
+        problem = replace(
+            problem, gap=gap, translation=still, prescribed_resultants=prescribed_resultants(system, force)
+        )
     sizes = sizes_of_parts(monkeypatch)
     found, whole = solutions(problem, monkeypatch)
     assert min(sizes) < 0.5 * len(problem.gap)
     check_alike(found, whole)
 
 
-def halved(problem: ContactProblem, contact: Mask) -> Inset | None:
+def halved(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
     """Parts that have too little, wherever they are taken: half of what was asked for."""
     return inset(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
 
@@ -132,15 +136,15 @@ def halved(problem: ContactProblem, contact: Mask) -> Inset | None:
 def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = sphere(half_space(), (0.05, -0.1))
     looks: list[bool] = []
-    spilt = Inset.spilt
+    has_contact_outside = ContactNeighbourhood.has_contact_outside
 
-    def seen(part: Inset, point: Point) -> bool:
-        looks.append(spilt(part, point))
+    def seen(part: ContactNeighbourhood, point: Point) -> bool:
+        looks.append(has_contact_outside(part, point))
         return looks[-1]
 
     with monkeypatch.context() as given:
         given.setattr(newton, "inset", halved)
-        given.setattr(Inset, "spilt", seen)
+        given.setattr(ContactNeighbourhood, "has_contact_outside", seen)
         found = solve(problem, SemismoothNewton(), LIMITS)
     assert any(looks)
     check_alike(found, solutions(problem, monkeypatch)[1])
@@ -149,23 +153,23 @@ def test_contact_beside_the_part_is_found(monkeypatch: pytest.MonkeyPatch) -> No
 def test_contact_beside_a_part_is_found_with_the_solution_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """Though nobody looks beside it on a grid whose start comes from a coarser one."""
     problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
-    spilt, solved = Inset.spilt, list[bool]()
+    has_contact_outside, solved = ContactNeighbourhood.has_contact_outside, list[bool]()
 
-    def elsewhere(part: Inset, point: Point) -> bool:
+    def elsewhere(part: ContactNeighbourhood, point: Point) -> bool:
         assert part.whole is not problem
-        return spilt(part, point)
+        return has_contact_outside(part, point)
 
     solver = SemismoothNewton()
     with monkeypatch.context() as given:
         given.setattr(newton, "inset", halved)
-        given.setattr(Inset, "spilt", elsewhere)
+        given.setattr(ContactNeighbourhood, "has_contact_outside", elsewhere)
         iterate = solver.aimed(solver.init(problem, None), LIMITS.tolerance)
         memory = newton._memory(iterate)
         assert memory.inset is not None
         while memory.inset is not None and len(solved) < 20:
             solved.append(memory.point.judged <= memory.enough)
             if solved[-1]:
-                assert spilt(memory.inset, memory.point)
+                assert has_contact_outside(memory.inset, memory.point)
             iterate = solver.step(problem, iterate)
             memory = newton._memory(iterate)
         assert solved[-1]
@@ -184,7 +188,7 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     smooth = sphere(half_space(), (0.05, -0.1), contact_law=law)
     coarse = coarse_problem(smooth)
     assert coarse is not None
-    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.kept)
+    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.nodes)
     place = WIDTH * np.array([-0.36, 0.35])
     node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
@@ -229,7 +233,7 @@ def test_what_was_solved_before_does_not_matter(
     assert sizes
     check_alike(found, whole)
     for solution in (found, whole):
-        open_ = solution.state.closed == 0.0
+        open_ = solution.state.contact_fraction == 0.0
         assert not solution.state.load[open_].any()
 
 
@@ -260,17 +264,22 @@ def test_a_tilt_shifts_a_paraboloid(monkeypatch: pytest.MonkeyPatch) -> None:
     system, force, shift = half_space(), 40.0, 0.1 * WIDTH
     about, still = (0.05, -0.1), np.zeros((len(system.points), 2))
     plain, shifted = (
-        replace(problem, gap=problem.gap - problem.gap.min(), translation=still, freedoms=freedoms(system, force))
+        replace(
+            problem,
+            gap=problem.gap - problem.gap.min(),
+            translation=still,
+            prescribed_resultants=prescribed_resultants(system, force),
+        )
         for problem in (sphere(system, at, contact_law=Signorini()) for at in (about, (0.15, -0.1)))
     )
     mode = np.zeros_like(system.offset)
     mode[:, 2] = system.points[:, 0] - about[0] * WIDTH
-    press = plain.freedoms[0]
-    there = solve(replace(shifted, freedoms=(press,)), SemismoothNewton(), LIMITS)
+    press = plain.prescribed_resultants[0]
+    there = solve(replace(shifted, prescribed_resultants=(press,)), SemismoothNewton(), LIMITS)
     moment = float((system.weights * mode[:, 2]) @ there.state.load[:, 2])
     assert moment == pytest.approx(-force * shift, rel=0.05)  # not axisymmetric, and divided into nodes
-    tilt = Freedom(mode, system.weights[:, None] * mode, moment)
-    tilted = replace(plain, freedoms=(press, tilt))
+    tilt = PrescribedResultant(mode, system.weights[:, None] * mode, moment)
+    tilted = replace(plain, prescribed_resultants=(press, tilt))
     sizes = sizes_of_parts(monkeypatch)
     check_alike(solve(tilted, SemismoothNewton(), LIMITS), there)
     assert sizes
@@ -281,7 +290,7 @@ def test_parts_measure_in_the_units_of_the_whole() -> None:
     system = half_space()
     problem, mode = sphere(system, (0.0, 0.0)), np.zeros_like(system.offset)
     mode[:, 2] = system.points[:, 0]
-    tilted = replace(problem, freedoms=(Freedom(mode, system.weights[:, None] * mode, 0.0),))
+    tilted = replace(problem, prescribed_resultants=(PrescribedResultant(mode, system.weights[:, None] * mode, 0.0),))
     part = inset(tilted, problem.gap < 0.0)
     assert part is not None
     np.testing.assert_array_equal(part.equation.units, Equation.of(tilted).units)
@@ -310,7 +319,7 @@ def test_an_indenter_known_to_be_small_is_all_there_is() -> None:
     nothing = np.zeros(len(part.kept))
     load = np.zeros((len(part.kept), 5))
     point = part.equation.at(load, nothing, nothing > 0.0, np.zeros(0))
-    assert not part.spilt(point)
+    assert not part.has_contact_outside(point)
     assert inset(small, np.zeros(len(small.gap), bool)) is None
 
 
@@ -323,8 +332,8 @@ def test_overlap_beside_the_part_spills() -> None:
     assert part is not None
     assert len(part.kept) < 0.3 * len(both.gap)
     load, nothing = np.zeros((len(part.kept), 5)), np.zeros(len(part.kept))
-    assert part.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
+    assert part.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
     alone = replace(part, whole=one)
-    assert not alone.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
+    assert not alone.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
     load[:, 0] = -1e10  # raises what is on its one side, whatever the law says of tractions along the surface
-    assert alone.spilt(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))
+    assert alone.has_contact_outside(part.equation.at(load, nothing, nothing > 0.0, np.zeros(0)))

@@ -6,14 +6,14 @@ from typing import final
 
 import numpy as np
 
-from meeframe.core.contact import AT_REST, ContactProblem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import NodalFields, ReducedSystem
+from meeframe.contact.problem import AT_REST, ContactProblem
+from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb, StepConductivity
-from meeframe.solvers.newton_preconditioner import preconditioner
-from meeframe.solvers.newton_rows import Rows
-from meeframe.solvers.newton_steps import _coupled
-from meeframe.solvers.nonsmooth import Equation
+from meeframe.solvers.newton.globalization import _coupled
+from meeframe.solvers.newton.jacobian import Rows
+from meeframe.solvers.newton.preconditioner import preconditioner
+from meeframe.solvers.newton.residual import Equation
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 N, MU = 60, 0.3
 RANDOM = np.random.default_rng(8)

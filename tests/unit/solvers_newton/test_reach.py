@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.core.contact import Freedom
+from meeframe.contact.feasibility import unreachable
+from meeframe.contact.problem import PrescribedResultant
+from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.reach import unreachable
-from meeframe.solvers.scales import problem_scales
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 PRESS, X, Y = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -18,12 +18,12 @@ def reaches(law, *given, cells=6) -> bool:
     """given: (mode (3,) or (n, 3), total)."""
     system = half_space_system(2e-12 * np.eye(3), 5e-3, cells)
     problem = indentation_problem(system, np.zeros(cells**2), 0.0, law)
-    freedoms = []
+    prescribed_resultants = []
     for motion, total in given:
         mode = np.zeros((cells**2, 5))
         mode[:, :3] = motion(system.points) if callable(motion) else motion
-        freedoms.append(Freedom(mode, system.weights[:, None] * mode, total))
-    problem = replace(problem, freedoms=tuple(freedoms))
+        prescribed_resultants.append(PrescribedResultant(mode, system.weights[:, None] * mode, total))
+    problem = replace(problem, prescribed_resultants=tuple(prescribed_resultants))
     return unreachable(problem, problem_scales(problem)) is None
 
 

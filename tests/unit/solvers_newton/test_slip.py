@@ -7,18 +7,18 @@ from itertools import product
 import numpy as np
 import pytest
 
-import meeframe.solvers.newton_slip as slip_module
-from meeframe.core.contact import ContactProblem
-from meeframe.core.fields import Array
-from meeframe.core.formulation import Stencil
-from meeframe.core.law import ContactLaw
-from meeframe.kernels.stencil_products import neighbours, stencil_products
+import meeframe.solvers.newton.slip_boundary as slip_module
+from meeframe.contact.conduction import Mask
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.solvers.conduction import Mask
-from meeframe.solvers.newton_ring import Ring, slips
-from meeframe.solvers.newton_slip import relaxed_slip
-from meeframe.solvers.nonsmooth import Point
-from meeframe.testing.counted import Counted
+from meeframe.laws.base import ContactLaw
+from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
+from meeframe.solvers.newton.boundary_band import Ring, slips
+from meeframe.solvers.newton.residual import Point
+from meeframe.solvers.newton.slip_boundary import relaxed_slip
+from meeframe.system.capabilities import Stencil
+from meeframe.testing.operation_counter import OperationCounter
 
 MU, DRAGGED = 0.3, (3e-6, 1e-6)
 ISOTROPIC, TURNED = IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)
@@ -118,7 +118,7 @@ def test_what_is_not_friction_beside_the_boundary_is_untouched(law: ContactLaw, 
     np.testing.assert_array_equal(relaxed.load[:, 2:], point.load[:, 2:])
     np.testing.assert_array_equal(relaxed.load[~beside], point.load[~beside])
     np.testing.assert_array_equal(relaxed.grazing, point.grazing)
-    np.testing.assert_array_equal(relaxed.closed[point.grazing], point.closed[point.grazing])
+    np.testing.assert_array_equal(relaxed.contact_fraction[point.grazing], point.contact_fraction[point.grazing])
     np.testing.assert_array_equal(relaxed.motion, point.motion)
 
 
@@ -162,7 +162,7 @@ def half(problem: ContactProblem) -> Mask:
 def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool, helped: bool, conducting, at) -> None:
     """Half of the nodes would slip."""
     problem = conducting(40, 0.3, law, Insulating())
-    problem = replace(problem, system=Counted.of(problem.system, helped=helped))
+    problem = replace(problem, system=OperationCounter.of(problem.system, accelerated=helped))
     point = pressed(problem, half(problem), at)
     assert (relaxed_slip(point) is not point) == (done and helped)
 

@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 
 import meeframe.solvers.auto as auto_module
-import meeframe.solvers.newton as newton_module
-from meeframe.core.contact import ContactProblem, ContactState, Iterate, Solver, Status, resultant
-from meeframe.core.dense_system import DenseSystem
-from meeframe.core.errors import CaseError
-from meeframe.core.law import contact_conductivity
+import meeframe.solvers.newton.method as newton_module
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import own_response
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import library_material
+from meeframe.laws.base import contact_conductivity
+from meeframe.material import library_material
 from meeframe.solvers import (
     Auto,
     BarzilaiBorwein,
-    Limits,
     Nesterov,
     ProjectedCG,
     SemismoothNewton,
+    StoppingCriteria,
     Uzawa,
     residual,
     solve,
 )
-from meeframe.solvers.conduction import own_response
-from meeframe.solvers.newton_steps import Step
+from meeframe.solvers.newton.globalization import Step
+from meeframe.system.dense import DenseSystem
 from meeframe.testing.contact import check_solver
 from meeframe.testing.contact_cases import SphereCase
 from meeframe.testing.force_control import released
@@ -53,7 +53,7 @@ def assert_agree(problem, solvers, tolerance=1e-8):
     state = solution.state
     for solver in solvers:
         got, other = force(problem, solver)
-        differ = np.abs(other.state.closed - state.closed) > 0.5
+        differ = np.abs(other.state.contact_fraction - state.contact_fraction) > 0.5
         if differ.any():
             assert not is_insulated(problem), name(solver)
             assert differ.sum() <= 4, name(solver)
@@ -106,10 +106,10 @@ def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
     gap = ((x - 2.2e-4) ** 2 + (y + 1.1e-4) ** 2) / 0.2 - 4.1e-5
     problem = replace(problem, gap=gap)
     solutions = [force(problem, solver)[1] for solver in (*FRICTIONAL, Uzawa())]
-    closed = solutions[0].state.closed
-    assert ((closed > 1e-6) & (closed < 1.0 - 1e-6)).any()
+    contact_fraction = solutions[0].state.contact_fraction
+    assert ((contact_fraction > 1e-6) & (contact_fraction < 1.0 - 1e-6)).any()
     for solution in solutions[1:]:
-        np.testing.assert_allclose(solution.state.closed, closed, atol=1e-6)
+        np.testing.assert_allclose(solution.state.contact_fraction, contact_fraction, atol=1e-6)
 
 
 @pytest.mark.parametrize(("cells", "material"), [(16, "transverse"), (16, "orthotropic"), (32, "transverse")])
@@ -150,7 +150,9 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
         got, solution = force(other, solver)
         np.testing.assert_allclose(got / (stress * length**2), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
         # round-off may decide on one look of the driver more or less
-        assert abs(solution.iterations - reference.iterations) <= (1 if solver.stride == 1 else solver.stride)
+        assert abs(solution.iterations - reference.iterations) <= (
+            1 if solver.check_interval == 1 else solver.check_interval
+        )
 
 
 @pytest.mark.parametrize("solver", ALL, ids=name)
@@ -231,19 +233,19 @@ class Restless(Solver):
     def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
         load = np.zeros_like(iterate.load)
         load[:, 2] = -np.random.default_rng(iterate.memory).random(len(load))
-        return Iterate(load, iterate.closed, iterate.memory + 1)
+        return Iterate(load, iterate.contact_fraction, iterate.memory + 1)
 
 
 def test_auto_goes_on_where_a_solver_gets_nowhere(sphere, monkeypatch) -> None:
     problem = sphere("orthotropic", IsotropicCoulomb(0.6), cells=8)
     expected, _ = force(problem, Uzawa())
     first, *others = auto_module.STAGES
-    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), *others))
+    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), stall_window=5), *others))
     got, solution = force(problem, Auto())
     assert solution.iterations > 5
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
-    bad = replace(others[0], solver=Restless(), patience=5)
-    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), patience=5), bad, others[1]))
+    bad = replace(others[0], solver=Restless(), stall_window=5)
+    monkeypatch.setattr(auto_module, "STAGES", (replace(first, solver=Restless(), stall_window=5), bad, others[1]))
     got, _ = force(problem, Auto())
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
@@ -282,6 +284,6 @@ def test_nothing_is_touched_whatever_ends_the_iteration(sphere) -> None:
     """Newton's method is asked for a step though no law is violated."""
     problem = sphere("transverse", IsotropicCoulomb(0.3))
     apart = replace(problem, gap=problem.gap - problem.gap.min() + 1e-3)
-    solution = solve(apart, SemismoothNewton(), Limits(1e-6, criterion="paper"))
+    solution = solve(apart, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.residual == 0.0

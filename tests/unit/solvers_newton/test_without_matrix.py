@@ -8,22 +8,31 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 import meeframe.solvers.auto as auto_module
-import meeframe.solvers.newton as newton_module
-from meeframe.core.body import Body
-from meeframe.core.contact import ContactProblem, Solver, Status
-from meeframe.core.fields import Array
-from meeframe.core.law import ConductivityLaw, ContactLaw
+import meeframe.solvers.newton.method as newton_module
+from meeframe.contact.problem import ContactProblem, Solver, Status
 from meeframe.elements import Quad4
-from meeframe.geometry import half_space_mesh
+from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini, StepConductivity
-from meeframe.materials import Material, library_material
-from meeframe.solvers import Auto, BarzilaiBorwein, Limits, Nesterov, ProjectedCG, SemismoothNewton, residual, solve
-from meeframe.solvers.newton_krylov import krylov_step
-from meeframe.solvers.newton_steps import _coupled, _stated, newton_step
-from meeframe.solvers.nonsmooth import Equation
-from meeframe.testing.counted import Counted
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material, library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import (
+    Auto,
+    BarzilaiBorwein,
+    Nesterov,
+    ProjectedCG,
+    SemismoothNewton,
+    StoppingCriteria,
+    residual,
+    solve,
+)
+from meeframe.solvers.newton.globalization import _coupled, _stated, newton_step
+from meeframe.solvers.newton.linear import krylov_step
+from meeframe.solvers.newton.residual import Equation
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
 
@@ -33,17 +42,17 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
     mesh = half_space_mesh(10.0 * WIDTH, WIDTH * (n - 1) / n, n - 1, 1, Quad4())
     system = HalfSpace(matrix_up_to=0).reduce(Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact"))
     x, y, _ = system.points.T
-    freedoms = [freedom(system, PRESS, force)]
+    prescribed_resultants = [freedom(system, PRESS, force)]
     if law.tangential_scaling().any():
-        freedoms += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, ASIDE, 0.0)]
+        prescribed_resultants += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, ASIDE, 0.0)]
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
-    return ContactProblem(Counted.of(system), law, flux, flux, gap, none, none, tuple(freedoms))
+    return ContactProblem(OperationCounter.of(system), law, flux, flux, gap, none, none, tuple(prescribed_resultants))
 
 
 def products(problem: ContactProblem) -> int:
     system = problem.system
-    assert isinstance(system, Counted)
+    assert isinstance(system, OperationCounter)
     return len(system.products)
 
 
@@ -54,8 +63,8 @@ def test_nodes_that_graze_cost_newton_little() -> None:
     )
     solution = solve(conducting, SemismoothNewton())
     assert solution.status is Status.CONVERGED, solution.message
-    closed = solution.state.closed
-    assert ((closed > 0.0) & (closed < 1.0)).any()
+    contact_fraction = solution.state.contact_fraction
+    assert ((contact_fraction > 0.0) & (contact_fraction < 1.0)).any()
     spent = products(conducting)
     assert residual(conducting, solution.state) <= 1e-10
     assert solve(insulated, SemismoothNewton()).status is Status.CONVERGED
@@ -66,9 +75,9 @@ def test_nodes_that_graze_cost_newton_little() -> None:
 def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> None:
     """In single precision or not: judged by the equations themselves, which are in double precision."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
-    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
     equation = Equation.of(problem)
-    blocks = equation.at(near.load, near.closed, np.zeros(32**2, bool), near.motion).linearise()
+    blocks = equation.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion).linearise()
     step = newton_step(equation, blocks, tolerance)
     moved = problem.system.apply(step.local[:, :5]) - equation.modes @ (step.motion / equation.units)
     product = np.einsum("nij,nj->ni", blocks.a.dense(6), step.local) + np.einsum("nij,nj->ni", blocks.b.dense(5), moved)
@@ -85,15 +94,17 @@ def test_steps_leave_as_much_of_the_residual_as_they_may(tolerance: float) -> No
 def test_inverse_serves_where_nodes_stick_as_before() -> None:
     """The next step is then as good; where they slip there is another one."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
-    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
     equation, none = Equation.of(problem), np.zeros(32**2, bool)
-    first = newton_step(equation, equation.at(near.load, near.closed, none, near.motion).linearise(), 1e-9)
-    moved = equation.at(near.load * (1.0 + 1e-6), near.closed, none, near.motion * (1.0 + 1e-6)).linearise()
+    first = newton_step(equation, equation.at(near.load, near.contact_fraction, none, near.motion).linearise(), 1e-9)
+    moved = equation.at(near.load * (1.0 + 1e-6), near.contact_fraction, none, near.motion * (1.0 + 1e-6)).linearise()
     again, alone = newton_step(equation, moved, 1e-9, first.inverse), newton_step(equation, moved, 1e-9)
     assert again.inverse is first.inverse
     np.testing.assert_allclose(again.local, alone.local, atol=1e-6 * np.abs(alone.local[:, :5]).max())
     sheared = near.load * [3.0, 1.0, 1.0, 1.0, 1.0]
-    other = newton_step(equation, equation.at(sheared, near.closed, none, near.motion).linearise(), 1e-2, first.inverse)
+    other = newton_step(
+        equation, equation.at(sheared, near.contact_fraction, none, near.motion).linearise(), 1e-2, first.inverse
+    )
     assert other.inverse is not first.inverse
 
 
@@ -101,9 +112,9 @@ def test_inverse_serves_where_nodes_stick_as_before() -> None:
 def test_motions_that_do_the_same_count_as_one(tolerance: float) -> None:
     """A fourth motion is a combination of the three: nothing resists the two together, but for round-off."""
     problem = dragged(32, IsotropicCoulomb(MU), StepConductivity(np.inf))
-    near = solve(problem, SemismoothNewton(), Limits(1e-2)).state
+    near = solve(problem, SemismoothNewton(), StoppingCriteria(1e-2)).state
     three = Equation.of(problem)
-    point = three.at(near.load, near.closed, np.zeros(32**2, bool), near.motion)
+    point = three.at(near.load, near.contact_fraction, np.zeros(32**2, bool), near.motion)
     mixed = np.column_stack([np.eye(3), [0.3, 0.7, -0.2]])
     measures = np.einsum("km,kni->mni", mixed, three.measures)
     four = replace(three, modes=three.modes @ mixed, measures=measures)
@@ -155,17 +166,17 @@ def test_contacts_that_conduct_close_in_without_coupling(solver: Solver) -> None
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
     approach = (0.3 * WIDTH) ** 2 / RADIUS
     problem = indentation_problem(system, height, approach, conductivity=(np.inf, 0.0), potentials=(1.0, 0.0))
-    solution = solve(problem, solver, Limits(1e-10))
+    solution = solve(problem, solver, StoppingCriteria(1e-10))
     assert solution.status is Status.CONVERGED, solution.message
     assert residual(problem, solution.state) <= 1e-10
 
 
 def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() -> None:
     pressed = dragged(32, Signorini(), Insulating())
-    expected = solve(pressed, ProjectedCG(), Limits(1e-12)).state.load
+    expected = solve(pressed, ProjectedCG(), StoppingCriteria(1e-12)).state.load
     spent = {}
     for solver in (ProjectedCG(), Auto(), SemismoothNewton()):
-        counting = replace(pressed, system=Counted.of(pressed.system))
+        counting = replace(pressed, system=OperationCounter.of(pressed.system))
         solution = solve(counting, solver)
         assert solution.status is Status.CONVERGED, solution.message
         spent[type(solver)] = products(counting)
@@ -179,7 +190,7 @@ def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() ->
 def test_auto_goes_on_by_newton_where_conjugate_gradients_get_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
     pressed = dragged(32, Signorini(), Insulating())
     expected = solve(pressed, SemismoothNewton()).state.load
-    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, steps=0, patience=2))
+    monkeypatch.setattr(auto_module, "FRICTIONLESS", replace(auto_module.FRICTIONLESS, steps=0, stall_window=2))
     solution = solve(pressed, Auto())
     assert solution.status is Status.CONVERGED
     assert solution.iterations > 3
@@ -201,7 +212,7 @@ def test_auto_goes_on_by_conjugate_gradients_where_newtons_method_gets_nowhere(m
     problem = dragged(32, Signorini(), StepConductivity(np.inf))
     expected = solve(problem, SemismoothNewton()).state.load
     first, second = auto_module.CONDUCTING
-    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, patience=2), second))
+    monkeypatch.setattr(auto_module, "CONDUCTING", (replace(first, steps=0, stall_window=2), second))
     monkeypatch.setattr(auto_module, "STAGES", ())
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message
@@ -219,7 +230,7 @@ def test_auto_leaves_conjugate_gradients_where_nodes_graze(potentials, graze: bo
     problem = dragged(64, Signorini(), StepConductivity(np.inf))
     problem = replace(problem, potentials=np.tile(potentials, (64**2, 1)))
     expected = solve(problem, ProjectedCG())
-    assert ((expected.state.closed > 0.0) & (expected.state.closed < 1.0)).any() == graze
+    assert ((expected.state.contact_fraction > 0.0) & (expected.state.contact_fraction < 1.0)).any() == graze
     solution = solve(problem, Auto())
     assert solution.status is Status.CONVERGED, solution.message
     largest = np.abs(expected.state.load).max(axis=0)
@@ -269,9 +280,9 @@ def test_a_contact_that_has_lifted_off(law: ContactLaw, flux: ConductivityLaw) -
 
 
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
-@pytest.mark.parametrize(("n", "limits"), [(64, Limits()), (24, Limits(1e-6, criterion="paper"))])
+@pytest.mark.parametrize(("n", "limits"), [(64, StoppingCriteria()), (24, StoppingCriteria(1e-6, criterion="paper"))])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
-def test_a_force_that_is_none(law: ContactLaw, n: int, limits: Limits, solver: Solver) -> None:
+def test_a_force_that_is_none(law: ContactLaw, n: int, limits: StoppingCriteria, solver: Solver) -> None:
     """No law is violated from the beginning, on the coarser grid of the larger one as well."""
     solution = solve(dragged(n, law, Insulating(), 0.0), solver, limits)
     assert solution.status is Status.CONVERGED, solution.message
@@ -301,7 +312,7 @@ class Torn(ContactLaw):
 def test_tangents_that_are_no_numbers_leave_gradient_steps() -> None:
     given = dragged(16, Signorini(), Insulating())
     expected = solve(given, SemismoothNewton()).state.load
-    solution = solve(replace(given, contact_law=Torn(Signorini())), SemismoothNewton(), Limits(1e-8))
+    solution = solve(replace(given, contact_law=Torn(Signorini())), SemismoothNewton(), StoppingCriteria(1e-8))
     assert solution.status is Status.CONVERGED, solution.message
     np.testing.assert_allclose(solution.state.load, expected, atol=1e-5 * np.abs(expected).max())
 
@@ -311,8 +322,8 @@ def test_tangents_that_are_no_numbers_leave_gradient_steps() -> None:
 def test_no_step_from_tangents_that_are_no_numbers(law: ContactLaw, free: bool) -> None:
     """Rather than one of zero, which would pass for the solution."""
     problem = replace(dragged(16, Torn(law), Insulating()), gap=np.full(256, -1e-5))
-    problem = problem if free else replace(problem, freedoms=())
+    problem = problem if free else replace(problem, prescribed_resultants=())
     equation = Equation.of(problem)
-    motion, closed = np.zeros(len(problem.freedoms)), np.ones(256)
-    blocks = equation.at(np.zeros((256, 5)), closed, np.zeros(256, bool), motion).linearise()
+    motion, contact_fraction = np.zeros(len(problem.prescribed_resultants)), np.ones(256)
+    blocks = equation.at(np.zeros((256, 5)), contact_fraction, np.zeros(256, bool), motion).linearise()
     assert not newton_step(equation, blocks).finite

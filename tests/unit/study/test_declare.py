@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from meeframe.core.errors import CaseError
+from meeframe.common.errors import CaseError
 from meeframe.study.declare import PanelTable, changed, load_study
 
 TABLES = {"solver": "auto", "contact": {"law": {"name": "isotropic-coulomb", "mu": 0.3}}, "steps": [{"approach": 1.0}]}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.report.study import study_figure
+from meeframe.common.errors import CaseError
+from meeframe.study.reports.study import study_figure
 from meeframe.study.solve import solve_study
 
 STUDY = """

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.case.load import case_from_tables, load_case
-from meeframe.materials.half_space import axisymmetric_compliance
+from meeframe.material.half_space import axisymmetric_compliance
+from meeframe.model.load import case_from_tables, load_case
 from meeframe.study.declare import changed, load_study
 from meeframe.study.reproduce import known_studies
 from meeframe.testing.closed_forms import CONDITIONS, Sphere, indent

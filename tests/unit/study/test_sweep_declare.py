@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meeframe.core.errors import CaseError
-from meeframe.core.sweep import SweepResult
-from meeframe.io.sweep import write_sweep
+from meeframe.common.errors import CaseError
+from meeframe.results.sweep_files import write_sweep
+from meeframe.results.sweep_records import SweepResult
 from meeframe.study.declare import checked
-from meeframe.study.sweep_declare import SweepTable
+from meeframe.study.sweep.declare import SweepTable
 
 STUDY = """
 case = "case.toml"
@@ -235,7 +235,7 @@ def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     found: dict = {}
     exec(select, found)
     np.testing.assert_array_equal(found["deep"], numbers[:, 1])
-    np.testing.assert_array_equal(found["rough"], numbers[2])
+    np.testing.assert_array_equal(found["frictional"], numbers[2])
     np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
 
 

@@ -9,21 +9,22 @@ from weakref import WeakSet
 import numpy as np
 import pytest
 
-from meeframe.case import solve
-from meeframe.case.cache import case_key, code_key, system_key
-from meeframe.case.load import load_case
-from meeframe.case.solve import bodies_of, reduce, solve_case
-from meeframe.core.errors import CaseError, MeshError, PluginFault, ResultError, TooLargeError
-from meeframe.core.formulation import Formulation, NodalFields, ReducedSystem
-from meeframe.core.result import resultants
-from meeframe.core.toml import toml_text
+from meeframe.common.errors import CaseError, MeshError, PluginFault, ResultError, TooLargeError
+from meeframe.common.toml import toml_text
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb
-from meeframe.study import sweep_dask
+from meeframe.model import solve
+from meeframe.model.cache import case_key, code_key, system_key
+from meeframe.model.load import load_case
+from meeframe.model.solve import bodies_of, reduce, solve_case
+from meeframe.results.records import resultants
 from meeframe.study.declare import changed
-from meeframe.study.sweep_dask import Sealed, reduced, solved_there
-from meeframe.study.sweep_engine import InProcess, grouped, pool_of, solve_points
-from meeframe.study.sweep_points import Outcome, Point, PointStatus, read_outcome, write_outcome
+from meeframe.study.sweep import dask as sweep_dask
+from meeframe.study.sweep.dask import Sealed, reduced, solved_there
+from meeframe.study.sweep.engine import InProcess, grouped, pool_of, solve_points
+from meeframe.study.sweep.points import Outcome, Point, PointStatus, read_outcome, write_outcome
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 
 @pytest.fixture
@@ -46,7 +47,7 @@ class Hidden(Formulation):
         pass
 
     def reduce(self, body, progress=None):
-        from meeframe.geometry import zone_frames
+        from meeframe.mesh import zone_frames
 
         zone = zone_frames(body.mesh, body.contact_group)
         parts = zone.points, zone.frames, zone.weights, zone.cells, np.zeros((len(zone.points), 5))
@@ -242,7 +243,7 @@ def test_so_it_is_on_a_worker(point, tmp_path, error, status):
     assert "no" in outcome.message
 
 
-@pytest.mark.parametrize("module", ["meeframe.case.cache.read_system", "meeframe.case.cache.write_system"])
+@pytest.mark.parametrize("module", ["meeframe.model.cache.read_system", "meeframe.model.cache.write_system"])
 def test_memory_that_ends_around_a_reduction(point, tmp_path, monkeypatch, module):
     def end(*_):
         raise MemoryError("no")
@@ -265,7 +266,7 @@ def test_a_full_disk_is_nothing_of_a_point(point, tmp_path, monkeypatch):
     folders[0].mkdir()
     ((key, body),) = ((system_key(*body), body) for body in bodies_of(here.case))
     with monkeypatch.context() as patch:
-        patch.setattr("meeframe.case.cache.write_system", full)
+        patch.setattr("meeframe.model.cache.write_system", full)
         with pytest.raises(ResultError, match="no space left"):
             list(solve_points([here], InProcess(), *folders))
         with pytest.raises(ResultError, match="no space left"):
@@ -299,7 +300,7 @@ def test_workers_with_other_code_are_found_out(point, monkeypatch):
     case = point().case
     sealed = Sealed.of(case, (), code_key(case))
     assert case_key(sealed.open()) == case_key(case)
-    monkeypatch.setattr("meeframe.case.cache._sources", lambda _: b"of another version")
+    monkeypatch.setattr("meeframe.model.cache._sources", lambda _: b"of another version")
     with pytest.raises(CaseError, match="runs other code than this command: sources or versions differ; allowed: the"):
         solved_there(sealed)
     with pytest.raises(CaseError, match="runs other code than this command: No module named 'absent_plugin'"):

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meeframe.core.errors import CaseError
-from meeframe.report.extrapolation import Basis, of_order, richardson
+from meeframe.common.errors import CaseError
+from meeframe.study.reports.extrapolation import Basis, of_order, richardson
 
 SIZES = (0.4, 0.2, 0.1)
 

@@ -4,7 +4,7 @@ from copy import deepcopy
 
 import pytest
 
-from meeframe.core.errors import CaseError, PluginError
+from meeframe.common.errors import CaseError, PluginError
 from meeframe.study.refinement import coarser, element_size
 
 MESH = {"divisions": 16, "rings": 8, "layers": 4, "height": "120 mm", "half_width": 0.05}
@@ -37,10 +37,10 @@ def test_the_same_size_is_the_same_mesh(registry):
 
 
 def test_both_bodies_follow(registry):
-    counter = {"mesh": MESH | {"divisions": 12}, "formulation": {"name": "skfem"}}
-    found = coarser({"mesh": MESH, "counter_body": counter}, 4.0, registry)
-    assert (found["mesh"]["divisions"], found["counter_body"]["mesh"]["divisions"]) == (4, 3)
-    assert found["counter_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
+    second_body = {"mesh": MESH | {"divisions": 12}, "formulation": {"name": "skfem"}}
+    found = coarser({"mesh": MESH, "second_body": second_body}, 4.0, registry)
+    assert (found["mesh"]["divisions"], found["second_body"]["mesh"]["divisions"]) == (4, 3)
+    assert found["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
 
 
 def test_an_element_is_left(registry):
@@ -57,9 +57,9 @@ def test_sizes_of_elements():
     [
         ({"mesh": {"file": "a.msh"}}, CaseError, "mesh.file: a mesh that is read cannot be coarsened"),
         (
-            {"mesh": MESH, "counter_body": {"mesh": {"file": "a.msh"}}},
+            {"mesh": MESH, "second_body": {"mesh": {"file": "a.msh"}}},
             CaseError,
-            "counter_body.mesh.file: a mesh that is read",
+            "second_body.mesh.file: a mesh that is read",
         ),
         ({"mesh": MESH, "restart": {"from": "out"}}, CaseError, "restart: a run is continued on its own mesh"),
         ({"mesh": MESH, "formulation": "skfen"}, PluginError, "unknown formulation 'skfen'"),

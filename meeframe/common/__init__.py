@@ -1,0 +1,1 @@
+"""Errors, memoization, threads and files that every room may use."""

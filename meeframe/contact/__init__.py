@@ -1,0 +1,1 @@
+"""Contact problems: unknowns, residual, scales and feasibility."""

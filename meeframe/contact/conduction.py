@@ -1,0 +1,197 @@
+"""The flux law at contact size: resistances, the switch between open and closed, and the graph between them.
+
+A law that jumps at zero traction (eqs. 17, 18) makes the problem quasi-variational: a node that conducts may lift off,
+no longer conduct, touch again, and so for ever. Such a node grazes: the problem with the jump has no solution, the one
+with the jump's filled-in graph has. There a node with zero traction and zero gap carries any fraction
+`contact_fraction` in [0, 1] of the conductivity of a closed contact, and
+    closed = clip(closed - (p_nu + r g_nu) / p_o, 0, 1)
+says all of it, for any r > 0 and any pressure p_o > 0: closed is one where p_nu < 0, zero where g_nu > 0, and between
+only where both vanish.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.memoize import memoize_by_identity
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
+from meeframe.laws.base import ConductivityLaw, conducts, contact_conductivity
+from meeframe.system.capabilities import diagonal
+
+Mask = NDArray[np.bool_]
+
+FLIPS: Final = 3
+"""So many times may a node open and close before it is taken to graze."""
+GAIN_GROWTH: Final = 1.1
+GAIN_FALL: Final = 0.75
+GAIN_LIMITS: Final = (1e-3, 1e12)
+ROOT_OFF: Final = 1e-15
+"""Of the drop that is left at a node, as a fraction of the one without flux, and of itself."""
+ROOT_STEPS: Final = 180
+TOUCHING: Final = -float(np.finfo(float).tiny)
+"""A normal traction that is hardly one [Pa]: laws are evaluated on the closed side of their jump."""
+
+
+def conducting(problem: ContactProblem) -> bool:
+    """Whether any of the laws conducts."""
+    return conducts(problem.electric_law) or conducts(problem.magnetic_law)
+
+
+def resistances(
+    problem: ContactProblem, normal_traction: Array, contact_fraction: Array, own: Array, ahead: Array | None = None
+) -> Array:
+    """Resistances 1/kappa of the electric and the magnetic contact, (n, 2): 0 conducts perfectly, inf insulates.
+
+    normal_traction: (n,) of the contact; contact_fraction: (n,); own: (n, 2) > 0, response of each node's potentials
+    to their own flux density, which is the measure of a fraction: the transmissivity kappa own / (1 + kappa own) is
+    interpolated, so that a fraction of a perfect conductor is one of finite resistance; ahead: (n, 5) of the indenter
+    over the body, as `unloaded` makes it, for laws that follow the gap or the drop. Nodes without an indenter above
+    are insulated.
+    """
+    ahead = np.zeros((N_FIELDS, len(own))).T if ahead is None else np.where(np.isfinite(ahead), ahead, 0.0)
+    columns = [
+        _resistance(law, normal_traction, contact_fraction, own[:, k], np.maximum(ahead[:, 2], 0.0), ahead[:, 3 + k])
+        for k, law in enumerate((problem.electric_law, problem.magnetic_law))
+    ]
+    found = np.where(np.isfinite(problem.gap), columns, np.inf).T
+    return found if problem.area_fraction is None else _at_edge(problem, problem.area_fraction, normal_traction, found)
+
+
+def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
+    """The indenter ahead of the body (n, 5) as if no node had its own flux (n, 2), whose response is `own` (n, 2).
+
+    The conductivity of a drop is looked for together with it, node by node, from there: a law that conducts steeply
+    above some drop would throw iterations on the drop itself to and fro.
+    """
+    moved = ahead.copy(order="K")
+    moved[:, ELECTRIC:] += own * flux
+    return moved
+
+
+@memoize_by_identity
+def own_response(problem: ContactProblem) -> Array:
+    """Response of each node's two potentials to their own flux density, (n, 2)."""
+    own = diagonal(problem.system, (ELECTRIC, MAGNETIC))
+    own.setflags(write=False)  # the judge uses it, too
+    return own
+
+
+@dataclass(frozen=True, eq=False)
+class Switches:
+    """How an iteration opens and closes the conduction of each node; arrays (n,).
+
+    A node conducts when it has traction (eqs. 17, 18), until it has changed more than FLIPS times. From then on it is
+    taken to graze and steps along the filled-in graph instead. The trial traction p_nu + r g_nu that drives it says
+    both where the node is and where it is going, which damps the interplay with the slower tractions; the step grows
+    while the trial keeps its sign and shrinks when that reverses.
+
+    flips: changes so far; gain: of the grazing node's step; side: sign of the last trial traction.
+    """
+
+    flips: Array
+    gain: Array
+    side: Array
+
+    @classmethod
+    def unused(cls, n: int) -> "Switches":
+        """Of n nodes at the beginning."""
+        return cls(np.zeros(n), np.ones(n), np.zeros(n))
+
+    def next(self, was_touching: Mask, touching: Mask, trial: Array) -> "Switches":
+        """After one step of the tractions."""
+        side = np.sign(trial)
+        gain = np.clip(self.gain * np.where(side == self.side, GAIN_GROWTH, GAIN_FALL), *GAIN_LIMITS)
+        return Switches(self.flips + (touching != was_touching), np.where(self.flips > FLIPS, gain, 1.0), side)
+
+    def contact_fraction(self, before: Array, touching: Mask, trial: Array, pressure: float) -> Array:
+        """Closed fractions (n,) after those `before` the step; pressure: the characteristic one [Pa]."""
+        return np.where(self.flips > FLIPS, switch(before, self.gain * trial, pressure), touching)
+
+
+def switch(contact_fraction: Array, trial: Array, pressure: float) -> Array:
+    """clip(closed - trial / pressure, 0, 1), (n,): the filled-in graph as a fixed point; trial = p_nu + r g_nu (n,)."""
+    return np.clip(contact_fraction - trial / pressure, 0.0, 1.0)
+
+
+def follows_gap(problem: ContactProblem) -> bool:
+    """Whether a conductivity of the problem depends on the gap or the drop."""
+    return problem.electric_law.across_gap or problem.magnetic_law.across_gap
+
+
+def _resistance(
+    law: ConductivityLaw, normal_traction: Array, contact_fraction: Array, own: Array, gap: Array, drop: Array
+) -> Array:
+    nothing = np.zeros_like(normal_traction)
+    shut, apart = contact_fraction == 1.0, contact_fraction == 0.0
+    # a law that follows the drop is looked for at many drops: not where no node asks for it
+    kappa = nothing if apart.all() else _alone(law, np.minimum(normal_traction, TOUCHING), nothing, drop, own)
+    kappa_open = nothing if shut.all() else _alone(law, nothing, gap, drop, own)
+    with np.errstate(divide="ignore", over="ignore"):
+        if shut.all() or apart.all():
+            return np.asarray(1.0 / (kappa if shut.any() else kappa_open))
+        found = np.where(shut, 1.0 / kappa, 1.0 / kappa_open)
+        at = np.flatnonzero(~(shut | apart))
+        conducting, insulating = (_transmissivity(part[at], own[at]) for part in (kappa, kappa_open))
+        found[at] = own[at] * (
+            1.0 / (contact_fraction[at] * conducting + (1.0 - contact_fraction[at]) * insulating) - 1.0
+        )
+    return np.asarray(found)
+
+
+def _alone(law: ConductivityLaw, normal_traction: Array, gap: Array, drop: Array, own: Array) -> Array:
+    """kappa (n,) at what is left of a drop without flux: the fraction x of it with x (1 + own kappa(x drop)) = 1.
+
+    By regula falsi (Illinois), which creeps where a flat piece meets a steep one: every third turn halves the bracket.
+    Where kappa jumps there it is the value in between that lets x be the root.
+    """
+    kappa = law.conductivity(normal_traction, gap, drop)
+    if not law.across_gap:
+        return kappa
+
+    def excess(fraction: Array) -> Array:
+        flux = fraction * own * law.conductivity(normal_traction, gap, fraction * drop)
+        return np.where(np.isnan(flux), 0.0, fraction + flux - 1.0)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        here = 1.0 / (1.0 + own * kappa)
+        value = excess(here)
+        simple = np.abs(value) <= ROOT_OFF
+        other = np.where(value < 0.0, 1.0, 0.0)
+        beyond = np.where(value < 0.0, own * kappa, -1.0)
+        for turn in range(ROOT_STEPS):
+            found = (np.abs(value) <= ROOT_OFF) | (np.abs(here - other) <= ROOT_OFF * here)
+            if found.all():
+                break
+            secant = here - value * (here - other) / (value - beyond)
+            halved = 0.5 * (here + other)
+            following = np.where(np.isfinite(secant) & (turn % 3 < 2), secant, halved)
+            following = np.where(found, here, following)
+            change = excess(following)
+            crossed = change * value < 0.0
+            other, beyond = np.where(crossed, (here, value), (other, 0.5 * beyond))
+            here, value = following, change
+        return np.where(simple, kappa, (1.0 / here - 1.0) / own)
+
+
+def _at_edge(problem: ContactProblem, area_fraction: Array, normal_traction: Array, found: Array) -> Array:
+    """Resistances (n, 2) with those of nodes that are partly covered (n,): there what a law conducts without pressure
+    counts on the part that is covered alone, and does so whether the node itself has pressure or not."""
+    resistance = found.copy()
+    at = np.flatnonzero((area_fraction > 0.0) & (area_fraction < 1.0))
+    for k, law in enumerate((problem.electric_law, problem.magnetic_law)):
+        if law.across_gap:
+            continue
+        least = contact_conductivity(law, np.full(len(at), TOUCHING))
+        added = contact_conductivity(law, np.minimum(normal_traction[at], TOUCHING))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            more = np.where(least < added, added - least, 0.0)
+            resistance[at, k] = np.where(least > 0.0, 1.0 / (area_fraction[at] * least + more), found[at, k])
+    return resistance
+
+
+def _transmissivity(kappa: Array, own: Array) -> Array:
+    """kappa own / (1 + kappa own), (n,) in [0, 1], also for kappa = 0 and inf."""
+    return np.asarray(1.0 / (1.0 + 1.0 / (kappa * own)))

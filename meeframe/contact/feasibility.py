@@ -1,0 +1,120 @@
+"""Whether prescribed forces and moments can be borne at all by tractions that the contact law admits.
+
+Admissible tractions make up a cone at each node, and so do the resultants of all of them together. By the lemma of
+Farkas a prescribed resultant lies outside of that cone just if some motion has power against it, and none against any
+admissible traction. Generators of the cone are collected, each the traction that resists the present motion the most,
+until the nearest resultant found is right or its difference proves to be such a motion.
+
+Where the approach is prescribed, pressures follow from the solution, and so does what friction bears. That it is too
+little shows once every law is satisfied, all that resists slips, and resultants are missed none the less.
+"""
+
+from typing import Final
+
+import numpy as np
+import scipy  # its parts load where they are used
+
+from meeframe.contact.free_motion import motions, reserve, strongest
+from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
+from meeframe.contact.residual import law_violation
+from meeframe.contact.scales import Scales, largest
+from meeframe.fields import ELECTRIC, MECHANICAL
+from meeframe.laws.base import attracts, conducts
+
+NEGLIGIBLE: Final = 1e-6
+MAX_GENERATORS: Final = 200
+BEYOND: Final = 0.5
+"""Of what resultants are missed by: so much is out of reach under the pressures found, at the least ..."""
+SETTLED: Final = 0.1
+"""... and so much of that may be left of the laws, by which the pressures could still change."""
+
+
+def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
+    """Why no state at all has the prescribed resultants, in words; None if one may have.
+
+    For contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
+    """
+    missing = 0.0 if attracts(problem.contact_law) else _missing_force(problem, scales)
+    if missing > NEGLIGIBLE:
+        return (
+            f"no pressure and friction in the contact add up to the prescribed forces and moments ({missing:.1e} off)"
+        )
+    laws = (problem.electric_law, problem.magnetic_law)
+    for freedom in problem.prescribed_resultants:
+        carried = [freedom.mode[:, ELECTRIC + k].any() and conducts(law) for k, law in enumerate(laws)]
+        if freedom.electromagnetic and freedom.total and not any(carried):
+            return "a charge or magnetic flux is prescribed, but the contact does not conduct it"
+    return None
+
+
+def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:
+    """Why the prescribed tangential resultants cannot be borne at the pressures of a state, in words; None if they may.
+
+    They cannot where the state satisfies everything else, as far as they are missed, and no friction under its
+    pressures brings them nearer: no further motion changes anything then.
+    """
+    dragged = [k for k in motions(problem) if not _lifts(problem, k)]
+    left = unbalance(problem, state.load)
+    relative = left / scales.totals
+    missed = float(np.linalg.norm(relative[dragged]))
+    others = np.delete(relative, dragged)
+    if not NEGLIGIBLE < missed < np.inf:
+        return None
+    measures = [problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in dragged]
+    direction = -np.tensordot(relative[dragged], measures, axes=1)
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    short = missed - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / missed
+    # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
+    if not short >= BEYOND * missed or not largest(others) <= BEYOND * short:
+        return None
+    if not law_violation(problem, state, scales) <= SETTLED * short:
+        return None
+    totals = np.array([problem.prescribed_resultants[k].total for k in dragged])
+    found = np.where(np.abs(totals + left[dragged]) > NEGLIGIBLE * scales.totals[dragged], totals + left[dragged], 0.0)
+    prescribed, borne = (", ".join(f"{value:.4g}" for value in part) for part in (totals, found))
+    return (
+        f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
+        f"and at the pressures found they reach {borne}; allowed: less, a motion in their place, or more pressure "
+        "before they act"
+    )
+
+
+def _missing_force(problem: ContactProblem, scales: Scales) -> float:
+    """Distance of the prescribed resultants to those that can be reached, as a fraction; 0 if it is not certain."""
+    moving = motions(problem)
+    if moving.size == 0:
+        return 0.0
+    below = np.isfinite(problem.gap)
+    measures = np.stack([problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in moving])
+    measures[:, ~below] = 0.0
+    totals = np.array([problem.prescribed_resultants[k].total / scales.totals[k] for k in moving])
+    if not totals.any() and _presses(problem):
+        # ratios of resultants: then some pressure is needed, and how much does not matter
+        weights = np.where(below, problem.system.weights, 0.0)
+        force = weights[:, None] * np.array([0.0, 0.0, -1.0]) / (weights.sum() * scales.pressure)
+        measures, totals = np.concatenate([measures, force[None]]), np.append(totals, 1.0)
+    generators = np.empty((len(totals), 0))
+    difference, missing = totals, float(np.linalg.norm(totals))
+    while missing > NEGLIGIBLE * np.linalg.norm(totals) and generators.shape[1] < MAX_GENERATORS:
+        resisted = np.tensordot(difference, measures, axes=1)
+        resisting = strongest(problem.contact_law, resisted, np.full(len(resisted), -1.0))
+        power = (resisted * resisting).sum(axis=1)
+        node = int(np.argmax(power))
+        generator = measures[:, node] @ resisting[node]
+        if power[node] <= NEGLIGIBLE * missing * np.linalg.norm(generator):
+            return missing / float(np.linalg.norm(totals))
+        generators = np.column_stack([generators, generator / np.linalg.norm(generator)])
+        amounts, missing = scipy.optimize.nnls(generators, totals)
+        difference = totals - generators @ amounts
+    return 0.0
+
+
+def _presses(problem: ContactProblem) -> bool:
+    """Whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
+    lifted = any(_lifts(problem, k) for k in motions(problem))
+    return not lifted and bool((problem.system.offset[:, 2] > problem.gap).any())
+
+
+def _lifts(problem: ContactProblem, freedom: int) -> bool:
+    """Whether a free motion, by its number, takes the indenter towards the body or away from it."""
+    return bool(problem.prescribed_resultants[freedom].mode[np.isfinite(problem.gap), 2].any())

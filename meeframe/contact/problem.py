@@ -1,0 +1,246 @@
+"""Contracts of contact: the contact problem on the reduced system, solvers and their honest status."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from typing import ClassVar, Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.system.reduced import ReducedSystem
+
+AT_REST: Final = np.zeros(0)
+"""Motion of an indenter without freedoms."""
+
+
+class Status(StrEnum):
+    """How an iteration ended. Only CONVERGED is a solution; the others hand over the last state as it is."""
+
+    CONVERGED = "converged"
+    STALLED = "stalled"
+    DIVERGED = "diverged"
+    CYCLING = "cycling"
+    ITERATION_LIMIT = "iteration-limit"
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedResultant:
+    """A rigid motion or a potential of the indenter that is not given; what is given instead is a resultant.
+
+    mode: (n, 5) how the indenter's surface moves per unit of the motion, components and signs as a displacement of
+    ReducedSystem (a unit potential is -1 in its column): either the first three columns or the last two are zero;
+    measure: (n, 5): the resultant of a load is sum(measure * load); total: what it has to be. With measure =
+    weights * mode it is the force or moment [N, N m] on the body along the motion.
+    Raises CaseError if an array has the wrong shape or a value that is not finite, or if the mode mixes motion and
+    potential.
+    """
+
+    mode: Array
+    measure: Array
+    total: float
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.mode)
+        if len(shape) != 2 or shape[1] != N_FIELDS or np.shape(self.measure) != shape:
+            raise CaseError(f"a freedom of {shape} and {np.shape(self.measure)}: mode and measure are both (n, 5)")
+        if not all(np.isfinite(part).all() for part in (self.mode, self.measure, self.total)):
+            raise CaseError("a freedom of the indenter is not finite; allowed: finite mode, measure and total")
+        if len({k >= ELECTRIC for k in self.moved}) != 1:
+            raise CaseError("a freedom of the indenter is either a motion or a potential, not both and not nothing")
+
+    @property
+    def electromagnetic(self) -> bool:
+        """Whether it is a potential and not a motion."""
+        return max(self.moved) >= ELECTRIC
+
+    @cached_property
+    def moved(self) -> tuple[int, ...]:
+        """Fields of the mode, ..."""
+        return _columns(self.mode)
+
+    @cached_property
+    def measured(self) -> tuple[int, ...]:
+        """... and of the measure."""
+        return _columns(self.measure)
+
+
+def _columns(values: Array) -> tuple[int, ...]:
+    """Of values (n, 5), those that are not zero."""
+    return tuple(k for k in range(N_FIELDS) if (values[:, k] != 0.0).any())  # faster than to ask numbers for any
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """One load step: find the load on the contact zone that satisfies the laws.
+
+    gap: (n,) initial normal gap between body and indenter at this step [m], negative where they overlap, inf where
+    there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
+    potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter; freedoms: motions and potentials of the
+    indenter, on top of those, that follow from prescribed resultants; area_fraction: (n,) the part of each node's area
+    that is in contact where its edge lies between the nodes (EdgeResolution), None where it lies at nodes.
+    Raises CaseError if an array has the wrong shape or a value that is not allowed.
+    """
+
+    system: ReducedSystem
+    contact_law: ContactLaw
+    electric_law: ConductivityLaw
+    magnetic_law: ConductivityLaw
+    gap: Array
+    translation: Array
+    potentials: Array
+    prescribed_resultants: tuple[PrescribedResultant, ...] = ()
+    area_fraction: Array | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.system.points)
+        area_fraction = np.zeros(n) if self.area_fraction is None else self.area_fraction
+        if np.shape(area_fraction) != (n,) or not ((area_fraction >= 0.0) & (area_fraction <= 1.0)).all():
+            raise CaseError(
+                f"area_fraction of the contact problem is {area_fraction!r}; allowed: ({n},) numbers from 0 to 1"
+            )
+        for freedom in self.prescribed_resultants:
+            if len(freedom.mode) != n:
+                raise CaseError(f"a freedom of the contact problem has {len(freedom.mode)} nodes; {n} are needed")
+        for name, shape in (("gap", (n,)), ("translation", (n, 2)), ("potentials", (n, 2))):
+            array = getattr(self, name)
+            if np.shape(array) != shape:
+                raise CaseError(f"{name} of the contact problem has shape {np.shape(array)}; {shape} is needed")
+            bad = np.isnan(array) | (array == -np.inf) if name == "gap" else ~np.isfinite(array)
+            if bad.any():
+                node = int(np.argwhere(bad)[0][0])
+                allowed = "finite values or inf" if name == "gap" else "finite values"
+                raise CaseError(f"{name} of the contact problem at node {node} is {array[node]}; allowed: {allowed}")
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """What a solver works on.
+
+    load: (n, 5) as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a closed contact's conductivity
+    that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at nodes that graze (see
+    ContactState); memory: whatever the solver that made it wants to find again at its next step; nobody else reads it;
+    motion: (m,) of the problem's freedoms; estimate: the solver's own guess of the residual, None without one: the
+    driver, who judges by himself, looks less often before it is small.
+    """
+
+    load: Array
+    contact_fraction: Array
+    memory: object = None
+    motion: Array = field(default_factory=lambda: AT_REST)
+    estimate: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState:
+    """A state of the contact zone.
+
+    load: (n, 5); displacement: (n, 5), both as in ReducedSystem; contact_fraction: (n,) in [0, 1], the fraction of a
+    closed contact's conductivity that is in force: 1 where p_nu < 0, 0 where the contact is open, between them only at
+    nodes that graze (zero traction and zero gap); motion: (m,) of the problem's freedoms, in the units of their modes.
+    """
+
+    load: Array
+    displacement: Array
+    contact_fraction: Array
+    motion: Array = field(default_factory=lambda: AT_REST)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSolution:
+    """What the driver loop hands over: the last state, its status, and the history.
+
+    residual: dimensionless violation of the laws, computed from the state alone; iterations: steps of the solver;
+    history: (m, 2) iteration and the judged quantity (the residual, or the change by the paper's criterion) there;
+    message: why it ended, in words.
+    """
+
+    state: ContactState
+    status: Status
+    iterations: int
+    residual: float
+    history: Array
+    message: str
+
+
+@dataclass(frozen=True)
+class Solver(ABC):
+    """An iteration on a ContactProblem; the fields of a concrete class are its case-file keys.
+
+    A solver is `init` and `step`, `check` if it does not take every problem, and `aimed` if it is the faster the less
+    is asked of it; nothing else: limits, history, the non-finite guard and the status belong to the driver loop in
+    meeframe.solvers.
+    """
+
+    check_interval: ClassVar[int] = 1
+    """Steps between two looks of the driver; more than one for solvers whose step costs less than such a look."""
+    stall_window: ClassVar[int] = 2_000
+    """Steps within which the residual should fall by a tenth; fewer for solvers whose steps cost more."""
+
+    def check(self, problem: ContactProblem) -> None:
+        """Raises CaseError for a problem that the solver does not take; by default it takes all.
+
+        Asked before the body is reduced: the compliance of the problem's system is then zero.
+        """
+        return
+
+    @abstractmethod
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """First iterate; start is the converged state of the previous load step, or None."""
+
+    @abstractmethod
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """Next iterate. Must not change its arguments."""
+
+    def aimed(self, iterate: Iterate, residual: float) -> Iterate:
+        """The first iterate, knowing which residual is asked for: none need do better. By default none cares."""
+        return iterate
+
+
+def indenter_position(problem: ContactProblem, motion: Array = AT_REST) -> Array:
+    """Where the indenter is, (n, 5) = (translation, gap, -phi_o, -psi_o), with the motion (m,) of the freedoms.
+
+    Its difference to the body's displacement is the contact gap and the drop of the potentials.
+    """
+    position = np.empty((N_FIELDS, len(problem.gap))).T  # one field after another
+    for k in range(N_FIELDS):
+        position[:, k] = indenter_field(problem, k, motion)
+    return position
+
+
+def indenter_field(problem: ContactProblem, field: int, motion: Array = AT_REST) -> Array:
+    """One field (n,) of the indenter's position (n, 5), with the motion (m,) of the freedoms."""
+    if field >= ELECTRIC:
+        position = -problem.potentials[:, field - ELECTRIC]
+    else:
+        position = (*problem.translation.T, problem.gap)[field].copy()
+    for freedom, amount in zip(problem.prescribed_resultants, motion, strict=True):
+        if field in freedom.moved:
+            position += amount * freedom.mode[:, field]
+    return position
+
+
+def contact_gap(problem: ContactProblem, displacement: Array, motion: Array = AT_REST) -> Array:
+    """Gap (n, 3) = (translation - u_tau, gap - u_nu) of a displacement (n, 5) or (n, 3) [m].
+
+    motion: (m,) of the freedoms, which the indenter has gone besides.
+    """
+    gap: Array = indenter_position(problem, motion)[:, MECHANICAL] - displacement[:, MECHANICAL]
+    return gap
+
+
+def unbalance(problem: ContactProblem, load: Array) -> Array:
+    """Resultants of a load (n, 5) less the prescribed ones, (m,), for the problem's freedoms."""
+    return np.array(
+        [sum(f.measure[:, k] @ load[:, k] for k in f.measured) - f.total for f in problem.prescribed_resultants]
+    )
+
+
+def resultant(system: ReducedSystem, load: Array) -> tuple[Array, float, float]:
+    """Force on the body (3,) [N] in global axes, charge [C] and magnetic flux [Wb] of a load (n, 5)."""
+    tractions = np.einsum("na,nai->ni", load[:, :3], system.frames)
+    force: Array = system.weights @ tractions
+    return force, float(system.weights @ load[:, 3]), float(system.weights @ load[:, 4])

@@ -1,0 +1,126 @@
+"""The judge: how far a state is from satisfying the laws, whoever made it."""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import conducting, follows_gap, own_response, resistances, switch, unloaded
+from meeframe.contact.nested import same_everywhere
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
+from meeframe.contact.scales import Scales, largest, problem_scales
+from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS
+from meeframe.laws.base import ContactLaw, augmented_traction, conducts, contact_traction, fixed_point_map
+from meeframe.system.capabilities import apply_load
+
+ALL_FIELDS: Final = tuple(range(N_FIELDS))
+BLOCK: Final = 2**14
+"""Nodes at which laws are asked at once."""
+
+
+def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
+    """Fields of the displacement that the laws ask for: without them the law residual is the same."""
+    law = problem.contact_law
+    slides = not law.tangential_scaling().any() and type(law).resolve is ContactLaw.resolve
+    asked = (not slides, not slides, True, conducts(problem.electric_law), conducts(problem.magnetic_law))
+    return tuple(np.flatnonzero(asked).tolist())
+
+
+def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] = ALL_FIELDS) -> ContactState:
+    """The state of an iterate: its displacement by one application of the compliance, zero but in the given fields.
+
+    All of them are those of `apply`, some of them those of `apply_load`.
+
+    Raises CaseError if its solver does not find the free motions of the problem.
+    """
+    if np.shape(iterate.motion) != (len(problem.prescribed_resultants),):
+        raise CaseError(
+            f"the solver found {np.size(iterate.motion)} of the {len(problem.prescribed_resultants)} motions and "
+            "potentials of the indenter that are free; allowed with prescribed resultants: a solver that finds them, "
+            "such as 'auto'"
+        )
+    displacement = np.zeros((N_FIELDS, len(iterate.load))).T
+    system = problem.system
+    caused = system.apply(iterate.load) if fields == ALL_FIELDS else apply_load(system, iterate.load, fields)
+    for field, part in zip(fields, caused.T, strict=True):  # stored one after another
+        np.add(system.offset[:, field], part, out=displacement[:, field])
+    return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)
+
+
+def residual(problem: ContactProblem, state: ContactState, scales: Scales | None = None) -> float:
+    """Dimensionless violation of the problem by a state: the largest of the five below; inf if it is not finite.
+
+    Everything follows from the load, the displacement and the closed fraction by the laws, nothing from the solver, in
+    units of magnitudes characteristic of the problem's data (`scales`, computed if not given):
+    consistency, displacement = offset + compliance(load); the contact law as a fixed point of its projection (eqs. 27,
+    28 with r the inverse of a characteristic compliance); the flux laws with the conductivity of the state's traction
+    and closed fraction; the closed fraction itself (see meeframe.contact.conduction); the balance of the prescribed
+    resultants, by summation of the load.
+    """
+    scales = scales or problem_scales(problem)
+    expected = problem.system.offset + problem.system.apply(state.load)
+    consistency = np.abs(state.displacement - expected) / scales.displacement
+    worst = max(float(consistency.max(initial=0.0)), law_residual(problem, state, scales))
+    return worst if np.isfinite(worst) else np.inf
+
+
+def law_residual(
+    problem: ContactProblem, state: ContactState, scales: Scales, fields: tuple[int, ...] = ALL_FIELDS
+) -> float:
+    """The residual without the consistency of load and displacement.
+
+    fields: of the displacement that are known, at least those that the laws ask for.
+    """
+    known = [state.displacement] if fields == ALL_FIELDS else [state.displacement[:, field] for field in fields]
+    if not all(np.isfinite(part).all() for part in (state.load, *known, state.contact_fraction, state.motion)):
+        return np.inf
+    balance = largest(unbalance(problem, state.load) / scales.totals)
+    worst = float(np.max([law_violation(problem, state, scales), balance]))
+    return worst if np.isfinite(worst) else np.inf
+
+
+def law_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
+    """The residual of the laws alone, whatever the resultants are; nan if it is not a number."""
+    return float(np.max([_contact_violation(problem, state, scales), *_flux_violation(problem, state, scales)]))
+
+
+def _contact_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> float:
+    """The largest of the contact law and of the closed fraction: by blocks of nodes, which stay near the processor,
+    if the law is the same at all of them."""
+    law, n, r = problem.contact_law, len(state.load), 1.0 / scales.normal_compliance
+    asked = [axis for axis in judged_fields(problem) if axis < ELECTRIC]
+    position = {axis: indenter_field(problem, axis, state.motion) for axis in asked}
+    size, worst = BLOCK if same_everywhere(law, n) else max(n, 1), [0.0]
+    for first in range(0, n, size):
+        nodes = slice(first, first + size)
+        traction, contact_fraction = state.load[nodes, MECHANICAL], state.contact_fraction[nodes]
+        gap = np.zeros((3, len(contact_fraction))).T
+        for axis in asked:
+            np.subtract(position[axis][nodes], state.displacement[nodes, axis], out=gap[:, axis])
+        trial = augmented_traction(law, traction, gap, (r, r))
+        worst.append(largest(traction - fixed_point_map(law, trial, gap, (r, r))) / scales.pressure)
+        worst.append(largest(contact_fraction - switch(contact_fraction, trial[:, 2], scales.pressure)))
+    return float(np.max(worst))
+
+
+def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
+    """The largest R f + (-phi + phi_o) as a fraction of a characteristic potential, and f alone where insulated.
+
+    One where a law says no number: it does not hold, but may where the iteration goes from there.
+    """
+    compliance, potential = np.diag(scales.compliance)[3:], scales.displacement[3:]
+    if not conducting(problem):
+        insulated = zip(state.load.T[3:], compliance, potential, strict=True)
+        return [largest(flux) * c / scale for flux, c, scale in insulated]
+    ahead = indenter_position(problem, state.motion)
+    ahead -= state.displacement
+    pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
+    own = own_response(problem)
+    alone = unloaded(ahead, state.load[:, 3:], own) if follows_gap(problem) else None
+    resistance = resistances(problem, pressing, state.contact_fraction, own, alone)
+    difference = -ahead[:, 3:]
+    share = compliance / (compliance + resistance)
+    drop = np.where(share > 0.0, difference, 0.0) * share + (1.0 - share) * compliance * state.load[:, 3:]
+    return [
+        largest(np.where(np.isnan(part), scale, part)) / scale for part, scale in zip(drop.T, potential, strict=True)
+    ]

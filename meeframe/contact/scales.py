@@ -1,0 +1,206 @@
+"""Characteristic magnitudes of a contact problem: what its residual is measured in."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.memoize import memoize_by_identity
+from meeframe.contact.free_motion import balanced_projection, motions
+from meeframe.contact.nested import Coarse, alike, coarse_problem, same_area, same_everywhere
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
+from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, N_FIELDS, Array
+from meeframe.laws.base import attraction, conducts
+from meeframe.system.capabilities import Multigrid, apply_load
+from meeframe.system.reduced import ReducedSystem
+
+Mask = NDArray[np.bool_]
+
+POTENTIALS = (ELECTRIC, MAGNETIC)
+RESOLVED: Final = 4e-5
+"""Of the way that a free indenter goes to the body: round-off of the gap leaves a shallower depth no ten digits."""
+ENOUGH: Final = 5_000
+"""Nodes that tell the magnitude of a compliance."""
+FOUNDATION_STEPS: Final = 3
+"""Of the estimate how far the free indenter goes: each takes the compliance of the area that the last one found."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Characteristic magnitudes, from the data of the problem alone and homogeneous in units, moduli and lengths.
+
+    compliance: (5, 5) largest displacement of field J under a uniform unit load of field K over the nodes that the
+    indenter overlaps; displacement, load: (5,) and totals: (m,), of the freedoms, expected magnitudes, positive.
+    """
+
+    compliance: Array
+    displacement: Array
+    load: Array
+    totals: Array
+
+    @property
+    def normal_compliance(self) -> float:
+        """Normal displacement under uniform unit pressure [m/Pa]: a bound of the largest eigenvalue."""
+        return float(self.compliance[2, 2])
+
+    @property
+    def pressure(self) -> float:
+        """Characteristic contact pressure [Pa]."""
+        return float(self.load[2])
+
+
+@memoize_by_identity
+def problem_scales(problem: ContactProblem) -> Scales:
+    """Scales of a problem: five applications of the compliance, more if the indenter moves freely.
+
+    The overlap of the indenter with the unloaded surface sets the displacements, where the indenter is free that of an
+    elastic foundation under the prescribed forces; prescribed potentials and charges set the others, and the pressures
+    they cause, where a law conducts. Pressures are at least as large as the attraction at first.
+    An interface that yields by itself is in series with the body. The compliance of large bodies is measured on a
+    coarser division, where that has the overlap; the overlap itself is that of all nodes.
+    """
+    motion, offset = _foundation_motion(problem), problem.system.offset
+    above = indenter_field(problem, 2, motion)
+    overlap = offset[:, 2] - above
+    loaded = _loaded(overlap)
+    below = loaded & np.isfinite(problem.gap)
+    depth = max(_depth(overlap), RESOLVED * largest(above[below] - problem.gap[below]))
+    compliance = _uniform_response(problem.system, loaded)
+    pressure = _pressure(problem, overlap, depth, compliance[2, 2])
+    charged = _prescribed_flux(problem, loaded)
+    drop = [largest(offset[:, field] - indenter_field(problem, field, motion)) for field in POTENTIALS]
+    potential = np.maximum(drop, charged * compliance[POTENTIALS, POTENTIALS])
+    laws = (problem.electric_law, problem.magnetic_law)
+    flux = np.where([conducts(law) for law in laws], potential / compliance[POTENTIALS, POTENTIALS], 0.0)
+    pressure = max(pressure, *(compliance[2, 3:] * flux / compliance[2, 2]))
+    load = np.array([pressure, pressure, pressure, 0.0, 0.0])
+    induced = compliance[3:, 2] * pressure
+    load[3:] = np.maximum(flux, induced / compliance[POTENTIALS, POTENTIALS])
+    displacement = np.maximum([largest(column) for column in offset.T], compliance @ load)
+    moved = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
+    displacement[:2] = np.maximum(displacement[:2], moved)
+    displacement[3:] = np.maximum(displacement[3:], potential)
+    load = _positive(load)
+    totals = [max(abs(f.total), _borne(f, loaded, load)) for f in problem.prescribed_resultants]
+    return Scales(compliance, _positive(displacement), load, _positive(np.array(totals)))
+
+
+def motion_scales(problem: ContactProblem, scales: Scales) -> Array:
+    """Characteristic amounts (m,) of the prescribed_resultants: their modes then reach the characteristic
+    displacements."""
+    moved = [
+        max(largest(f.mode[:, k]) / scales.displacement[k] for k in f.moved) for f in problem.prescribed_resultants
+    ]
+    return 1.0 / np.array(moved)
+
+
+@memoize_by_identity
+def _foundation_motion(problem: ContactProblem) -> Array:
+    """Motion (m,) of the freedoms on an elastic foundation as compliant as the body under a uniform pressure."""
+    motion = np.zeros(len(problem.prescribed_resultants))
+    moving = motions(problem)
+    if moving.size == 0:
+        return motion
+    coarse = coarse_problem(problem) if len(problem.gap) > ENOUGH else None
+    if coarse is not None:
+        found = _foundation_motion(coarse.problem)
+        if _same_overlap(problem, coarse, found):
+            return found
+    loaded = _loaded(np.where(np.isfinite(problem.gap), 0.0, -np.inf))
+    for _ in range(FOUNDATION_STEPS):
+        system, nodes = _telling(problem.system, loaded)
+        press = np.where(nodes[:, None], [0.0, 0.0, 1.0, 0.0, 0.0], 0.0)
+        r = 1.0 / float(np.abs(apply_load(system, press, (2,))).max())
+        gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
+        motion[moving] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
+        loaded = _loaded(_overlap(problem, motion))
+    return motion
+
+
+def _same_overlap(problem: ContactProblem, coarse: Coarse, motion: Array) -> bool:
+    """Whether the indenter, moved (m,), overlaps as much of the body, and as deeply, as on the coarser division."""
+    (area, volume), (coarse_area, coarse_volume) = (
+        (float(one.system.weights @ (overlap > 0.0)), float(one.system.weights @ np.maximum(overlap, 0.0)))
+        for one, overlap in ((each, _overlap(each, motion)) for each in (problem, coarse.problem))
+    )
+    return alike(area, coarse_area) and alike(volume, coarse_volume)
+
+
+def _overlap(problem: ContactProblem, motion: Array) -> Array:
+    """Overlap (n,) [m] of the unloaded body and the indenter, moved (m,); -inf where there is no indenter above."""
+    overlap: Array = problem.system.offset[:, 2] - indenter_field(problem, 2, motion)
+    return overlap
+
+
+def _loaded(overlap: Array) -> Mask:
+    """Nodes that the indenter overlaps; all below it if there are none, all if it is above none, (n,)."""
+    loaded = np.asarray(overlap > 0.0 if (overlap > 0.0).any() else np.isfinite(overlap))
+    return loaded if loaded.any() else np.ones_like(loaded)
+
+
+def _prescribed_flux(problem: ContactProblem, loaded: Mask) -> Array:
+    """Mean flux densities of prescribed totals over the nodes (n,) that are loaded, (2,)."""
+    flux = np.zeros(2)
+    for freedom in problem.prescribed_resultants:
+        if freedom.electromagnetic:
+            measure = np.abs(freedom.measure[loaded, ELECTRIC:]).sum(axis=0)
+            flux += np.divide(abs(freedom.total), measure, out=np.zeros(2), where=measure > 0.0)
+    return flux
+
+
+def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance: float) -> float:
+    """What body and interface together bear at a depth [m], or the attraction alone where nothing overlaps (n,) [Pa].
+
+    compliance: of the body [m/Pa].
+    """
+    law = problem.contact_law
+    pull = float(attraction(law, -overlap).max(initial=0.0))
+    if pull > 0.0 and not (overlap > 0.0).any():
+        return pull
+    count = 1 if same_everywhere(law, len(overlap)) else len(overlap)
+    gap = np.tile([0.0, 0.0, -depth], (count, 1))
+    borne = law.resolve(gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
+    return max(float(-borne[:, 2].min(initial=0.0)), pull) or depth / compliance
+
+
+def _depth(overlap: Array) -> float:
+    """Deepest overlap, or failing that the largest distance, or failing that one: then every state is exactly zero."""
+    finite = overlap[np.isfinite(overlap)]
+    return float(finite.max(initial=0.0)) or float(np.abs(finite).max(initial=0.0)) or 1.0
+
+
+def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
+    """A division coarse enough to be measured fast, and those of the loaded nodes (n,) that it keeps: of like area."""
+    while len(loaded) > ENOUGH:
+        multigrid = system.capability(Multigrid)
+        coarse = None if multigrid is None else multigrid.coarsen()
+        if coarse is None or not same_area(system, loaded, coarse):
+            break
+        system, loaded = coarse.system, loaded[coarse.nodes]
+    return system, loaded
+
+
+def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
+    system, loaded = _telling(system, loaded)
+    compliance = np.empty((N_FIELDS, N_FIELDS))
+    for field in range(N_FIELDS):
+        load = np.zeros_like(system.offset)
+        load[loaded, field] = 1.0
+        compliance[:, field] = np.abs(system.apply(load)).max(axis=0, initial=0.0)
+    return compliance
+
+
+def _borne(freedom: PrescribedResultant, loaded: Mask, load: Array) -> float:
+    """What a load (5,) on the loaded nodes (n,) adds up to in a resultant, without regard to sign."""
+    return sum(float(np.abs(freedom.measure[loaded, k]).sum() * load[k]) for k in freedom.measured)
+
+
+def largest(values: Array) -> float:
+    """The largest magnitude, nan if there is one among the values; 0 of none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _positive(magnitudes: Array) -> Array:
+    """Magnitudes with ones for zeros: a quantity without a scale is exactly zero."""
+    return np.where(magnitudes > 0.0, magnitudes, 1.0)

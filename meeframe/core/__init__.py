@@ -1,1 +1,0 @@
-"""Contracts only: abstract classes and frozen records that every other room is written against."""

@@ -1,0 +1,129 @@
+"""Gauss points that a cell needs, from the kernel's singularities in the complex plane.
+
+Along a straight line of length l that is seen from the source with end distances r1, r2, kernels r^-p have their
+singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1) with s = (r1 + r2) / l, called the spread here; n Gauss
+points leave an error of order rho^-(2n - degree). The turning of the normal has a root of its own, in the area ratio.
+In an anisotropic medium the singularities lie closer: sqrt(s^2 - 1), their distance across the line, is divided by the
+medium's anisotropy (see meeframe.elements.anisotropy); the value set serves the materials of the library.
+"""
+
+from math import ceil, log, log10, sqrt
+
+from numba import njit
+
+UNREACHABLE_ORDER = 1 << 20
+
+MODERATE_ANISOTROPY = 1.5
+
+_TINY = 1e-300
+
+
+@njit(cache=True, nogil=True)
+def order_for(spread, degree, tolerance, anisotropy):
+    """Return the Gauss points for kernels r^-p times a polynomial, at a spread s = (sum of end distances) / length."""
+    if spread <= 1.0 + 1e-12:
+        return UNREACHABLE_ORDER
+    across = sqrt(spread * spread - 1.0) / anisotropy
+    growth = log(sqrt(1.0 + across * across) + across)
+    order = ceil(0.5 * (log(1.0 / tolerance) / growth + degree))
+    return max(min(order, UNREACHABLE_ORDER), degree + 1)
+
+
+@njit(cache=True, nogil=True)
+def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
+    """Return the points along xi and along eta of a tensor Gauss rule over a whole element, for a relative error below
+    tolerance.
+
+    distance: source to centre; size_xi, size_eta: from element_extents, same unit; degree: from shape_degree. For
+    curved elements the least orders of element_extents apply too. Large, UNREACHABLE_ORDER at worst, where the source
+    is close: pair_rule serves there.
+    """
+    along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
+    along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
+    return along_xi, along_eta
+
+
+@njit(cache=True, nogil=True)
+def most_points(tolerance, gauss):
+    """Return the points per direction beyond which halving a cell is cheaper than a higher order (measured)."""
+    return min(gauss.points.shape[1], max(6, ceil(6.0 - 1.1 * log10(tolerance))))
+
+
+@njit(cache=True, nogil=True)
+def norm(x, y, z):
+    """Return the Euclidean length."""
+    return sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True, nogil=True)
+def _distance(grid, first, second):
+    return norm(grid[first, 0] - grid[second, 0], grid[first, 1] - grid[second, 1], grid[first, 2] - grid[second, 2])
+
+
+@njit(cache=True, nogil=True)
+def _midpoint_distance(grid, first, middle, second):
+    """Return the distance of a point from the midpoint of two others."""
+    return norm(
+        grid[middle, 0] - 0.5 * (grid[first, 0] + grid[second, 0]),
+        grid[middle, 1] - 0.5 * (grid[first, 1] + grid[second, 1]),
+        grid[middle, 2] - 0.5 * (grid[first, 2] + grid[second, 2]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _segment_distance(grid, first, second):
+    """Return the distance from the origin to the segment between two points."""
+    ax, ay, az = grid[first, 0], grid[first, 1], grid[first, 2]
+    dx, dy, dz = grid[second, 0] - ax, grid[second, 1] - ay, grid[second, 2] - az
+    square = dx * dx + dy * dy + dz * dz
+    t = 0.0
+    if square > 0.0:
+        t = min(1.0, max(0.0, -(ax * dx + ay * dy + az * dz) / square))
+    return norm(ax + t * dx, ay + t * dy, az + t * dz)
+
+
+@njit(cache=True, nogil=True)
+def lengths_and_bulge(grid):
+    """Return the lengths along u and v, and departure from a bilinear shape, of a cell sampled on a grid (9, 3), v
+    fastest."""
+    length_u = max(_distance(grid, 0, 6), max(_distance(grid, 1, 7), _distance(grid, 2, 8)))
+    length_v = max(_distance(grid, 0, 2), max(_distance(grid, 3, 5), _distance(grid, 6, 8)))
+    bulge = max(_midpoint_distance(grid, 0, 1, 2), _midpoint_distance(grid, 6, 7, 8))
+    bulge = max(bulge, max(_midpoint_distance(grid, 0, 3, 6), _midpoint_distance(grid, 2, 5, 8)))
+    bulge = max(bulge, max(_midpoint_distance(grid, 1, 4, 7), _midpoint_distance(grid, 3, 4, 5)))
+    return length_u, length_v, bulge
+
+
+@njit(cache=True, nogil=True)
+def cell_spreads(grid, length_u, length_v, bulge):
+    """Return the lower bounds of the spreads along u and v of a cell seen from the origin.
+
+    Each of the two end lines counts with its nearest point, less the bulge of the cell: exact for flat rectangles.
+    """
+    ends_u = _segment_distance(grid, 0, 2) + _segment_distance(grid, 6, 8) - 2.0 * bulge
+    ends_v = _segment_distance(grid, 0, 6) + _segment_distance(grid, 2, 8) - 2.0 * bulge
+    return ends_u / max(length_u, _TINY), ends_v / max(length_v, _TINY)
+
+
+@njit(cache=True, nogil=True)
+def reaches(grid):
+    """Return twice the largest distance of the centre from midpoints between the end lines of u, then of v."""
+    along_u = along_v = 0.0
+    for first in range(0, 3, 2):
+        for second in range(0, 3, 2):
+            along_u = max(along_u, _midpoint_distance(grid, first, 4, 6 + second))
+            along_v = max(along_v, _midpoint_distance(grid, 3 * first, 4, 3 * second + 2))
+    return 2.0 * along_u, 2.0 * along_v
+
+
+@njit(cache=True, nogil=True)
+def turning_spread(normals, first, second):
+    """Spread that belongs to the turning of the vector Jacobian between two of the rows of normals (m, 3)."""
+    a = max(norm(normals[first, 0], normals[first, 1], normals[first, 2]), _TINY)
+    b = max(norm(normals[second, 0], normals[second, 1], normals[second, 2]), _TINY)
+    add = turn = 0.0
+    for axis in range(3):
+        one, two = normals[first, axis] / a, normals[second, axis] / b
+        add += (one + two) ** 2
+        turn += (one - two) ** 2
+    return sqrt(1.0 + add / max(turn, 1e-20))

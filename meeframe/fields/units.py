@@ -1,0 +1,191 @@
+"""Numbers with units in case files: `Annotated[float, Quantity("m")]` takes '5 mm' or a plain SI number."""
+
+import math
+import re
+from decimal import Decimal
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin, get_type_hints
+
+from meeframe.common.errors import CaseError
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+BOUNDS: Final = ("gt", "ge", "lt", "le")
+# a number; a sign between, or the 1 of "1/mm"; what can be in units, since pint passes over characters it does not know
+# nothing is given back once it is read: blanks or digits without end would take the square of their number
+_TEXT: Final = re.compile(
+    r"\s*+((?:[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3})?+|[-+]?inf(?!\w))(?![\d.,_]))"
+    r"\s*+(?:[*·×](?!\*)|1?\s*+(?=/))?(?!\s*+\d)([\w\s()*/^.·×⋅{}%°+⁻-]*+)"
+)
+_DIGITS: Final = 20
+"""To which exponents are rounded: a decimal third has 28, and three of them are not one."""
+_OTHER: Final = "cannot be read as one number and then units"
+_PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+
+
+class Quantity:
+    """Marks an annotated float as a quantity; the field holds SI numbers.
+
+    unit: its SI unit, "" for pure numbers; alternatives: further SI units, for a key whose dimension depends on where
+    it is used; gt, ge, lt, le: bounds in those units. Case files may give a number in SI or a text with a unit of the
+    same dimension; infinity is written inf, NaN is refused.
+    Example: `radius: Annotated[float, Quantity("m", gt=0)]`.
+    """
+
+    __slots__ = ("bounds", "units")
+
+    def __init__(self, unit: str, *alternatives: str, **bounds: float) -> None:
+        unknown = set(bounds) - set(BOUNDS)
+        if unknown:
+            raise TypeError(f"bounds of a quantity are {', '.join(BOUNDS)}, not {', '.join(sorted(unknown))}")
+        self.units = (unit, *alternatives)
+        self.bounds = bounds
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: "GetCoreSchemaHandler") -> "CoreSchema":
+        """How pydantic validates it."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    def only(self, settled: str) -> "Quantity":
+        """The same quantity where dimensions are settled on some units, with blanks between; itself if it has none."""
+        fitting = [unit for unit in self.units if unit in settled.split()]
+        return Quantity(fitting[0], *fitting[1:], **self.bounds) if fitting else self
+
+    def convert(self, value: Any) -> float:
+        """SI number of what a case file gives; raises ValueError for anything but a number or a text with this unit."""
+        if isinstance(value, str):
+            value = self._parse(value)
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"expected {self.expected}")
+        if value != value:
+            raise ValueError(f"is not a number (NaN); expected {self.expected}")
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"is too large; expected {self.expected}") from None
+
+    @property
+    def expected(self) -> str:
+        """What a case file may give, in words."""
+        if self.units == ("",):
+            return "a number without unit"
+        return f"a number in {' or '.join(self.units)} or a text with such a unit"
+
+    def check(self, value: Any) -> float:
+        """convert(value) within the bounds; raises ValueError."""
+        number = self.convert(value)
+        holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
+        if not all(holds[name](bound) for name, bound in self.bounds.items()):
+            raise ValueError(f"must be {self.range}; expected {self.expected}")
+        return number
+
+    @property
+    def range(self) -> str:
+        """The bounds in words, "" if there are none."""
+        signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+        finite = {name: bound for name, bound in self.bounds.items() if abs(bound) != math.inf}
+        parts = [f"{signs[name]} {bound:g}" for name, bound in finite.items()]
+        return " and ".join([*parts, *(["finite"] if len(finite) < len(self.bounds) else [])])
+
+    def _parse(self, text: str) -> float:
+        number = self._prefixed(text)
+        if number is not None:
+            return number
+        try:
+            quantity = read_quantity(text)
+        except ValueError as error:
+            raise ValueError(f"{error}; expected {self.expected}") from None
+        for unit in self.units:
+            one = _in_base_units(unit_registry().Quantity(Decimal(1), unit))
+            # angles have no dimension either; a pure number is a slope or its angle, and friction is the slope
+            if one.dimensionality == quantity.dimensionality and (unit or quantity.unitless):
+                return float(quantity.magnitude / one.magnitude)
+        what = "has no unit" if quantity.unitless else "has the wrong unit"
+        raise ValueError(f"{what}; expected {self.expected}")
+
+    def _prefixed(self, text: str) -> float | None:
+        """SI number of a text such as '5 mm', the name of one of the units behind a prefix; None for any other text."""
+        match = _TEXT.fullmatch(text)
+        if match is None:
+            return None
+        name = match[2].strip()
+        for unit in self.units:
+            prefix = name.removesuffix(unit)
+            if unit.isalpha() and name.endswith(unit) and prefix in _PREFIXES:
+                number = float(Decimal(match[1]).scaleb(_PREFIXES[prefix]))
+                return number if math.isfinite(number) else None
+        return None
+
+
+@lru_cache(maxsize=1)
+def unit_registry() -> Any:
+    """The one registry of units, with decimal numbers: powers of powers overflow at once, and never do with int."""
+    # pint takes half a second to start: imported when the first text of another kind comes along
+    import pint
+
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def read_quantity(text: str) -> Any:
+    """The quantity, of pint and in base units, that a text of one number and then units means.
+
+    Raises ValueError for any other text. The units are no expression with further numbers than powers: pint would add
+    up, and multiply "50,5" out to 505. The magnitude is a Decimal.
+    """
+    match = _TEXT.fullmatch(text)
+    if match is None:
+        raise ValueError(_OTHER)
+    registry, number = unit_registry(), Decimal(match[1])
+    try:
+        units = registry.parse_units(re.sub(r"^\s*/", "1/", match[2]))
+        quantity = _in_base_units(registry.Quantity(number, units))
+        finite = math.isfinite(float(quantity.magnitude))
+    except Exception as error:  # pint lets many kinds through
+        name = next(iter(getattr(error, "unit_names", ())), "")
+        raise ValueError(_unknown(name) if name and name in text else _OTHER) from None
+    if number.is_finite() and not finite:
+        raise ValueError(_OTHER)
+    return quantity
+
+
+def _in_base_units(quantity: Any) -> Any:
+    """A quantity of pint in base units, whose exponents lose the round-off of fractions."""
+    base = quantity.to_base_units()
+    rounded = {name: _rounded(Decimal(power)) for name, power in base.unit_items()}
+    units = unit_registry().UnitsContainer({name: power for name, power in rounded.items() if power})
+    return unit_registry().Quantity(base.magnitude, units)
+
+
+def _rounded(power: Decimal) -> Decimal:
+    return round(power, _DIGITS).normalize() if abs(power) < 1e6 else power  # more digits than decimals have
+
+
+def _unknown(name: str) -> str:
+    """That there is no unit of this name, with another where it has an exponent without sign or other capitals."""
+    registry = unit_registry()
+    stem = name.rstrip("0123456789")
+    found = [f"{stem}^{name[len(stem) :]}"] if stem in registry else []
+    for prefix, unit, _ in registry.parse_unit_name(name, case_sensitive=False):
+        unit = registry.Unit(prefix + unit)
+        found += [same for same in (f"{unit:~}", f"{unit}") if same.lower() == name.lower()]
+    return f"unknown unit {name!r}" + (f"; did you mean {found[0]!r}?" if found else "")
+
+
+def check_quantities(record: Any) -> None:
+    """For __post_init__ of a frozen dataclass made in Python: the checks that a case file's entries get.
+
+    Quantities become SI numbers within their bounds, choices (Literal) are among the allowed. Raises CaseError.
+    """
+    for name, hint in get_type_hints(type(record), include_extras=True).items():
+        value = getattr(record, name)
+        try:
+            for mark in getattr(hint, "__metadata__", ()):
+                if isinstance(mark, Quantity):
+                    object.__setattr__(record, name, mark.check(value))
+            if get_origin(hint) is Literal and value not in get_args(hint):
+                raise ValueError(f"allowed: {', '.join(map(str, get_args(hint)))}")
+        except ValueError as error:
+            raise CaseError(f"{type(record).__name__}: {name} = {value!r}: {error}") from None

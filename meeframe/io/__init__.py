@@ -1,1 +1,0 @@
-"""Reading and writing of results: HDF5 and, for ParaView, VTK through meshio."""

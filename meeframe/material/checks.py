@@ -1,0 +1,130 @@
+"""Checks of material constants: finite, symmetric (eq. 8), positive definite."""
+
+import numpy as np
+
+from meeframe.common.errors import MaterialError
+from meeframe.fields import Array
+from meeframe.material.voigt import mandel_matrix
+
+_SYMMETRIES = {
+    "c": (("c_ijkl = c_jikl", (1, 0, 2, 3)), ("c_ijkl = c_ijlk", (0, 1, 3, 2)), ("c_ijkl = c_klij", (2, 3, 0, 1))),
+    "e": (("e_kij = e_kji", (0, 2, 1)),),
+    "q": (("q_kij = q_kji", (0, 2, 1)),),
+    "eps": (("eps_kl = eps_lk", (1, 0)),),
+    "lambda": (("lambda_kl = lambda_lk", (1, 0)),),
+    "mu": (("mu_kl = mu_lk", (1, 0)),),
+}
+_SEMIDEFINITE = 1e-12  # relative to the largest eigenvalue: positive, but for round-off
+_SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below any table's last digit
+
+
+def called(material: str) -> str:
+    """Return a noun phrase for a material, with its name if it has one."""
+    return f"material {material!r}" if material else "the material"
+
+
+def component_name(symbol: str, index: tuple[int, ...]) -> str:
+    """Return the paper's name of a component from 0-based indices: ('c', (0, 0, 1, 1)) is 'c_1122'."""
+    return f"{symbol}_{''.join(str(i + 1) for i in index)}"
+
+
+def checked_tensor(material: str, symbol: str, values: Array) -> Array:
+    """Return a read-only tensor with the exact symmetries of eq. (8).
+
+    Parameters
+    ----------
+    material : str
+        Name of the material, for messages.
+    symbol : {'c', 'e', 'q', 'eps', 'lambda', 'mu'}
+        Symbol of the tensor.
+    values : Array
+        Components in SI units.
+
+    Raises
+    ------
+    MaterialError
+        If the shape is wrong, an entry is not finite, or a symmetry is violated beyond round-off; the message names the
+        component.
+    """
+    tensor = np.array(values, dtype=float)
+    dimensions = len(_SYMMETRIES[symbol][0][1])
+    if tensor.shape != (3,) * dimensions:
+        raise MaterialError(f"{called(material)}: {symbol} has shape {tensor.shape}, needs {(3,) * dimensions}")
+    if not np.isfinite(tensor).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(tensor))[0])
+        raise MaterialError(
+            f"{called(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
+        )
+    for law, axes in _SYMMETRIES[symbol]:
+        _check_symmetry(material, symbol, tensor, law, axes)
+    for _, axes in _SYMMETRIES[symbol]:
+        tensor = (tensor + tensor.transpose(axes)) / 2.0
+    tensor.setflags(write=False)
+    return tensor
+
+
+def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: tuple[int, ...]) -> None:
+    difference = np.abs(tensor - tensor.transpose(axes))
+    # below the smallest normal number there is no relative accuracy left
+    if difference.max() <= _SYMMETRY_TOLERANCE * np.abs(tensor).max() + np.finfo(float).tiny:
+        return
+    index = tuple(int(i) for i in np.unravel_index(difference.argmax(), tensor.shape))
+    partner = tuple(index[axis] for axis in axes)
+    raise MaterialError(
+        f"{called(material)}: {symbol} must satisfy {law} (eq. 8), but {component_name(symbol, index)} = "
+        f"{tensor[index]:g} and {component_name(symbol, partner)} = {tensor[partner]:g}"
+    )
+
+
+def check_elastic(material: str, elastic: Array) -> None:
+    """Refuse an elastic stiffness c_ijkl [Pa] that is not positive definite; the error gives its eigenvalue."""
+    lowest, definite = _lowest_eigenvalue(mandel_matrix(elastic))
+    if not definite:
+        raise MaterialError(
+            f"{called(material)} is not admissible: the elastic stiffness c must be positive definite, "
+            f"but its smallest eigenvalue is {lowest:.6g} Pa"
+        )
+
+
+def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) -> None:
+    """Refuse a block [[eps, lambda], [lambda, mu]] that is not positive definite.
+
+    Notes
+    -----
+    The eigenvalues are taken with eps and mu scaled to order one, since in SI units they lie ten decades apart. The
+    error gives the eigenvalue, scaled and in SI, and the components at fault.
+    """
+    for symbol, tensor, unit in (("eps", eps, "F/m"), ("mu", mu, "N s^2/C^2")):
+        lowest, definite = _lowest_eigenvalue(tensor)
+        if not definite:
+            raise MaterialError(
+                f"{called(material)} is not admissible: {symbol} must be positive definite, "
+                f"but its smallest eigenvalue is {lowest:.6g} {unit}"
+            )
+    block = np.block([[eps, lambda_], [lambda_, mu]])
+    scale = np.repeat([np.abs(eps).max(), np.abs(mu).max()], 3) ** -0.5
+    lowest, definite = _lowest_eigenvalue(scale[:, None] * scale[None, :] * block)
+    if not definite:
+        raise MaterialError(
+            f"{called(material)} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
+            f"definite, but its smallest eigenvalue is {lowest:.6g} with eps and mu scaled to order one "
+            f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
+        )
+
+
+def _lowest_eigenvalue(matrix: Array) -> tuple[float, bool]:
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return float(eigenvalues[0]), bool(eigenvalues[0] > _SEMIDEFINITE * np.abs(eigenvalues).max())
+
+
+def _coupling_hint(eps: Array, lambda_: Array, mu: Array) -> str:
+    limits = np.sqrt(np.outer(np.diag(eps), np.diag(mu)))
+    excess = [(i, j) for i in range(3) for j in range(3) if abs(lambda_[i, j]) >= limits[i, j]]
+    if not excess:
+        return "; the components of lambda are jointly too large"
+    named = (
+        f"|{component_name('lambda', (i, j))}| = {abs(lambda_[i, j]):.4g} must be less than "
+        f"sqrt({component_name('eps', (i, i))} {component_name('mu', (j, j))}) = {limits[i, j]:.4g} s/m"
+        for i, j in excess
+    )
+    return "; " + ", ".join(named)

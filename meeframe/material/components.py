@@ -1,0 +1,156 @@
+"""Materials from named components, as printed in tables: c_1122, e_311, q_15, eps_33, lambda_11, mu_33."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import MaterialError
+from meeframe.fields import Array
+from meeframe.material.checks import called
+from meeframe.material.material import SYMBOLS, VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY, Material
+from meeframe.material.symmetry import Component, symmetry_class
+from meeframe.material.voigt import PAIRS, coupling_matrix, elastic_matrix, voigt_index
+
+UNITS: Final = {"c": "Pa", "e": "C/m^2", "q": "N/(A*m)", "eps": "F/m", "lambda": "s/m", "mu": "N*s^2/C^2"}
+"""SI units of the components, by symbol."""
+
+_NAME: Final = re.compile(r"(c|epsilon|eps|e|q|lambda|mu)_?([0-9]+)")
+_VACUUM: Final = {"eps": VACUUM_PERMITTIVITY, "mu": VACUUM_PERMEABILITY}
+_AGREEMENT: Final = 1e-12  # two names of one component may differ by the rounding of a change of units
+
+
+def parse_component(name: str) -> Component:
+    """Return the component that a name stands for.
+
+    Indices may come in any order that eq. (8) makes equivalent: full ones (c_1122, e_113 with the electric or magnetic
+    index first, eps_13) or Voigt ones (c_12, e_15), with or without the underscore.
+
+    Raises
+    ------
+    MaterialError
+        For any other name.
+    """
+    match = _NAME.fullmatch(name)
+    if match is None:
+        raise _bad_name(name)
+    symbol = "eps" if match[1] == "epsilon" else match[1]
+    digits = [int(digit) for digit in match[2]]
+    full, voigt = {"c": (4, (6, 6)), "e": (3, (3, 6)), "q": (3, (3, 6))}.get(symbol, (2, (3, 3)))
+    if len(digits) == full and symbol in ("c", "e", "q") and all(1 <= digit <= 3 for digit in digits):
+        *head, i, j = (digit - 1 for digit in digits)
+        first = voigt_index(head[0], head[1]) if symbol == "c" else head[0]
+        return _canonical(symbol, first + 1, voigt_index(i, j) + 1)
+    if len(digits) == 2 and all(1 <= digit <= limit for digit, limit in zip(digits, voigt, strict=True)):
+        return _canonical(symbol, *digits)
+    raise _bad_name(name)
+
+
+def component_label(component: Component) -> str:
+    """Return the name of a component with full indices, as the paper prints it."""
+    symbol, first, second = component
+    if symbol not in ("c", "e", "q"):
+        return f"{symbol}_{first}{second}"
+    head = _pair(first) if symbol == "c" else str(first)
+    return f"{symbol}_{head}{_pair(second)}"
+
+
+def material_from_components(
+    name: str, components: Mapping[str, float], symmetry: str = "triclinic", source: str = ""
+) -> Material:
+    """Make a material from named components in SI units.
+
+    Parameters
+    ----------
+    name : str
+        Name of the material.
+    components : mapping of str to float
+        Components by name (see `parse_component`), in SI units.
+    symmetry : {'triclinic', 'orthotropic', 'transversely-isotropic', 'cubic', 'isotropic'}
+        Symmetry class. With 'triclinic', components that are not given are zero. The others (orthotropic is class mm2,
+        transversely isotropic class 6mm about x3) supply the dependent components, need all independent elastic ones,
+        and refuse components that do not exist in them.
+    source : str
+        Where the constants come from.
+
+    Returns
+    -------
+    Material
+        The material. If no component of eps, or of mu, is given, that of vacuum is used.
+
+    Raises
+    ------
+    MaterialError
+        For unknown names, contradictions, missing components and inadmissible materials.
+    """
+    try:
+        given = _collect(components)
+        for symbol, value in _VACUUM.items():
+            if not any(component[0] == symbol for component in given):
+                given |= {(symbol, i, i): value for i in (1, 2, 3)}
+        values = symmetry_class(symmetry).complete(given, component_label)
+    except MaterialError as error:
+        raise MaterialError(f"{called(name)}: {error}") from None
+    c, e, q, eps, lambda_, mu = (_matrix(symbol, values) for symbol in SYMBOLS.values())
+    return Material.from_voigt(name, c, e, q, eps, lambda_, mu, source)
+
+
+def material_components(material: Material) -> dict[str, float]:
+    """Return the components of a material that are not zero, by name, in SI units, each once."""
+    matrices = {
+        "c": elastic_matrix(material.elastic),
+        "e": coupling_matrix(material.piezoelectric),
+        "q": coupling_matrix(material.piezomagnetic),
+        "eps": material.permittivity,
+        "lambda": material.magnetoelectric,
+        "mu": material.permeability,
+    }
+    found: dict[str, float] = {}
+    for symbol, matrix in matrices.items():
+        for row, column in zip(*np.nonzero(matrix), strict=True):
+            component = _canonical(symbol, int(row) + 1, int(column) + 1)
+            found[component_label(component)] = float(matrix[row, column])
+    return found
+
+
+def _collect(components: Mapping[str, float]) -> dict[Component, float]:
+    values: dict[Component, float] = {}
+    names: dict[Component, str] = {}
+    for name, value in components.items():
+        component = parse_component(name)
+        if not np.isfinite(value):
+            raise MaterialError(f"{name} is {value}, must be a finite number")
+        if component in values and abs(values[component] - value) > _AGREEMENT * abs(value):
+            raise MaterialError(
+                f"{names[component]} = {values[component]:g} and {name} = {value:g} are the same component (eq. 8) "
+                "but differ"
+            )
+        values.setdefault(component, float(value))
+        names.setdefault(component, name)
+    return values
+
+
+def _matrix(symbol: str, values: Mapping[Component, float]) -> Array:
+    matrix = np.zeros({"c": (6, 6), "e": (3, 6), "q": (3, 6)}.get(symbol, (3, 3)))
+    for (owner, first, second), value in values.items():
+        if owner == symbol:
+            matrix[first - 1, second - 1] = value
+            if symbol not in ("e", "q"):
+                matrix[second - 1, first - 1] = value
+    return matrix
+
+
+def _canonical(symbol: str, first: int, second: int) -> Component:
+    if symbol not in ("e", "q") and first > second:
+        first, second = second, first
+    return symbol, first, second
+
+
+def _pair(voigt: int) -> str:
+    return "".join(str(i + 1) for i in PAIRS[voigt - 1])
+
+
+def _bad_name(name: str) -> MaterialError:
+    examples: Iterable[str] = ("c_1122 or c_12", "e_311 or e_31", "q_113 or q_15", "eps_11", "lambda_11", "mu_11")
+    return MaterialError(f"unknown component {name!r}; allowed are names such as {', '.join(examples)}")

@@ -1,0 +1,144 @@
+"""Surface compliance of a half space by the integral formalism of Barnett and Lothe.
+
+The formalism needs no eigenvectors and has no degenerate cases. A half space with outward unit normal nu carries the
+extended surface traction t^ exp(i k m.x), with m a unit vector in the surface and k > 0. Its surface moves by
+u^ exp(i k m.x), u^ = Y(m) t^ / k, where Y is Hermitian and does not depend on k. In space, 1/k is 1/(2 pi |x|): for an
+axisymmetric material the point-source response between normal traction, electric and magnetic flux is
+u_J(x) = xi_JK t_K / |x|, xi = Y / (2 pi).
+Source: Barnett and Lothe, Phys. Norvegica 7 (1973) 13; Ting, Anisotropic Elasticity (1996), chapters 6 and 7.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from meeframe.common.errors import MaterialError
+from meeframe.fields import Array, FieldScaling
+
+_FIRST_POINTS, _MOST_POINTS = 32, 4096
+_CONVERGED = 1e-12  # of the coarser of two rules; the error falls geometrically, so the finer is at round-off
+_LOST = 2e-6  # round-off beyond is too much; the error is some tenth of what is allowed for it
+_AXISYMMETRIC = 1e-9  # relative, in scaled fields
+
+
+def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLike) -> NDArray[np.complex128]:
+    """Compute the surface compliance Y(m) of a half space, with u^ = Y t^ / k.
+
+    Parameters
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+    normal : array_like
+        Outward normal, (3,).
+    directions : array_like
+        Wave directions, (n, 3), of which the component in the surface counts.
+
+    Returns
+    -------
+    ndarray of complex
+        Y(m), (n, 5, 5), Hermitian, in SI units and global axes.
+
+    Raises
+    ------
+    MaterialError
+        If a vector is zero or a direction is normal to the surface, if the integrals do not converge (a material on the
+        verge of inadmissibility), or if too many digits are lost to round-off (a nearly incompressible material).
+    """
+    nu, tangents = _frame(normal, directions)
+    scaling = FieldScaling.of(stiffness)
+    scaled = scaling.scale_stiffness(stiffness)
+    points, coarse = _FIRST_POINTS, _barnett_lothe(scaled, -nu, tangents, _FIRST_POINTS)
+    while points < _MOST_POINTS:
+        points *= 2
+        s, fine = _barnett_lothe(scaled, -nu, tangents, points)
+        inverse_l = np.linalg.inv(fine)
+        # what is stiff against compression and soft in shear, such as rubber, loses digits where its stiffness cancels
+        allowed = max(_CONVERGED, np.finfo(float).eps * np.abs(inverse_l).max())
+        # of S what it is beside one: that is how it enters the compliance, and in rubber next to nothing is left of it
+        if all(
+            np.abs(new - old).max() <= allowed * max(least, np.abs(new).max())
+            for new, old, least in ((s, coarse[0], 1.0), (fine, coarse[1], 0.0))
+        ):
+            break
+        coarse = s, fine
+    else:
+        raise MaterialError(f"the surface compliance did not converge with {_MOST_POINTS} points: nearly inadmissible")
+    if allowed > _LOST:
+        raise MaterialError(f"the surface compliance has a round-off of {allowed:.0e}: nearly incompressible")
+    compliance = inverse_l - 1j * (s @ inverse_l)
+    compliance = (compliance + np.conj(np.swapaxes(compliance, -1, -2))) / 2.0
+    factors = scaling.factors
+    result: NDArray[np.complex128] = factors[:, None] * compliance * factors[None, :]
+    return result
+
+
+def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
+    """Compute the point-source response xi_JK of (normal displacement, phi, psi) to (normal traction, q, s).
+
+    On the surface, u_J(x) = xi_JK t_K / |x| in SI units, with xi_11 > 0, xi_22 < 0 and xi_33 < 0.
+
+    Parameters
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+    normal : array_like
+        Outward normal, (3,).
+
+    Returns
+    -------
+    Array
+        xi, (3, 3).
+
+    Raises
+    ------
+    MaterialError
+        If the response depends on direction.
+    """
+    nu = _unit(normal)
+    helper = np.eye(3)[np.abs(nu).argmin()]
+    e1 = np.cross(nu, helper)
+    angles = np.linspace(0.0, np.pi, 7, endpoint=False)
+    directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
+    rows = np.zeros((3, 5))
+    rows[0, :3] = nu
+    rows[1, 3] = rows[2, 4] = 1.0
+    blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
+    factors = FieldScaling.of(stiffness).factors[2:]
+    # an antisymmetric imaginary part, or one that turns with the direction, has no 1/r response
+    spread = np.abs((blocks - blocks[0].real) / np.outer(factors, factors)).max()
+    if spread > _AXISYMMETRIC * np.abs(blocks[0] / np.outer(factors, factors)).max():
+        raise MaterialError(
+            f"the surface with normal {nu.tolist()} is not axisymmetric: its response depends on direction"
+        )
+    xi: Array = blocks[0].real
+    return xi
+
+
+def _unit(normal: ArrayLike) -> Array:
+    nu = np.asarray(normal, dtype=float)
+    length = np.linalg.norm(nu)
+    if nu.shape != (3,) or not np.isfinite(length) or length == 0.0:
+        raise MaterialError(f"the normal of a half space is a finite non-zero vector (3,), got {nu.tolist()}")
+    return np.asarray(nu / length)
+
+
+def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
+    nu, ways = _unit(normal), np.atleast_2d(np.asarray(directions, dtype=float))
+    tangents = ways - np.outer(ways @ nu, nu)
+    lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+    if not (lengths > 1e-9 * np.linalg.norm(ways, axis=1, keepdims=True)).all():
+        raise MaterialError("a direction in the surface must be finite, non-zero and not along the normal")
+    return nu, tangents / lengths
+
+
+def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
+    """Return S and L, (n, 5, 5) each, for planes of tangent and inward normal, by the trapezoidal rule over pi."""
+    theta = np.arange(points) * (np.pi / points)
+    cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
+    m, n = tangents[None], inward[None, None]
+    along, across = cos * m + sin * n, cos * n - sin * m
+    q, r, t = (
+        np.einsum("pai,iJKm,pam->paJK", first, scaled, second, optimize=True)
+        for first, second in ((along, along), (along, across), (across, across))
+    )
+    flux = np.linalg.solve(t, np.swapaxes(r, -1, -2))
+    return -flux.mean(axis=0), (q - r @ flux).mean(axis=0)

@@ -1,0 +1,218 @@
+"""The frozen record of a magneto-electro-elastic material and its extended stiffness."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from meeframe.common.errors import MaterialError
+from meeframe.fields import ELECTRIC, MAGNETIC, Array, FieldScaling
+from meeframe.material.checks import check_elastic, check_electromagnetic, checked_tensor
+from meeframe.material.rotation import checked_rotation
+from meeframe.material.voigt import coupling_tensor, elastic_tensor
+
+VACUUM_PERMITTIVITY = 8.8541878128e-12
+"""Electric constant eps_0 [F/m] (CODATA 2018)."""
+VACUUM_PERMEABILITY = 1.25663706212e-6
+"""Magnetic constant mu_0 [N s^2/C^2 = H/m] (CODATA 2018)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), in SI units, checked when it is made.
+
+    Attributes
+    ----------
+    elastic : Array
+        c_ijkl, (3, 3, 3, 3) [Pa].
+    piezoelectric : Array
+        e_kij, (3, 3, 3) [C/m^2], electric index first.
+    piezomagnetic : Array
+        q_kij, (3, 3, 3) [N/(A m)], magnetic index first.
+    permittivity : Array
+        eps_kl, (3, 3) [F/m].
+    magnetoelectric : Array
+        lambda_kl, (3, 3) [s/m].
+    permeability : Array
+        mu_kl, (3, 3) [N s^2/C^2].
+
+    Raises
+    ------
+    MaterialError
+        If an entry is not finite, a symmetry of eq. (8) is violated, or c or the block [[eps, lambda], [lambda, mu]]
+        is not positive definite.
+
+    Notes
+    -----
+    The arrays are read-only.
+    """
+
+    name: str
+    elastic: Array
+    piezoelectric: Array
+    piezomagnetic: Array
+    permittivity: Array
+    magnetoelectric: Array
+    permeability: Array
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for field, symbol in SYMBOLS.items():
+            object.__setattr__(self, field, checked_tensor(self.name, symbol, getattr(self, field)))
+        check_elastic(self.name, self.elastic)
+        check_electromagnetic(self.name, self.permittivity, self.magnetoelectric, self.permeability)
+
+    @classmethod
+    def from_voigt(
+        cls,
+        name: str,
+        elastic: ArrayLike,
+        piezoelectric: ArrayLike,
+        piezomagnetic: ArrayLike,
+        permittivity: ArrayLike,
+        magnetoelectric: ArrayLike,
+        permeability: ArrayLike,
+        source: str = "",
+    ) -> "Material":
+        """Make a material from Voigt matrices in SI units, in the order 11, 22, 33, 23, 13, 12.
+
+        Parameters
+        ----------
+        name : str
+            Name of the material.
+        elastic : array_like
+            c, (6, 6) [Pa].
+        piezoelectric, piezomagnetic : array_like
+            e [C/m^2] and q [N/(A m)], (3, 6) each.
+        permittivity, magnetoelectric, permeability : array_like
+            eps [F/m], lambda [s/m] and mu [N s^2/C^2], (3, 3) each.
+        source : str
+            Where the constants come from.
+
+        Raises
+        ------
+        MaterialError
+            As `Material` does.
+        """
+        c, e, q = (np.asarray(matrix, dtype=float) for matrix in (elastic, piezoelectric, piezomagnetic))
+        for symbol, matrix, shape in (("c", c, (6, 6)), ("e", e, (3, 6)), ("q", q, (3, 6))):
+            if matrix.shape != shape:
+                raise MaterialError(f"material {name!r}: Voigt matrix {symbol} is {matrix.shape}, needs {shape}")
+        tensors = elastic_tensor(c), coupling_tensor(e), coupling_tensor(q)
+        eps, lambda_, mu = (np.asarray(matrix, dtype=float) for matrix in (permittivity, magnetoelectric, permeability))
+        return cls(name, *tensors, eps, lambda_, mu, source)
+
+    @classmethod
+    def isotropic(
+        cls,
+        young_modulus: float,
+        poisson_ratio: float,
+        permittivity: float = VACUUM_PERMITTIVITY,
+        permeability: float = VACUUM_PERMEABILITY,
+        name: str = "isotropic",
+        source: str = "",
+    ) -> "Material":
+        """Make an isotropic uncoupled material.
+
+        Parameters
+        ----------
+        young_modulus : float
+            Young's modulus > 0 [Pa].
+        poisson_ratio : float
+            Poisson's ratio in (-1, 1/2).
+        permittivity, permeability : float
+            Isotropic eps > 0 [F/m] and mu > 0 [N s^2/C^2], by default those of vacuum.
+        name, source : str
+            Name of the material and where its constants come from.
+
+        Raises
+        ------
+        MaterialError
+            If a constant is out of bounds.
+        """
+        if not (0.0 < young_modulus < np.inf):
+            raise MaterialError(f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite")
+        if not (-1.0 < poisson_ratio < 0.5):
+            raise MaterialError(f"material {name!r}: poisson_ratio is {poisson_ratio}, must lie between -1 and 0.5")
+        shear = young_modulus / (2.0 * (1.0 + poisson_ratio))
+        lame = 2.0 * shear * poisson_ratio / (1.0 - 2.0 * poisson_ratio)
+        one, none = np.eye(3), np.zeros((3, 3, 3))
+        parallel = np.einsum("ij,kl->ijkl", one, one)
+        crossed = np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one)
+        elastic = lame * parallel + shear * crossed
+        return cls(name, elastic, none, none, permittivity * one, np.zeros((3, 3)), permeability * one, source)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """Extended stiffness C_iJKm of eq. (40), (3, 5, 5, 3) in SI units, read-only; C_iJKm = C_mKJi."""
+        extended = np.empty((3, 5, 5, 3))
+        extended[:, :3, :3, :] = self.elastic
+        for field, coupling in ((ELECTRIC, self.piezoelectric), (MAGNETIC, self.piezomagnetic)):
+            extended[:, :3, field, :] = np.einsum("mij->ijm", coupling)
+            extended[:, field, :3, :] = coupling
+        extended[:, ELECTRIC, ELECTRIC, :] = -self.permittivity
+        extended[:, MAGNETIC, MAGNETIC, :] = -self.permeability
+        extended[:, ELECTRIC, MAGNETIC, :] = extended[:, MAGNETIC, ELECTRIC, :] = -self.magnetoelectric
+        extended.setflags(write=False)
+        return extended
+
+    @cached_property
+    def scaling(self) -> FieldScaling:
+        """Field scaling that suits this material."""
+        return FieldScaling.of(self.stiffness)
+
+    def rotated(self, rotation: ArrayLike) -> "Material":
+        """Return the material rotated by a matrix R, (3, 3), whose columns are its axes in the global frame.
+
+        Tensors transform as T'_ij = R_ia R_jb T_ab.
+
+        Raises
+        ------
+        MaterialError
+            Unless R is proper orthogonal.
+        """
+        r = checked_rotation(rotation)
+        return Material(
+            self.name,
+            np.einsum("ia,jb,kc,ld,abcd->ijkl", r, r, r, r, self.elastic, optimize=True),
+            np.einsum("ia,jb,kc,abc->ijk", r, r, r, self.piezoelectric, optimize=True),
+            np.einsum("ia,jb,kc,abc->ijk", r, r, r, self.piezomagnetic, optimize=True),
+            r @ self.permittivity @ r.T,
+            r @ self.magnetoelectric @ r.T,
+            r @ self.permeability @ r.T,
+            self.source,
+        )
+
+
+SYMBOLS = {
+    "elastic": "c",
+    "piezoelectric": "e",
+    "piezomagnetic": "q",
+    "permittivity": "eps",
+    "magnetoelectric": "lambda",
+    "permeability": "mu",
+}
+"""Fields of `Material` and the symbols of their components in the paper."""
+
+
+def mixture(first: Material, second: Material, fraction: float) -> Material:
+    """Mix two materials by the rule of mixture: fraction * first + (1 - fraction) * second (paper, section 7.1).
+
+    Parameters
+    ----------
+    first, second : Material
+        The constituents.
+    fraction : float
+        Volume fraction of the first one, in [0, 1].
+
+    Raises
+    ------
+    MaterialError
+        If the fraction is outside [0, 1].
+    """
+    if not 0.0 <= fraction <= 1.0:
+        raise MaterialError(f"volume fraction is {fraction}, must lie between 0 and 1")
+    tensors = {field: fraction * getattr(first, field) + (1.0 - fraction) * getattr(second, field) for field in SYMBOLS}
+    name = f"{fraction:g} {first.name} + {1.0 - fraction:g} {second.name}"
+    return Material(name, **tensors, source=f"rule of mixture of [{first.source}] and [{second.source}]")

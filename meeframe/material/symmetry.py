@@ -1,0 +1,141 @@
+"""Material symmetry classes: existing, equal and dependent components."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from meeframe.common.errors import MaterialError
+
+Component = tuple[str, int, int]
+"""Symbol and two 1-based indices: two Voigt indices for c; field and Voigt for e and q; plain for eps, lambda, mu."""
+
+Label = Callable[[Component], str]
+
+_AGREEMENT: Final = 1e-9  # relative; tied components may differ by the rounding of a change of units
+
+
+@dataclass(frozen=True)
+class SymmetryClass:
+    """Components of one symmetry class, in the frame of its axes.
+
+    Attributes
+    ----------
+    elastic, coupling, second_order : tuple of str
+        Groups of equal components of c; of e and q; of eps, lambda and mu. A group is a text of index pairs, '11 22'.
+    shear : str
+        Elastic component that equals (c_11 - c_12)/2, if any.
+    complete_tables : bool
+        If true, every independent component of c, eps and mu must be given; if false, those not given are zero.
+    """
+
+    name: str
+    elastic: tuple[str, ...]
+    coupling: tuple[str, ...]
+    second_order: tuple[str, ...]
+    shear: str | None = None
+    complete_tables: bool = True
+
+    def complete(self, given: dict[Component, float], label: Label) -> dict[Component, float]:
+        """Return all components, from the independent ones.
+
+        Raises
+        ------
+        MaterialError
+            If components contradict the class, do not exist in it, or are missing.
+        """
+        values = {component: value for component, value in given.items() if value != 0.0}
+        known = {component for group in self._groups() for component in group}
+        for component in values:
+            if component not in known:
+                raise MaterialError(
+                    f"{label(component)} does not exist in symmetry {self.name!r}, must be zero or absent"
+                )
+        for group in self._groups():
+            self._tie(group, given, values, label)
+        if self.shear is not None:
+            self._relate(values, label)
+        wanted = [group[0] for group in self._groups() if group[0][0] in ("c", "eps", "mu")]
+        missing = [label(component) for component in wanted if component not in values]
+        if missing and self.complete_tables:
+            raise MaterialError(f"symmetry {self.name!r} needs {', '.join(missing)}")
+        return values
+
+    def _groups(self) -> Iterator[tuple[Component, ...]]:
+        groups = {"c": self.elastic, "e": self.coupling, "q": self.coupling}
+        for symbol in ("c", "e", "q", "eps", "lambda", "mu"):
+            for text in groups.get(symbol, self.second_order):
+                yield tuple(_component(symbol, pair) for pair in text.split())
+
+    def _tie(
+        self, group: tuple[Component, ...], given: dict[Component, float], values: dict[Component, float], label: Label
+    ) -> None:
+        present = [component for component in group if component in given]
+        if not present:
+            return
+        first = present[0]
+        for other in present[1:]:
+            if abs(given[other] - given[first]) > _AGREEMENT * abs(given[first]):
+                raise MaterialError(
+                    f"{label(first)} = {given[first]:g} and {label(other)} = {given[other]:g} must be equal in "
+                    f"symmetry {self.name!r}"
+                )
+        values.update(dict.fromkeys(group, given[first]))
+
+    def _relate(self, values: dict[Component, float], label: Label) -> None:
+        """Fill in whichever of c_11, c_12 and the shear stiffness is missing; check them if none is."""
+        groups = {group[0]: group for group in self._groups() if group[0][0] == "c"}
+        tied = {member: group for group in groups.values() for member in group}
+        axial, cross, shear = ("c", 1, 1), ("c", 1, 2), _component("c", self.shear or "")
+        absent = [component for component in (axial, cross, shear) if component not in values]
+        if len(absent) > 1:
+            return
+        if not absent:
+            expected = (values[axial] - values[cross]) / 2.0
+            if abs(values[shear] - expected) > _AGREEMENT * values[axial]:
+                raise MaterialError(
+                    f"{label(shear)} = {values[shear]:g} must be (c_1111 - c_1122)/2 = {expected:g} in symmetry "
+                    f"{self.name!r}"
+                )
+            return
+        solved = {
+            shear: lambda: (values[axial] - values[cross]) / 2.0,
+            cross: lambda: values[axial] - 2.0 * values[shear],
+            axial: lambda: values[cross] + 2.0 * values[shear],
+        }[absent[0]]()
+        values.update(dict.fromkeys(tied[absent[0]], solved))
+
+
+def _pairs(rows: int, columns: int, symmetric: bool) -> tuple[str, ...]:
+    return tuple(f"{i}{j}" for i in range(1, rows + 1) for j in range(1, columns + 1) if i <= j or not symmetric)
+
+
+_CLASSES: Final = (
+    SymmetryClass("triclinic", _pairs(6, 6, True), _pairs(3, 6, False), _pairs(3, 3, True), complete_tables=False),
+    SymmetryClass(
+        "orthotropic",
+        ("11", "12", "13", "22", "23", "33", "44", "55", "66"),
+        ("15", "24", "31", "32", "33"),
+        ("11", "22", "33"),
+    ),
+    SymmetryClass(
+        "transversely-isotropic",
+        ("11 22", "12", "13 23", "33", "44 55", "66"),
+        ("15 24", "31 32", "33"),
+        ("11 22", "33"),
+        shear="66",
+    ),
+    SymmetryClass("cubic", ("11 22 33", "12 13 23", "44 55 66"), ("14 25 36",), ("11 22 33",)),
+    SymmetryClass("isotropic", ("11 22 33", "12 13 23", "44 55 66"), (), ("11 22 33",), shear="44"),
+)
+
+
+def symmetry_class(name: str) -> SymmetryClass:
+    """Return a symmetry class by name; raise MaterialError that lists the names if there is none."""
+    for candidate in _CLASSES:
+        if candidate.name == name:
+            return candidate
+    raise MaterialError(f"unknown symmetry {name!r}; allowed: {', '.join(each.name for each in _CLASSES)}")
+
+
+def _component(symbol: str, pair: str) -> Component:
+    return symbol, int(pair[0]), int(pair[1])

@@ -1,0 +1,29 @@
+"""Meshes, their generators, readers and checks, and the contact zone."""
+
+from meeframe.mesh.axes import FrictionAxes
+from meeframe.mesh.checks import check_mesh, merge_points, orient_outward
+from meeframe.mesh.generators import Grading, block_mesh, box_mesh, half_space_mesh, sphere_mesh
+from meeframe.mesh.measures import area, volume
+from meeframe.mesh.reader import read_mesh
+from meeframe.mesh.supports import check_supports
+from meeframe.mesh.zone import ContactZone, check_contact_zone, frames_of, zone_frames
+
+__all__ = [
+    "ContactZone",
+    "FrictionAxes",
+    "Grading",
+    "area",
+    "block_mesh",
+    "box_mesh",
+    "check_contact_zone",
+    "check_mesh",
+    "check_supports",
+    "frames_of",
+    "half_space_mesh",
+    "merge_points",
+    "orient_outward",
+    "read_mesh",
+    "sphere_mesh",
+    "volume",
+    "zone_frames",
+]

@@ -1,0 +1,89 @@
+"""Mesh edges that elements share."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from meeframe.common.memoize import memoize_by_identity
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields import Indices
+from meeframe.mesh.surface import SurfaceMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Mesh edges of all elements, one row per element and edge, block after block.
+
+    ends: (k, 2) corner numbers in the element's sense; between: (k, m) point numbers inside the edge in the sense from
+    the smaller to the larger end, padded with -1; elements: (k,) element numbers over all blocks; number: (k,) the same
+    for rows with the same two ends, counting from 0.
+    """
+
+    ends: Indices
+    between: Indices
+    elements: Indices
+    number: Indices
+
+
+def corner_count(element: SurfaceElement) -> int:
+    """Return the corners of an element; they come first among its nodes."""
+    return 3 if element.reference == "triangle" else 4
+
+
+def edge_nodes(element: SurfaceElement) -> list[Indices]:
+    """Return the local node numbers along each edge, from one corner to the next, counter-clockwise."""
+    n = corner_count(element)
+    nodes = np.asarray(element.nodes, float)
+    edges = []
+    for k in range(n):
+        start, along = nodes[k], nodes[(k + 1) % n] - nodes[k]
+        offset = nodes - start
+        on_edge = np.abs(along[0] * offset[:, 1] - along[1] * offset[:, 0]) < 1e-9
+        edges.append(np.flatnonzero(on_edge)[np.argsort(offset[on_edge] @ along)])
+    return edges
+
+
+@memoize_by_identity
+def find_edges(mesh: SurfaceMesh) -> Edges:
+    """Return the mesh edges of a mesh whose connectivity is in range."""
+    ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
+    for block in mesh.blocks:
+        numbers = first + np.arange(len(block.connectivity))
+        first += len(numbers)
+        for local in edge_nodes(block.element):
+            row = block.connectivity[:, local]
+            ends.append(row[:, [0, -1]])
+            between.append(np.where((row[:, 0] < row[:, -1])[:, None], row, row[:, ::-1])[:, 1:-1])
+            elements.append(numbers)
+    most = max((part.shape[1] for part in between), default=0)
+    padded = [np.pad(part, ((0, 0), (0, most - part.shape[1])), constant_values=-1) for part in between]
+    all_ends = np.concatenate(ends)
+    inside = np.concatenate(padded) if padded else np.empty((0, 0), np.int64)
+    _, number = np.unique(np.sort(all_ends, axis=1), axis=0, return_inverse=True)
+    found = Edges(all_ends, inside, np.concatenate(elements), number.ravel())
+    for part in (found.ends, found.between, found.elements, found.number):
+        part.setflags(write=False)
+    return found
+
+
+def reflection(element: SurfaceElement) -> Indices:
+    """Return the node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
+    swapped = np.asarray(element.nodes, float)[:, ::-1]
+    distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
+    order: Indices = distance.argmin(axis=1).astype(np.int64)
+    return order
+
+
+def outer_polygon(mesh: SurfaceMesh) -> Indices:
+    """Return the sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to
+    node."""
+    edges = find_edges(mesh)
+    open_edges = np.flatnonzero(np.bincount(edges.number)[edges.number] == 1)
+    sides = []
+    for edge in open_edges:
+        start, end = edges.ends[edge]
+        inner = edges.between[edge][edges.between[edge] >= 0]
+        path = [start, *(inner if start < end else inner[::-1]), end]
+        sides += list(pairwise(path))
+    return np.array(sides, np.int64).reshape(-1, 2)

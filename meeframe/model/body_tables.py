@@ -1,0 +1,157 @@
+"""Tables of a case file that describe a body: its mesh, its boundary conditions, and a second body as a whole."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, model_validator
+
+from meeframe.elements.base import SurfaceElement
+from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
+from meeframe.mesh.body import BoundaryCondition
+from meeframe.model.values import (
+    DEFAULT_FORMULATION,
+    Count,
+    CountPair,
+    ElectricFlux,
+    ElectricPotential,
+    Flag,
+    FreeLength,
+    FreePressure,
+    MagneticFlux,
+    MagneticPotential,
+    Size,
+    SizePair,
+    Table,
+    Text,
+    by_name,
+)
+from meeframe.plugin.validation import Problem, TableError, problems_of
+
+_REACH: Final = 16.0
+"""Of the mesh of a half space beside its contact zone, in widths of that."""
+
+
+class GradedTable(Table):
+    """What a graded block and a half space have in common; keys as of meeframe.mesh.half_space_mesh and Grading."""
+
+    contact_width: SizePair
+    divisions: CountPair
+    element: Annotated[SurfaceElement, by_name(SurfaceElement)] = Field(default="quad4", validate_default=True)
+    first_ring: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.0
+
+
+class BlockTable(GradedTable):
+    """[mesh] of a graded block; the keys are those of meeframe.mesh.block_mesh and its Grading."""
+
+    type: Literal["block"] = "block"
+    half_width: SizePair
+    height: Size
+    rings: Count
+    layers: Count
+    layer_growth: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 1.5
+
+
+class HalfSpaceTable(GradedTable):
+    """[mesh] on the plane that bounds a half space: a semi-infinite body, which needs no supports.
+
+    half_width, rings: of what lies around the contact zone, which not every formulation uses.
+    """
+
+    type: Literal["half-space"]
+    half_width: SizePair | None = None
+    rings: Count = 6
+
+    @property
+    def half_widths(self) -> tuple[float, float]:
+        """half_width, by default that many widths of the contact zone."""
+        return self.half_width or (_REACH * self.contact_width[0], _REACH * self.contact_width[1])
+
+
+class FileTable(Table):
+    """[mesh] read from a file; unit: of its coordinates; the other keys are those of meeframe.mesh.read_mesh."""
+
+    type: Literal["file"] = "file"
+    file: Text
+    unit: Text = "m"
+    merge_tolerance: Size | None = None
+    group_data: Text | None = None
+    reorient: Flag = False
+
+    @property
+    def scale(self) -> float:
+        """Metres in the unit of the file."""
+        return float(Quantity("m").convert(f"1 {self.unit}"))
+
+    @model_validator(mode="after")
+    def _unit_of_length(self) -> "FileTable":
+        try:
+            _ = self.scale
+        except ValueError:
+            raise TableError(Problem(("unit",), "should be a unit of length such as mm", self.unit)) from None
+        return self
+
+
+MeshTable = BlockTable | HalfSpaceTable | FileTable
+
+
+def _mesh(value: Any, info: ValidationInfo) -> Any:
+    """The model is chosen here and not by a union: errors then speak of the one that was meant."""
+    if not isinstance(value, Mapping):
+        return value
+    models: dict[str, type[Table]] = {"block": BlockTable, "half-space": HalfSpaceTable, "file": FileTable}
+    kind = value.get("type", "file" if "file" in value else "block")
+    model = models.get(kind) if isinstance(kind, str) else None
+    if model is None:
+        raise TableError(Problem(("type",), f"should be one of {', '.join(models)}", kind))
+    try:
+        return model.model_validate(value, context=info.context)
+    except ValidationError as error:
+        raise TableError(*problems_of(error, model)) from None
+
+
+MESH_BY_TYPE: Final = BeforeValidator(_mesh)
+BY_NAME: Final = by_name(Formulation, default=DEFAULT_FORMULATION)
+_ONE_OR_MORE: Final = BeforeValidator(lambda value: (value,) if isinstance(value, str) else value)
+
+
+class BoundaryTable(Table):
+    """[[boundary]]: what is prescribed on face groups, in three independent parts; the rest has zero flux.
+
+    displacement and traction: three components each, global axes, 'free' where nothing is prescribed.
+    """
+
+    group: Annotated[tuple[Text, ...], Field(min_length=1), _ONE_OR_MORE]
+    displacement: tuple[FreeLength, FreeLength, FreeLength] | None = None
+    traction: tuple[FreePressure, FreePressure, FreePressure] | None = None
+    electric_potential: ElectricPotential | None = None
+    electric_flux: ElectricFlux | None = None
+    magnetic_potential: MagneticPotential | None = None
+    magnetic_flux: MagneticFlux | None = None
+
+    def conditions(self) -> tuple[BoundaryCondition, ...]:
+        """Everything prescribed, on each group."""
+        return tuple(BoundaryCondition(group, *prescribed) for group in self.group for prescribed in self._prescribed())
+
+    def _prescribed(self) -> list[tuple[int, Literal["value", "flux"], float]]:
+        """(field, kind, number in SI)."""
+        values = (*(self.displacement or (None,) * 3), self.electric_potential, self.magnetic_potential)
+        fluxes = (*(self.traction or (None,) * 3), self.electric_flux, self.magnetic_flux)
+        return [
+            *((field, "value", number) for field, number in enumerate(values) if number is not None),
+            *((field, "flux", number) for field, number in enumerate(fluxes) if number is not None),
+        ]
+
+
+class SecondBodyTable(Table):
+    """[second_body]: the second of two deformable bodies in its own coordinates; keys as of the first body.
+
+    zone: the face group that may come into contact.
+    """
+
+    material: dict[str, Any]
+    mesh: Annotated[MeshTable, MESH_BY_TYPE]
+    boundary: tuple[BoundaryTable, ...] = ()
+    zone: Text = "contact"
+    formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)

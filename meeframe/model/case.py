@@ -1,0 +1,142 @@
+"""A case: everything that determines a result, as objects."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
+from meeframe.indenters import Placement, initial_gap
+from meeframe.indenters.base import Indenter, motion_modes
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.mesh import FrictionAxes, check_contact_zone, zone_frames
+from meeframe.mesh.body import Body
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.data import CaseData
+from meeframe.model.data import Output as Output
+from meeframe.model.frames import frames_along
+from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
+from meeframe.model.restart import check_same_zone
+from meeframe.model.second_body import check_alike, check_match
+from meeframe.model.step import check_duration, check_first, check_pull, check_resisted, resisted
+from meeframe.plugin.sources import faults_of_plugins
+
+Warn = Callable[[str], None]
+"""Is told what may come out wrong, in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case(CaseData):
+    """One contact problem with its load steps, checked when it is made.
+
+    conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
+    contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
+    from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
+    axes: which way the local axis e1 points, from which a contact law measures its angle, by default as frames_of has
+    it; second_body: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose
+    distance from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
+
+    Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
+    exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
+    fixes), an indenter that is nowhere above the zone, a contact law whose initial gap is not finite or that has not
+    one traction for each node, a conductivity law likewise, a second body whose zone does not match, a first step
+    that neither moves nor presses it, a step without the duration that the contact law needs, a resultant that the laws
+    cannot resist, a solver that does not take the contact law or what is prescribed, a run to go on from that had
+    another contact zone or other axes.
+    """
+
+    def __post_init__(self) -> None:
+        with faults_of_plugins():
+            self._check()
+
+    def _check(self) -> None:
+        check_title(self.title)
+        check_contact_zone(self.mesh, self.zone)
+        self.formulation.check(self.body)
+        if not self.steps:
+            raise CaseError("steps: at least one load step is needed")
+        check_reach(self.indenter, self.placement, self.mesh, self.zone)
+        place = zone_frames(self.mesh, self.zone)
+        gap_of_law(self.contact_law, place.points)
+        check_tractions(self.contact_law, len(place.points))
+        for law in (self.electric_law, self.magnetic_law):
+            check_conductivity(law, len(place.points))
+        check_alike(self.second_body, self.formulation)
+        check_match(self.second_body, self.mesh, self.zone)
+        if self.restart is None:
+            check_first(self.steps[0])
+        else:
+            check_same_zone(self.restart, place, self.axes)
+        laws = self.contact_law, self.electric_law, self.magnetic_law
+        resists = resistance(self.placement, self.mesh, self.zone, self.axes, laws)
+        for number, step in enumerate(self.steps, 1):
+            check_duration(step, number, self.contact_law)
+            check_pull(step, self.contact_law)
+            check_resisted(step, resists)
+        law_of_increment(self.contact_law, np.zeros(len(place.points)), self.steps[0].increment_duration)
+        check_solver(self, self.solver)
+
+    @property
+    def body(self) -> Body:
+        """The boundary value problem for the formulation."""
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may come out wrong, in words: what the formulations know, an indenter that touches nothing, or whose
+        potential changes nothing.
+
+        Nothing that stops a run.
+        """
+        second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
+        return (*warnings_of(((self.formulation, self.body), *second_body)), *self.preflight)
+
+    @property
+    def preflight(self) -> tuple[str, ...]:
+        """The warnings that do not come from formulations, in words."""
+        with faults_of_plugins():
+            kinematics = undeformed(self)
+            return (*preflight(kinematics), *unused_potentials(kinematics))
+
+    @property
+    def n_increments(self) -> int:
+        """Increments of all load steps together."""
+        return sum(step.increments for step in self.steps)
+
+
+def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
+    """What formulations warn of in their bodies, in words; the same words once."""
+    with faults_of_plugins():
+        return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
+
+
+def ignore(text: str) -> None:
+    """Ignore a warning."""
+
+
+def check_title(title: str) -> None:
+    """Raises CaseError for a title that no result file can hold."""
+    if "\0" in title:
+        raise CaseError("holds the character NUL; allowed: any other in a title")
+
+
+def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
+    """Raises CaseError unless a part of the indenter lies above the contact zone."""
+    if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
+        raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
+
+
+def resistance(
+    placement: Placement,
+    mesh: SurfaceMesh,
+    zone: str,
+    axes: FrictionAxes | None,
+    laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw],
+) -> NDArray[np.bool_]:
+    """Which of the indenter's motions the laws of contact, electric and magnetic conductivity may resist, (8,)."""
+    place = zone_frames(mesh, zone)
+    frames, reference = frames_along(place, axes), placement.reference(place.points)
+    return resisted(motion_modes(place.points, frames, placement.base, reference), *laws)

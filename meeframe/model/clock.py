@@ -1,0 +1,40 @@
+"""Time by stage, and the process's peak memory."""
+
+import resource
+import sys
+import time
+
+from meeframe.system.reduced import Progress, silent
+
+
+class Clock:
+    """Cuts the time of a run into stages that follow each other; passes progress on to whoever shows it."""
+
+    def __init__(self, show: Progress = silent) -> None:
+        self._show = show
+        self._begin = self._mark = time.perf_counter()
+        self._stage = ""
+        self._seconds: dict[str, float] = {}
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Progress: from here on the time belongs to this stage."""
+        self._close()
+        self._stage = stage
+        self._show(stage, fraction)
+
+    def timings(self) -> dict[str, float]:
+        """Seconds by stage so far, and their `total`."""
+        self._close()
+        return {**self._seconds, "total": self._mark - self._begin}
+
+    def _close(self) -> None:
+        now = time.perf_counter()
+        if self._stage:
+            self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._mark
+        self._mark = now
+
+
+def peak_memory_mb() -> float:
+    """Largest resident memory of this process so far [MB = 1e6 bytes]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak * (1.0 if sys.platform == "darwin" else 1024.0) / 1e6

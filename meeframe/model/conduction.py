@@ -1,0 +1,117 @@
+"""Whether the conductivity laws of a case are conductivities where the case comes to."""
+
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import ContactProblem, ContactSolution, Status, indenter_position
+from meeframe.contact.scales import problem_scales
+from meeframe.fields import ELECTRIC, MAGNETIC, Array
+from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
+
+_ASTRAY: Final = 10.0
+"""An iteration that comes to so many times the characteristic pressure has gone astray before."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a conductivity law said, kappa, under a normal traction [Pa], a gap [m] and a drop [V or A]."""
+
+    kappa: float
+    traction: float
+    gap: float
+    drop: float
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class _Watch:
+    """The conductivity of a law, and what that was where it is none under finite tractions, gaps and drops.
+
+    Of several answers that under the least traction is kept. What is asked to see whether a law conducts at all
+    (meeframe.laws.base.conducts) does not count.
+    """
+
+    law: ConductivityLaw
+    answers: list[Answer] = field(default_factory=list)
+
+    def __call__(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """As of the law."""
+        kappa = self.law.conductivity(normal_traction, gap, drop)
+        wrong = ~(kappa >= 0.0)
+        if wrong.any() and not _tried(normal_traction, gap):
+            finite = np.isfinite(normal_traction) & np.isfinite(gap) & np.isfinite(drop)
+            found = _answers(kappa, normal_traction, gap, drop, wrong & finite)
+            self.answers[:] = sorted([*self.answers, *found], key=lambda answer: -answer.traction)[:1]
+        return kappa
+
+
+def watched(law: ConductivityLaw) -> ConductivityLaw:
+    """The law, of its class and with its fields, by which solvers may tell it, but watched in what it says."""
+    copied = copy(law)
+    object.__setattr__(copied, "conductivity", _Watch(law))  # in place of the method, of this one alone
+    return copied
+
+
+def _tried(traction: Array, gap: Array) -> bool:
+    """Whether these tractions and gaps (n,) are those with which `conducts` tries a law."""
+    across = not traction.any() and bool(np.isin(gap, GAPS).all())
+    return across or np.array_equal(traction, PRESSURES) or bool((traction == PRESSURES[-1]).all())
+
+
+def _answers(kappa: Array, traction: Array, gap: Array, drop: Array, which: NDArray[np.bool_]) -> Iterator[Answer]:
+    """The one under the least traction of those (n,) that are meant, if any."""
+    nodes = np.flatnonzero(which)
+    if nodes.size:
+        node = nodes[traction[nodes].argmax()]
+        yield Answer(*(float(values[node]) for values in (kappa, traction, gap, drop)))
+
+
+def check_conduction(problem: ContactProblem, solution: ContactSolution) -> ContactSolution:
+    """Raises CaseError if a conductivity is negative or NaN in a state that converged.
+
+    And, if the state is not finite, or would not be judged since a conductivity is NaN, if one was under a traction of
+    the size of the problem's, which may be why. States on the way and larger tractions a good law need not be fit for:
+    then the message says so.
+    """
+    laws = (("electric", problem.electric_law, ELECTRIC, "V"), ("magnetic", problem.magnetic_law, MAGNETIC, "A"))
+    state = solution.state
+    finite = bool(np.isfinite(state.load).all() and np.isfinite(state.displacement).all())
+    most = _ASTRAY * problem_scales(problem).pressure
+    for key, law, column, unit in laws:
+        if finite:
+            found = list(_wrong_in_state(problem, solution, law, column))
+        else:
+            watch = vars(law).get("conductivity")
+            found = watch.answers if isinstance(watch, _Watch) else []
+        for answer in found:
+            across = f", a gap of {answer.gap:g} m and a drop of {answer.drop:g} {unit}" if law.across_gap else ""
+            told = (
+                f"conductivity.{key}: conductivity of the conductivity law {type(law).__name__} is {answer.kappa:g} "
+                f"under a normal traction of {answer.traction:g} Pa{across}; allowed: numbers >= 0 and inf"
+            )
+            spoilt = not finite or np.isnan(answer.kappa)
+            if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):
+                raise CaseError(told)
+            solution = replace(solution, message=f"{solution.message}; {told}")
+    return solution
+
+
+def _wrong_in_state(
+    problem: ContactProblem, solution: ContactSolution, law: ConductivityLaw, column: int
+) -> Iterator[Answer]:
+    """The first answer of a law in a finite state that is no conductivity, if there is one."""
+    state = solution.state
+    ahead = indenter_position(problem, state.motion) - state.displacement
+    traction = np.minimum(contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2]), 0.0)
+    gap = np.where(traction < 0.0, 0.0, np.maximum(ahead[:, 2], 0.0))
+    asked = np.isfinite(gap) & ((traction < 0.0) | (gap > 0.0))
+    given = traction[asked], gap[asked], ahead[asked, column]
+    with np.errstate(all="ignore"):
+        kappa = law.conductivity(*given)
+    yield from _answers(kappa, *given, ~(kappa >= 0.0))

@@ -1,0 +1,10 @@
+"""The local frames in which the contact of a case is described."""
+
+from meeframe.fields import Array
+from meeframe.mesh import ContactZone, FrictionAxes
+from meeframe.system.rotated import rotated_frames
+
+
+def frames_along(zone: ContactZone, axes: FrictionAxes | None) -> Array:
+    """The frames (n, 3, 3) of a contact zone, turned to the friction axes if there are any."""
+    return zone.frames if axes is None else rotated_frames(zone.frames, axes.directions(zone.points))

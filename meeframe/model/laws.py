@@ -1,0 +1,121 @@
+"""What a run asks of laws before anything is computed; what else they owe is for their conformance kits."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+
+_STEPS: Final = (1e12, 1e12)
+"""Of augmented tractions with which laws are tried [Pa/m]."""
+_TRIALS: Final = np.array([[1e6, -2e6, -3e6], [1e5, 0.0, -3e6], [0.0, 0.0, -3e6], [1e6, 0.0, 1e6], [0.0, 0.0, 0.0]])
+"""Trial tractions of nodes that slip, stick, are pressed, are apart, and nothing [Pa]."""
+
+_PLAIN: Final = {"tangential_scaling": "", "adhesion": " at a gap of 0 m"}
+"""Methods that are not asked for trial tractions, and for what they are."""
+
+
+def gap_of_law(law: ContactLaw, points: Array) -> Array:
+    """What the contact law adds to the gap at points (n, 3), (n,) [m]. Raises CaseError unless that is finite."""
+    gap = law.initial_gap(points)
+    what = f"the initial gap of the contact law {type(law).__name__}"
+    _check_array(what, gap, (len(points),))
+    if not np.isfinite(gap).all():
+        node = int(np.flatnonzero(~np.isfinite(gap))[0])
+        raise CaseError(f"{what} is {gap[node]} at {points[node]} [m]; allowed: finite numbers")
+    return gap
+
+
+def check_tractions(law: ContactLaw, n: int) -> None:
+    """Raises CaseError unless the contact law has one traction for each of n nodes, and what belongs to it.
+
+    Or if it changes the arrays that it is given, or has tractions that are not finite at finite trial ones.
+    What else is asked of a law is for its conformance kit; without these shapes a run ends in the middle.
+    """
+    for first in range(0, len(_TRIALS), n):  # small zones have not the nodes for all at once
+        _check_tractions(law, np.resize(np.roll(_TRIALS, -first, axis=0), (n, 3)))
+
+
+def _check_tractions(law: ContactLaw, trial: Array) -> None:
+    """As check_tractions, for trial tractions (n, 3)."""
+    n, gap = len(trial), np.zeros(trial.shape)
+    asked: dict[str, tuple[Callable[[Array, Array], object], tuple[int, ...]]] = {
+        "project": (lambda trial, _: law.project(trial), (n, 3)),
+        "tangential_scaling": (lambda _trial, _gap: law.tangential_scaling(), (2, 2)),
+        "resolve": (lambda trial, gap: law.resolve(trial, gap, _STEPS), (n, 3)),
+        "adhesion": (lambda _, gap: law.adhesion(gap[:, 2]), (n,)),
+        "tangent": (lambda trial, _: law.tangent(trial), (n, 3, 3)),
+        "tangents": (lambda trial, gap: law.tangents(trial, gap, _STEPS), (n, 3, 3)),
+    }
+    for method, (ask, shape) in asked.items():
+        if getattr(type(law), method) is getattr(ContactLaw, method):
+            continue
+        what, given = f"{method} of the contact law {type(law).__name__}", (trial.copy(), gap.copy())
+        tried = _PLAIN.get(method, trial)
+        with np.errstate(all="ignore"):
+            answer = ask(*given)
+        if not all(map(np.array_equal, given, (trial, gap))):
+            raise CaseError(f"{what} changes the array that it is given; allowed: a new one")
+        if method != "tangents":
+            _check_array(what, answer, shape, tried)
+        elif not isinstance(answer, tuple) or len(answer) != 2:
+            raise CaseError(f"{what} returns {_kind(answer)}; allowed: two arrays, by trial and by gap")
+        else:
+            for way, array in zip(("by trial", "by gap"), answer, strict=True):
+                _check_array(f"{what}, {way},", array, shape, tried)
+
+
+def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array | str | None = None) -> None:
+    """Raises CaseError unless it is an array of real numbers of this shape, and finite if it was tried.
+
+    tried: trial tractions (n, 3), or in words for what.
+    """
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+        raise CaseError(f"{what} returns {_kind(array)}; allowed: an array of real numbers of shape {shape}")
+    if array.shape != shape:
+        raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
+    wrong = np.argwhere(~np.isfinite(array))
+    if tried is None or not wrong.size:
+        return
+    if not isinstance(tried, str):
+        tried = f" at a trial traction of ({', '.join(f'{traction:g}' for traction in tried[wrong[0][0]])}) Pa"
+    raise CaseError(f"{what} is {array[tuple(wrong[0])]}{tried}; allowed: finite numbers")
+
+
+def _kind(answer: object) -> str:
+    """What a law returned, in words: 'None', 'list', 'an array of complex128'."""
+    if isinstance(answer, np.ndarray):
+        return f"an array of {answer.dtype}"
+    return "None" if answer is None else f"a {type(answer).__name__}"
+
+
+def check_conductivity(law: ConductivityLaw, n: int) -> None:
+    """Raises CaseError unless the law has a conductivity for each of n nodes, and leaves alone what it is given.
+
+    Whether it is one shows where the case needs it: check_conduction of meeframe.model.conduction.
+    """
+    asked = np.linspace(-1e6, 0.0, n), np.zeros(n), np.ones(n)
+    given = tuple(array.copy() for array in asked)
+    with np.errstate(all="ignore"):
+        kappa = law.conductivity(*given)
+    what = f"conductivity of the conductivity law {type(law).__name__}"
+    if not all(map(np.array_equal, given, asked)):
+        raise CaseError(f"{what} changes the arrays that it is given; allowed: new ones")
+    _check_array(what, kappa, (n,))
+
+
+def law_of_increment(law: ContactLaw, slip_path: Array, duration: float | None) -> ContactLaw:
+    """The contact law during an increment of a duration [s], before which nodes have slipped slip_path (n,) [m].
+
+    Raises CaseError unless that is one, as check_tractions.
+    """
+    made = law.for_increment(slip_path, duration)
+    if not isinstance(made, ContactLaw):
+        raise CaseError(
+            f"for_increment of the contact law {type(law).__name__} returns {made!r}; allowed: a contact law"
+        )
+    check_tractions(made, len(slip_path))
+    return made

@@ -1,0 +1,207 @@
+"""From a case file to a case: every problem of the file is found before anything is computed."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.common.toml import check_whole_numbers, read_toml
+from meeframe.contact.problem import Solver
+from meeframe.material import Material, material_from_table
+from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.body_tables import BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
+from meeframe.model.case import Case
+from meeframe.model.data import Output
+from meeframe.model.locate import locate, locate_in_second_body
+from meeframe.model.restart import Restart, read_restart
+from meeframe.model.schema import CaseTable, RestartTable
+from meeframe.model.second_body import SecondBody
+from meeframe.plugin import registry as plugins
+from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.validation import Problem, TableError, problems_of
+
+T = TypeVar("T")
+
+
+def load_case(path: str | Path, registry: Registry | None = None) -> Case:
+    """The checked case of a case file.
+
+    registry: where names are looked up; by default the built-ins and the installed plugins.
+    Raises CaseError with one line for each problem found: file, key, value and what is allowed. Its __cause__ is the
+    exception itself if the code of a plugin failed.
+    """
+    file = Path(path)
+    text, tables = read_toml(file)
+    if "case" in tables and "material" not in tables:
+        raise CaseError(
+            f"{file}: is a study of the case file {tables['case']!r}: run it by `meeframe sweep` or `reproduce`"
+        )
+    try:
+        return case_from_tables(tables, registry, file.parent, text, str(file))
+    except TableError as error:
+        raise CaseError("\n".join(f"{file}: {problem}" for problem in error.problems)) from error.__cause__
+
+
+def case_from_tables(
+    tables: Mapping[str, Any], registry: Registry | None = None, folder: Path = Path(), text: str = "", file: str = ""
+) -> Case:
+    """The checked case of the tables of a case file; folder: where relative paths in it start; file: its name.
+
+    Raises TableError (a CaseError) with all problems found.
+    """
+    try:
+        check_whole_numbers(tables)
+    except ValueError as error:
+        raise TableError(Problem((), str(error))) from None
+    registry = replace(registry or plugins.load(), folder=folder)
+    problems: list[Problem] = []
+    checked = _attempt(problems, lambda: _validate(tables, registry))
+    material = _material(problems, tables, folder)
+    other_material = _material(problems, tables.get("second_body"), folder, "second_body")
+    if checked is None:
+        raise TableError(*problems)
+    mesh = _attempt(problems, lambda: _mesh(checked.mesh, registry, folder), "mesh")
+    other, second_body = checked.second_body, None
+    if other is not None and other_material is not None:
+        second_body = _attempt(problems, lambda: _second_body(other, other_material, registry, folder), "second_body")
+    restart = _attempt(problems, lambda: _restart(checked.restart, folder, file))
+    if material is None or mesh is None or problems:
+        raise TableError(*problems)
+    assemble = partial(_assemble, checked, material, mesh, second_body, restart, text)
+    try:
+        return assemble(checked.solver.named)
+    except MeeframeError as error:
+        body = Body(material.stiffness, mesh, (), checked.contact.zone)
+        problem = locate(error, checked, body, second_body, restart, assemble)
+        raise TableError(problem.quoting(tables)) from error.__cause__
+    except MemoryError as error:
+        raise TableError(_no_memory(error, "mesh")) from None
+
+
+def _attempt(problems: list[Problem], make: Callable[[], T], *location: str) -> T | None:
+    """What make() returns; or None, and its problems join the others, so that one run of a check shows them all."""
+    try:
+        return make()
+    except TableError as error:
+        problems += [problem.inside(*location) for problem in error.problems]
+    except MeeframeError as error:
+        problems.append(Problem(location, str(error), cause=error.__cause__))
+    except MemoryError as error:
+        problems.append(_no_memory(error, *location))
+    return None
+
+
+def _material(problems: list[Problem], table: Any, folder: Path, *location: str) -> Material | None:
+    """The material in the table of a body; that there is none is for the validation to say."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("material"), Mapping):
+        return None
+    return _attempt(problems, lambda: material_from_table(table["material"], folder), *location, "material")
+
+
+def _second_body(table: SecondBodyTable, material: Material, registry: Registry, folder: Path) -> SecondBody:
+    problems: list[Problem] = []
+    mesh = _attempt(problems, lambda: _mesh(table.mesh, registry, folder), "mesh")
+    if mesh is None:
+        raise TableError(*problems)
+    try:
+        return SecondBody(material, mesh, _conditions(table.boundary), table.zone, table.formulation)
+    except MeeframeError as error:
+        body = Body(material.stiffness, mesh, (), table.zone)
+        raise TableError(locate_in_second_body(error, table, body)) from error.__cause__
+    except MemoryError as error:
+        raise TableError(_no_memory(error, "mesh")) from None
+
+
+def _conditions(boundary: tuple[BoundaryTable, ...]) -> tuple[BoundaryCondition, ...]:
+    return tuple(condition for table in boundary for condition in table.conditions())
+
+
+def _no_memory(error: MemoryError, *location: str) -> Problem:
+    return Problem(location, f"needs more memory than there is: {str(error) or 'none left'}")
+
+
+def _assemble(
+    table: CaseTable,
+    material: Material,
+    mesh: SurfaceMesh,
+    second_body: SecondBody | None,
+    restart: Restart | None,
+    text: str,
+    solver: Solver,
+) -> Case:
+    return Case(
+        material=material,
+        mesh=mesh,
+        conditions=_conditions(table.boundary),
+        indenter=table.indenter.named,
+        restart=restart,
+        steps=tuple(step.step() for step in table.steps),
+        placement=table.indenter.record,
+        potentials=(table.indenter.electric_potential, table.indenter.magnetic_potential),
+        zone=table.contact.zone,
+        contact_law=table.contact.law,
+        axes=table.contact.axes,
+        electric_law=table.conductivity.electric,
+        magnetic_law=table.conductivity.magnetic,
+        formulation=table.formulation,
+        solver=solver,
+        limits=table.solver.record,
+        output=Output(table.output.figures, table.output.vtu, table.output.fields),
+        second_body=second_body,
+        title=table.title,
+        text=text,
+    )
+
+
+def _validate(tables: Mapping[str, Any], registry: Registry) -> CaseTable:
+    try:
+        return CaseTable.model_validate(dict(tables), context=registry)
+    except ValidationError as error:
+        raise TableError(*problems_of(error, CaseTable)) from None
+
+
+def _restart(table: RestartTable | None, folder: Path, file: str) -> Restart | None:
+    if table is None:
+        return None
+    place = Problem(("restart", "from"), "", table.folder)
+    try:
+        return read_restart(folder / table.folder, f"{file}: {place}".lstrip(": ").rstrip(": "))
+    except MeeframeError as error:
+        raise TableError(replace(place, text=str(error))) from None
+
+
+def _mesh(table: MeshTable, registry: Registry, folder: Path) -> SurfaceMesh:
+    if isinstance(table, FileTable):
+        return read_mesh(
+            folder / table.file,
+            [registry.create(Kind.ELEMENT, name) for name in registry.names(Kind.ELEMENT)],
+            length_unit=table.scale,
+            merge_tolerance=table.merge_tolerance,
+            group_data=table.group_data,
+            reorient=table.reorient,
+        )
+    if isinstance(table, HalfSpaceTable):
+        return half_space_mesh(
+            table.half_widths,
+            table.contact_width,
+            table.divisions,
+            table.rings,
+            table.element,
+            Grading(table.first_ring),
+        )
+    return block_mesh(
+        table.half_width,
+        table.height,
+        table.contact_width,
+        table.divisions,
+        table.rings,
+        table.layers,
+        table.element,
+        Grading(table.first_ring, table.layer_growth),
+    )

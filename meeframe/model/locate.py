@@ -1,0 +1,142 @@
+"""Where in a case file the cause of an error lies that shows only when the parts are put together."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.errors import MeeframeError, MeshError
+from meeframe.contact.problem import Solver
+from meeframe.laws.base import conducts
+from meeframe.mesh import check_contact_zone, check_mesh, check_supports, zone_frames
+from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
+from meeframe.model.body_tables import SecondBodyTable
+from meeframe.model.case import Case, check_reach, check_title, resistance
+from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
+from meeframe.model.preflight import check_solver
+from meeframe.model.restart import Restart, check_same_zone
+from meeframe.model.schema import CaseTable
+from meeframe.model.second_body import SecondBody, check_alike, check_match
+from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
+from meeframe.plugin.sources import faults_of_plugins
+from meeframe.plugin.validation import Problem, TableError
+from meeframe.solvers import Auto
+
+Check = tuple[Problem, Callable[[], object]]
+"""A place in the file with what is given there, and the check of it."""
+
+
+def locate(
+    error: MeeframeError,
+    table: CaseTable,
+    body: Body,
+    second_body: SecondBody | None,
+    restart: Restart | None,
+    assemble: Callable[[Solver], Case],
+) -> Problem:
+    """The error at its place, with what caused it.
+
+    It is the key whose own check says the same, or the boundary table without which the formulation takes the body, or
+    else the mesh or the formulation. body: that of the case, without its boundary conditions; counter, restart: of the
+    case; assemble: makes the case with another solver.
+    """
+    return _locate(error, table, body, _case_checks(table, body, second_body, restart, assemble))
+
+
+def locate_in_second_body(error: MeeframeError, table: SecondBodyTable, body: Body) -> Problem:
+    """The error at its place inside [second_body]; body: the second body, without its boundary conditions."""
+    return _locate(error, table, body, _body_checks(table, body, ("zone",), table.zone))
+
+
+def _locate(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+    place = _place(error, table, body, checks)
+    if isinstance(error, TableError):
+        return error.problems[0].inside(*place.location)
+    return replace(place, text=str(error), cause=error.__cause__)
+
+
+def _place(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+    for problem, check in checks:
+        try:
+            with faults_of_plugins():
+                check()
+        except MeeframeError as found:
+            if str(found) == str(error):
+                return problem
+    for number in range(len(table.boundary)):
+        others = table.boundary[:number] + table.boundary[number + 1 :]
+        conditions = tuple(condition for boundary in others for condition in boundary.conditions())
+        with suppress(MeeframeError), faults_of_plugins():
+            table.formulation.check(replace(body, conditions=conditions))
+            return Problem(("boundary", number), "")
+    return Problem(("mesh" if isinstance(error, MeshError) else "formulation",), "")
+
+
+def _body_checks(
+    table: CaseTable | SecondBodyTable, body: Body, zone_key: tuple[str, ...], zone: str
+) -> Iterator[Check]:
+    yield Problem(("mesh",), ""), partial(check_mesh, body.mesh)
+    yield Problem(zone_key, "", zone), partial(check_contact_zone, body.mesh, zone)
+    for number, boundary in enumerate(table.boundary):
+        for group in boundary.group:
+            alone = replace(body, conditions=(BoundaryCondition(group, 0, "value"),))
+            yield Problem(("boundary", number, "group"), "", group), partial(check_conditions, alone)
+        body = replace(body, conditions=(*body.conditions, *boundary.conditions()))
+        yield Problem(("boundary", number), ""), partial(check_conditions, body)
+    yield Problem(("boundary",), ""), partial(check_supports, body)
+
+
+def _case_checks(
+    table: CaseTable,
+    body: Body,
+    second_body: SecondBody | None,
+    restart: Restart | None,
+    assemble: Callable[[Solver], Case],
+) -> Iterator[Check]:
+    yield Problem(("title",), "", table.title), partial(check_title, table.title)
+    zone = table.contact.zone
+    yield from _body_checks(table, body, ("contact", "zone"), zone)
+    placement = table.indenter.record
+    yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
+    place, law = zone_frames(body.mesh, zone), table.contact.law
+    points = place.points
+    yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
+    yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))
+    conductivities = {field: getattr(table.conductivity, field) for field in ("electric", "magnetic")}
+    for field, conductivity in conductivities.items():
+        yield Problem(("conductivity", field), ""), partial(check_conductivity, conductivity, len(points))
+    yield Problem(("second_body", "formulation"), ""), partial(check_alike, second_body, table.formulation)
+    yield Problem(("second_body", "mesh"), ""), partial(check_match, second_body, body.mesh, zone)
+    steps = [step.step() for step in table.steps]
+    if table.restart is None or restart is None:
+        yield Problem(("steps", 0), ""), partial(check_first, steps[0])
+    else:
+        source = Problem(("restart", "from"), "", table.restart.folder)
+        yield source, partial(check_same_zone, restart, place, table.contact.axes)
+    for field, conductivity in conductivities.items():
+        yield Problem(("conductivity", field), ""), partial(conducts, conductivity)
+    held = partial(resistance, placement, body.mesh, zone, table.contact.axes, (law, *conductivities.values()))
+    for number, step in enumerate(steps):
+        yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
+        yield Problem(("steps", number), ""), partial(check_pull, step, law)
+        yield Problem(("steps", number), ""), partial(_check_held, step, held)
+    duration = steps[0].increment_duration
+    yield Problem(("contact", "law"), ""), partial(law_of_increment, law, np.zeros(len(points)), duration)
+    yield Problem(("solver",), ""), partial(_check_solver, assemble, table.solver.named)
+
+
+def _check_held(step: Step, held: Callable[[], NDArray[np.bool_]]) -> None:
+    """As check_resisted, by motions that are found only now: laws of plugins may fail there."""
+    check_resisted(step, held())
+
+
+def _check_solver(assemble: Callable[[Solver], Case], solver: Solver) -> None:
+    """As check_solver, of a case that nothing else is wrong with."""
+    try:
+        case = assemble(Auto())
+    except MeeframeError:
+        return
+    check_solver(case, solver)

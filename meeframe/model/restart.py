@@ -1,0 +1,83 @@
+"""Continuing the converged state of an earlier run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Status
+from meeframe.fields import Array
+from meeframe.mesh import ContactZone, FrictionAxes
+from meeframe.model.frames import frames_along
+from meeframe.results.files import read_result
+from meeframe.results.records import StepResult
+from meeframe.system.reduced import ReducedSystem
+
+_SAME_PLACE: Final = 1e-9
+"""Of the extent of the contact zone: points that differ by less are the same."""
+_SAME_AXES: Final = 1e-6
+"""Of components of unit vectors: frames that differ by less are the same."""
+_SAME_BODY: Final = 1e-6
+"""Of the displacement: what a state may miss by in the body that continues it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """A converged increment to go on from. source: where it is from, in words; points: (n, 3) of its zone [m]; frames:
+    (n, 3, 3) there, along the friction axes."""
+
+    source: str
+    points: Array
+    frames: Array
+    step: StepResult
+
+
+def read_restart(folder: Path, source: str = "") -> Restart:
+    """The last converged increment of a run; source: by default its folder.
+
+    Raises ResultError if there is no result in the folder, CaseError if nothing in it converged.
+    """
+    result = read_result(folder)
+    converged = [step for step in result.steps if step.status is Status.CONVERGED]
+    if not converged:
+        raise CaseError(f"no increment of the run in {folder} converged; allowed: a run with one that did")
+    return Restart(source or str(folder), result.zone.points, result.zone.frames, converged[-1])
+
+
+def check_same_zone(restart: Restart, zone: ContactZone, axes: FrictionAxes | None) -> None:
+    """Raises CaseError unless the run had the contact zone and the friction axes that are to continue it."""
+    if len(restart.points) != len(zone.points):
+        raise CaseError(
+            f"the contact zone of that run has {len(restart.points)} points, this one {len(zone.points)}; "
+            "allowed: the same contact zone"
+        )
+    distance = float(np.abs(restart.points - zone.points).max())
+    if distance > _SAME_PLACE * np.ptp(zone.points, axis=0).max():
+        raise CaseError(
+            f"the contact zone of that run has points up to {distance:.3g} m away from those here; "
+            "allowed: the same contact zone"
+        )
+    frames = frames_along(zone, axes)
+    if np.abs(restart.frames - frames).max() > _SAME_AXES:
+        cosines = np.einsum("ni,ni->n", restart.frames[:, 0], frames[:, 0])
+        raise CaseError(
+            "the local axis e1 of that run points elsewhere on the contact zone, by up to "
+            f"{np.rad2deg(np.arccos(np.clip(cosines.min(), -1.0, 1.0))):.3g} deg; allowed: the same [contact] axes"
+        )
+
+
+def check_same_body(restart: Restart, system: ReducedSystem) -> None:
+    """Raises CaseError unless the displacement of the run's state is what its load causes in this body."""
+    state = restart.step.state
+    expected = system.offset + system.apply(state.load)
+    own = np.einsum("nJK,nK->nJ", np.abs(system.diagonal_blocks()), np.abs(state.load))
+    size = np.maximum(np.abs(expected), own).max(axis=0)  # own: a field that is zero but for round-off has a size too
+    missed = np.abs(state.displacement - expected).max(axis=0)
+    worst = float((missed / np.where(size > 0.0, size, 1.0)).max())
+    if not worst <= _SAME_BODY:
+        raise CaseError(
+            f"{restart.source}: the loads of that run cause other displacements in this body, by {worst:.2g} of their "
+            "size; allowed: the same material, mesh, boundary conditions and formulation"
+        )

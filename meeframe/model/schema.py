@@ -1,0 +1,228 @@
+"""What a case file may say: one frozen model for each table. Documented in docs/case-files.md."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    Strict,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
+from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
+from meeframe.indenters import Placement
+from meeframe.indenters.base import Indenter
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.mesh import FrictionAxes
+from meeframe.model.body_tables import (
+    BY_NAME,
+    MESH_BY_TYPE,
+    BoundaryTable,
+    MeshTable,
+    SecondBodyTable,
+)
+from meeframe.model.step import Step
+from meeframe.model.values import (
+    DEFAULT_FORMULATION,
+    DEFAULT_SOLVER,
+    FINITE,
+    Angle,
+    Charge,
+    Count,
+    ElectricPotential,
+    Flag,
+    Force,
+    Length,
+    MagneticPotential,
+    Moment,
+    Ratio,
+    Table,
+    Text,
+    Time,
+    TotalMagneticFlux,
+    by_name,
+    named,
+    registry_of,
+)
+from meeframe.plugin.registry import CONTRACTS
+from meeframe.plugin.validation import Problem, TableError, build
+from meeframe.results.schema import optional_fields
+from meeframe.solvers import StoppingCriteria
+
+
+def _axes(value: Any) -> Any:
+    return build(FrictionAxes, value) if isinstance(value, Mapping) else value
+
+
+class ContactTable(Table):
+    """[contact]: the face group that may come into contact, its law, and the axes of its friction."""
+
+    zone: Text = "contact"
+    law: Annotated[ContactLaw, by_name(ContactLaw)] = Field(default="signorini", validate_default=True)
+    axes: Annotated[FrictionAxes | None, BeforeValidator(_axes)] = None
+
+
+_INSULATING: Final = Field(default="insulating", validate_default=True)
+
+
+class ConductivityTable(Table):
+    """[conductivity]: laws of the contact zone; a field without one is insulated."""
+
+    electric: Annotated[ConductivityLaw, by_name(ConductivityLaw, "F/m^2 F/m V/m")] = _INSULATING
+    magnetic: Annotated[ConductivityLaw, by_name(ConductivityLaw, "H/m^2 H/m A/m")] = _INSULATING
+
+
+def _divided(value: Any, info: ValidationInfo, contract: type, record: type, others: tuple[str, ...] = ()) -> Any:
+    """Divides a flat table: keys of `record`, keys of the table itself (others), and the rest for the named object."""
+    if isinstance(value, str):
+        value = {"name": value}
+    if not isinstance(value, Mapping):
+        return value
+    own = tuple(field.name for field in dataclasses.fields(record))
+    rest = {key: item for key, item in value.items() if key not in (*own, *others)}
+    return {
+        "named": registry_of(info).create(CONTRACTS[contract], rest, (*own, *others)),
+        "record": build(record, {key: value[key] for key in own if key in value}),
+        **{key: value[key] for key in others if key in value},
+    }
+
+
+class IndenterTable(Table):
+    """[indenter]: a named shape with its keys, its placement and its potentials."""
+
+    named: Indenter
+    record: Placement
+    electric_potential: ElectricPotential = 0.0
+    magnetic_potential: MagneticPotential = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, value: Any, info: ValidationInfo) -> Any:
+        return _divided(value, info, Indenter, Placement, ("electric_potential", "magnetic_potential"))
+
+
+class SolverTable(Table):
+    """[solver]: a named solver with its keys, and the limits of the iteration."""
+
+    named: Solver
+    record: StoppingCriteria
+
+    @model_validator(mode="before")
+    @classmethod
+    def _flat(cls, value: Any, info: ValidationInfo) -> Any:
+        return _divided(named(value, DEFAULT_SOLVER), info, Solver, StoppingCriteria)
+
+
+class StepTable(Table):
+    """[[steps]]: what one load step prescribes, key by key as in meeframe.model.step.Step.
+
+    direction: angle from e1 to e2 of those entries across the axis that are one number instead of two components.
+    """
+
+    approach: Length | None = None
+    normal_force: Force | None = None
+    translation: tuple[Length, Length] | None = None
+    tangential_force: tuple[Force, Force] | None = None
+    force_ratio: tuple[Ratio, Ratio] | None = None
+    direction: Angle | None = None
+    tilt: tuple[Angle, Angle] | None = None
+    moment: tuple[Moment, Moment] | None = None
+    twist: Angle | None = None
+    torque: Moment | None = None
+    electric_potential: ElectricPotential | None = None
+    charge: Charge | None = None
+    magnetic_potential: MagneticPotential | None = None
+    magnetic_flux: TotalMagneticFlux | None = None
+    duration: Time | None = None
+    increments: Count = 1
+
+    @model_validator(mode="before")
+    @classmethod
+    def _directed(cls, value: Any) -> Any:
+        """Sizes along `direction` become components."""
+        if not isinstance(value, Mapping):
+            return value
+        sizes = {
+            key: Quantity(unit, **FINITE)
+            for key, unit in (("translation", "m"), ("tangential_force", "N"), ("force_ratio", ""))
+            if key in value and not isinstance(value[key], list | tuple)
+        }
+        if "direction" in value and not sizes:
+            text = "needs the size of a translation, tangential_force or force_ratio; components have their direction"
+            raise TableError(Problem(("direction",), text, value["direction"]))
+        components = {}
+        for key, size in sizes.items():
+            if "direction" not in value:
+                text = "should be a list of two components, or one number beside a direction"
+                raise TableError(Problem((key,), text, value[key]))
+            length, angle = _checked(key, size, value), _checked("direction", Quantity("rad", **FINITE), value)
+            components[key] = (length * math.cos(angle), length * math.sin(angle))
+        return {**value, **components}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "StepTable":
+        try:
+            self.step()
+        except CaseError as error:
+            raise TableError(Problem((), str(error))) from None
+        return self
+
+    def step(self) -> Step:
+        """The load step."""
+        return Step(**self.model_dump(exclude={"direction"}))
+
+
+def _checked(key: str, quantity: Quantity, table: Mapping[str, Any]) -> float:
+    try:
+        return quantity.check(table[key])
+    except ValueError as error:
+        raise TableError(Problem((key,), str(error), table[key])) from None
+
+
+class RestartTable(Table):
+    """[restart]: the folder of a run whose last converged increment is to be continued."""
+
+    folder: Text = Field(alias="from")
+
+
+class OutputTable(Table):
+    """[output]: what is written beside result.h5 and summary.json, and the optional fields in result.h5."""
+
+    figures: Flag = True
+    vtu: Flag = True
+    fields: tuple[Text, ...] | None = None
+
+    @field_validator("fields")
+    @classmethod
+    def _known(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        allowed = optional_fields()
+        for number, name in enumerate(names or ()):
+            if name not in allowed:
+                raise TableError(Problem((number,), f"is no optional field; allowed: {', '.join(allowed)}", name))
+        return names
+
+
+class CaseTable(Table):
+    """The whole case file."""
+
+    title: Annotated[str, Strict()] = ""
+    material: dict[str, Any]
+    mesh: Annotated[MeshTable, MESH_BY_TYPE]
+    boundary: tuple[BoundaryTable, ...] = ()
+    second_body: SecondBodyTable | None = None
+    contact: ContactTable = Field(default_factory=dict, validate_default=True)
+    conductivity: ConductivityTable = Field(default_factory=dict, validate_default=True)
+    indenter: IndenterTable
+    formulation: Annotated[Formulation, BY_NAME] = Field(default=DEFAULT_FORMULATION, validate_default=True)
+    solver: SolverTable = Field(default=DEFAULT_SOLVER, validate_default=True)
+    restart: RestartTable | None = None
+    steps: tuple[StepTable, ...] = Field(min_length=1)
+    output: OutputTable = OutputTable()

@@ -1,0 +1,66 @@
+"""The second of two deformable bodies: what a case says of it."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.material import Material
+from meeframe.mesh import check_contact_zone, zone_frames
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.plugin.sources import faults_of_plugins
+from meeframe.system.two_body import match_nodes
+
+_BODIES: Final = ("first body", "second body")
+
+
+@dataclass(frozen=True, eq=False)
+class SecondBody:
+    """The second body of a case, in its own coordinates, in which its contact zone lies up (see
+    meeframe.system.two_body).
+
+    Fields as those of a case. Raises MeshError or CaseError as a case does.
+    """
+
+    material: Material
+    mesh: SurfaceMesh
+    conditions: tuple[BoundaryCondition, ...] = ()
+    zone: str = "contact"
+    formulation: Formulation = field(default_factory=DenseBEM)
+
+    def __post_init__(self) -> None:
+        check_contact_zone(self.mesh, self.zone)
+        with faults_of_plugins():
+            self.formulation.check(self.body)
+
+    @property
+    def body(self) -> Body:
+        """The boundary value problem for the formulation."""
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+
+
+def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
+    """Raises MeshError unless the contact zone of the second body, if there is one, fits that of the first body."""
+    if second_body is not None:
+        match_nodes(zone_frames(mesh, zone), zone_frames(second_body.mesh, second_body.zone))
+
+
+def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:
+    """Raises CaseError if of two bodies one alone has an endless surface or resolves edges, as formulations say."""
+    if second_body is None:
+        return
+    theirs = second_body.formulation
+    if theirs.is_periodic() != formulation.is_periodic():
+        one, other = _BODIES if formulation.is_periodic() else _BODIES[::-1]
+        raise CaseError(
+            f"the surface of the {one} goes on for ever, that of the {other} does not; allowed: both or neither "
+            "(half-space: periodic)"
+        )
+    if theirs.resolves_edges() != formulation.resolves_edges():
+        one, other = _BODIES if formulation.resolves_edges() else _BODIES[::-1]
+        raise CaseError(
+            f"the formulation of the {one} resolves the edges of the contact between the nodes, that of the {other} "
+            "does not; allowed: both or neither (half-space: edges)"
+        )

@@ -1,0 +1,257 @@
+"""From a case to its result in memory: one reduced system, then one contact problem for each increment of a load."""
+
+import platform
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from functools import lru_cache, partial
+from importlib import metadata
+
+import numba
+import numpy as np
+
+from meeframe.common.errors import TooLargeError
+from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
+from meeframe.fields import Array, Indices
+from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
+from meeframe.mesh.body import Body
+from meeframe.model.case import Case, warnings_of
+from meeframe.model.clock import Clock, peak_memory_mb
+from meeframe.model.conduction import check_conduction
+from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
+from meeframe.model.history import Converged, ramped
+from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
+from meeframe.model.restart import check_same_body
+from meeframe.model.systems import checked
+from meeframe.plugin import registry as plugins
+from meeframe.plugin.sources import faults_of_plugins, local_files
+from meeframe.results.balance import unbalance_warning
+from meeframe.results.records import (
+    Loading,
+    Provenance,
+    Result,
+    SecondSurface,
+    StepResult,
+    split_displacement,
+    split_load,
+    zone_of,
+)
+from meeframe.solvers import solve_to_edges
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies, second_displacement
+
+
+def solve_case(case: Case, progress: Progress = silent) -> Result:
+    """The result of a case, in memory.
+
+    Raises as `reduce` and `solve_steps`. A step that does not converge raises nothing: its status says so.
+    """
+    clock = Clock(progress)
+    system = reduce(case, clock)
+    steps = tuple(solve_steps(case, system, clock))
+    return Result(provenance(case), zone_of(system), case.n_increments, steps, clock.timings(), peak_memory_mb())
+
+
+def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
+    """The reduced system of a case: of its body, or of its two bodies in contact.
+
+    Of two, the second body keeps what contact needs alone, as reduce_for_contact. Raises MeshError, CaseError or
+    MaterialError if a formulation does not take its body, TooLargeError if its matrices do not fit into memory.
+    """
+    *second_body, own = bodies_of(case)
+    return joined(case, [*(reduce_for_contact(*body, progress) for body in second_body), reduce_body(*own, progress)])
+
+
+def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
+    """The reduced system of a case, in frames along its friction axes; systems: those of bodies_of, in this order."""
+    *second_body, first = systems
+    with faults_of_plugins():
+        if case.axes is not None:
+            first = rotate_frames(first, case.axes.directions(first.points))
+        return combine_bodies(first, *second_body) if second_body else first
+
+
+def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
+    """The second body of a case, if it has one, and its body, each with its formulation.
+
+    They are reduced in this order: the system of the body may keep large matrices, from which its fields are recovered.
+    """
+    own = (case.formulation, case.body)
+    return (own,) if case.second_body is None else ((case.second_body.formulation, case.second_body.body), own)
+
+
+def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
+    """The reduced system of one body. Raises as reduce."""
+    try:
+        with faults_of_plugins():
+            return checked(formulation, formulation.reduce(body, progress))
+    except MemoryError as error:
+        raise TooLargeError(
+            f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
+            f"({str(error) or 'none left'}); allowed: a coarser mesh"
+        ) from None
+
+
+def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
+    """As reduce_body, for contact alone: what fields are recovered from is let go where the system can do without.
+
+    `recover` reduces the body again when it is first called.
+    """
+    system = reduce_body(formulation, body, progress)
+    if not isinstance(system, DenseSystem):
+        with faults_of_plugins():
+            arrays = stored_arrays(formulation, system)
+            if arrays is None or not isinstance(formulation, PersistentFormulation):
+                return system
+            return checked(formulation, formulation.from_arrays(body, arrays))
+    return replace(system, recovery=recovery_of(formulation, body, progress))
+
+
+def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
+    """The fields on the whole boundary for a load (n, 5), by a reduced system that is made with the first of them."""
+    system = lru_cache(maxsize=1)(partial(reduce_body, formulation, body, progress))
+    return lambda load: system().recover(load)
+
+
+def solve_steps(
+    case: Case, system: ReducedSystem, clock: Progress = silent, boundary: bool = True
+) -> Iterator[StepResult]:
+    """The increments of a case's load steps one after the other, each from the last one that converged.
+
+    Slip is measured from that state too (docs/theory.md, Departures): a single increment, from the undeformed body, is
+    the paper's. What a step names goes linearly there from the state in which the step begins.
+    boundary: recover the fields on the whole boundary too, at the end of each step, and tell in the first one's message
+    what the case warns of; a study of the contact zone does not need the one and tells the other itself. Raises
+    CaseError if the case continues a run whose state does not belong to this body.
+    """
+    clock("contact", 0.0)
+    kinematics = IndenterKinematics(case, system)
+    diagnostics = Diagnostics(kinematics, lambda: warnings_of(bodies_of(case)))
+    with faults_of_plugins():
+        if case.restart is not None:
+            check_same_body(case.restart, system)
+        here, controls = beginning(kinematics)
+    if case.restart is None:
+        onsets = ContactOnsets.of(kinematics.touching_gap, np.zeros(len(system.points), bool))
+    else:
+        onsets = ContactOnsets.of(case.restart.step.gap, case.restart.step.touching)
+    count = 0
+    for number, step in enumerate(case.steps, 1):
+        begin, before = here, controls
+        onsets = ContactOnsets.of(onsets.gap, onsets.touching)
+        for increment in range(1, step.increments + 1):
+            ends = increment == step.increments
+            controls = ramped(before, begin, step.given, increment / step.increments)
+            share = partial(_share, clock, count, case.n_increments)
+            share("contact", 0.0)
+            with faults_of_plugins():
+                planned = kinematics.increment(controls, here, step.increment_duration)
+                here, result = _solve(kinematics, planned, here, (number, increment), share)
+                share("diagnostics", 1.0)
+                onsets = onsets.after(result)
+                warns = boundary and ends and number == 1
+                result = diagnostics.with_diagnostics(planned, result, onsets if ends else None, warns)
+            count += 1
+            if boundary and ends:
+                clock("boundary fields", 0.0)
+                try:
+                    with faults_of_plugins():
+                        recovered = system.recover(result.state.load)
+                    clock("diagnostics", 1.0)
+                    result = with_message(replace(result, boundary=recovered), unbalance_warning(recovered))
+                except Exception:
+                    yield result  # it is solved all the same
+                    raise
+            yield result
+
+
+def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float) -> None:
+    """Progress of one increment as that of all."""
+    clock(stage, (done + fraction) / planned)
+
+
+def _solve(
+    kinematics: IndenterKinematics, increment: Increment, here: Converged, numbers: tuple[int, int], progress: Progress
+) -> tuple[Converged, StepResult]:
+    """The state after an increment, or the one before if it does not converge, and its result.
+
+    numbers: of the step and the increment.
+    """
+    # free motions count from the converged state
+    start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
+    case = kinematics.case
+    rim = partial(kinematics.rim, increment)
+    solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)
+    increment = replace(increment, problem=problem)
+    solution = check_conduction(increment.problem, solution)
+    touches = touching(increment.problem, solution.state)
+    solution = replace(solution, state=kinematics.settled(increment, solution.state, touches))
+    region = regions(increment, solution, touches)
+    reached = kinematics.reached(increment, solution.state, touches, here)
+    result = _step_result(kinematics, increment, here, reached, solution, region, numbers)
+    return (reached if solution.status is Status.CONVERGED else here), result
+
+
+def provenance(case: Case) -> Provenance:
+    """What makes a result of this case, here and now."""
+    providers = {provider.name: provider.version for provider in plugins.load().providers}
+    return Provenance(case.title, case.text, _software() | providers | local_files(case), numba.get_num_threads())
+
+
+@lru_cache(maxsize=1)
+def _software() -> dict[str, str]:
+    """Versions of Python and of what computes."""
+    libraries = ("numpy", "scipy", "numba", "h5py", "pydantic")
+    return {"python": platform.python_version(), **{name: metadata.version(name) for name in libraries}}
+
+
+def _step_result(
+    kinematics: IndenterKinematics,
+    increment: Increment,
+    start: Converged,
+    reached: Converged,
+    solution: ContactSolution,
+    region: Indices,
+    numbers: tuple[int, int],
+) -> StepResult:
+    state = solution.state
+    traction, fluxes = split_load(state.load)
+    displacement, potentials, second_body = _surfaces(kinematics.system, state)
+    return StepResult(
+        loading=Loading.of(
+            reached.motion,
+            increment.prescribed,
+            kinematics.reference,
+            kinematics.case.placement.base,
+            increment.duration,
+        ),
+        step=numbers[0],
+        increment=numbers[1],
+        initial_gap=indenter_position(increment.problem, state.motion)[:, 2],
+        traction=traction,
+        displacement=displacement,
+        potentials=potentials,
+        fluxes=fluxes,
+        contact_fraction=state.contact_fraction,
+        slip=slip_of(increment, state),
+        total_slip=reached.total_slip,
+        slip_path=reached.slip_path,
+        dissipation=kinematics.dissipation(increment, start, state, region),
+        region=region,
+        status=solution.status,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        history=solution.history,
+        message=solution.message,
+        second_body=second_body,
+        area_fraction=increment.problem.area_fraction,
+    )
+
+
+def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, SecondSurface | None]:
+    """Displacement and potentials of the body, and those of the second body if there is one."""
+    second_body = second_displacement(system, state.load)
+    if second_body is None:
+        return *split_displacement(state.displacement), None
+    return *split_displacement(state.displacement + second_body), SecondSurface(*split_displacement(second_body))

@@ -1,0 +1,145 @@
+"""A load step: what it prescribes to the indenter."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.errors import CaseError
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity
+from meeframe.indenters.base import COLUMNS, MOTIONS, UNITS
+from meeframe.laws.base import ConductivityLaw, ContactLaw, attracts, conducts
+from meeframe.plugin.validation import Problem, TableError
+
+_LEAST_PART: Final = 1e-9
+"""Of a motion that is along the normal: less is round-off of the frames."""
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one load step prescribes, in SI units; what it does not name stays as the step before left it.
+
+    For each of the indenter's motions either the motion, from where it just touched, or the resultant that works on it:
+    approach [m] or normal_force [N], >= 0 in compression, < 0 only under laws whose surfaces attract each other;
+    translation (2,) [m], tangential_force (2,) [N] or force_ratio (2,), the tangential over the normal force; tilt (2,)
+    [rad] or moment (2,) [N m]; twist [rad] or torque [N m]; electric_potential [V] or charge [C]; magnetic_potential
+    [A] or magnetic_flux [Wb]. Axes, signs and reference point as in Loading and `resultants`. duration: time of the
+    whole step [s] > 0, for laws that need it; increments: in how many equal parts it is applied. Texts with units, such
+    as "5 N", become SI numbers as in case files. Raises CaseError if two of them name the same motion, or what is given
+    is not allowed.
+    """
+
+    approach: float | None = None
+    normal_force: float | None = None
+    translation: Pair | None = None
+    tangential_force: Pair | None = None
+    force_ratio: Pair | None = None
+    tilt: Pair | None = None
+    moment: Pair | None = None
+    twist: float | None = None
+    torque: float | None = None
+    electric_potential: float | None = None
+    charge: float | None = None
+    magnetic_potential: float | None = None
+    magnetic_flux: float | None = None
+    duration: float | None = None
+    increments: int = 1
+
+    def __post_init__(self) -> None:
+        for key in (field.name for field in fields(self) if field.name != "increments"):
+            object.__setattr__(self, key, _in_si(key, getattr(self, key)))
+        for key, value in self.given.items():
+            columns = COLUMNS[key]
+            if value.shape != (columns.stop - columns.start,) or not np.isfinite(value).all():
+                count = "one finite number" if columns.stop - columns.start == 1 else "two finite numbers"
+                raise CaseError(f"{key} = {getattr(self, key)!r}; allowed: {count} [{UNITS[key]}]")
+        for one, other in combinations(self.given, 2):
+            if COLUMNS[one] == COLUMNS[other]:
+                raise CaseError(
+                    f"{one} and {other} are both given; allowed: one of them, the other one follows from it"
+                )
+        if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
+            raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
+        if not isinstance(self.increments, int) or self.increments < 1:
+            raise CaseError(f"increments = {self.increments!r}; allowed: whole numbers from 1")
+
+    @property
+    def given(self) -> Mapping[str, Array]:
+        """What it prescribes by key, (1,) or (2,)."""
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.name in COLUMNS}
+        return {key: np.atleast_1d(np.asarray(value, float)) for key, value in values.items() if value is not None}
+
+    @property
+    def increment_duration(self) -> float | None:
+        """Time of each of its increments [s], if it says any."""
+        return None if self.duration is None else self.duration / self.increments
+
+
+def _in_si(key: str, value: Any) -> Any:
+    """What is given for a key as a number or a tuple of them, in SI units. Raises CaseError for what holds none."""
+    quantity = Quantity(UNITS.get(key, "s").removeprefix("1"))
+    try:
+        if isinstance(value, str):
+            return quantity.convert(value)
+        if isinstance(value, list | tuple):
+            value = tuple(quantity.convert(part) if isinstance(part, str) else part for part in value)
+        numbers = np.asarray(value)
+        if value is not None and numbers.dtype.kind not in "fiu":
+            raise ValueError(f"expected {quantity.expected}")
+    except ValueError as error:
+        raise CaseError(f"{key} = {value!r}: {error}") from None
+    # of arrays, too, which are neither equal nor fixed
+    return numbers.item() if numbers.size == 1 else tuple(numbers.tolist())
+
+
+def check_first(step: Step) -> None:
+    """Raises CaseError unless the first load step of an unloaded body says how deep or hard the indenter presses."""
+    if step.approach is None and step.normal_force is None:
+        raise CaseError("the first load step gives neither approach nor normal_force; allowed: one of them")
+
+
+def check_pull(step: Step, law: ContactLaw) -> None:
+    """Raises TableError if a load step pulls on surfaces that do not attract each other."""
+    force = step.given.get("normal_force", np.zeros(1)).item()
+    if force < 0 and not attracts(law):
+        allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law attracts"
+        raise TableError(Problem(("normal_force",), allowed, force))
+
+
+def check_duration(step: Step, number: int, law: ContactLaw) -> None:
+    """Raises CaseError if the contact law needs the duration of a load step, of this number from 1, that has none."""
+    if law.needs_duration and step.duration is None:
+        raise CaseError(
+            f"load step {number} has no duration, which the contact law {type(law).__name__} needs; "
+            "allowed: a duration > 0 [s]"
+        )
+
+
+def check_resisted(step: Step, resists: NDArray[np.bool_]) -> None:
+    """Raises TableError if a resultant is asked of a motion that nothing resists; resists: (8,) as of `resisted`."""
+    for key, value in step.given.items():
+        if key not in MOTIONS and np.any((value != 0.0) & ~resists[COLUMNS[key]]):
+            why = "insulate" if key in ("charge", "magnetic_flux") else "admit no traction that resists this motion"
+            given = value.item() if value.size == 1 else value.tolist()
+            raise TableError(Problem((key,), f"the laws of the contact {why}; allowed: 0, or other laws", given))
+
+
+def resisted(
+    modes: Array, contact: ContactLaw, electric: ConductivityLaw, magnetic: ConductivityLaw
+) -> NDArray[np.bool_]:
+    """Which motions of the indenter, of modes (8, n, 5), the laws may resist, (8,).
+
+    By normal tractions, or by tangential ones that the law admits in that direction; potentials if their law conducts.
+    """
+    moving = modes[:6, :, :3]
+    size = np.abs(moving).max(axis=(1, 2))
+    held = np.concatenate([moving[:, :, :2] @ contact.tangential_scaling(), moving[:, :, 2:]], axis=2)
+    mechanical = np.abs(held).max(axis=(1, 2)) > _LEAST_PART * size
+    return np.concatenate([mechanical, [conducts(electric), conducts(magnetic)]])

@@ -1,0 +1,71 @@
+"""Types of the values in a case file, with units and bounds, and the base of its tables."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationInfo
+
+from meeframe.fields.units import Quantity
+from meeframe.plugin.registry import CONTRACTS, Registry
+
+DEFAULT_FORMULATION: Final = "dense-bem"
+DEFAULT_SOLVER: Final = "auto"
+FINITE: Final = {"gt": -math.inf, "lt": math.inf}
+
+Text = Annotated[str, Strict(), Field(min_length=1)]
+Flag = Annotated[bool, Strict()]
+Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand a side is more than any memory holds
+Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
+Length = Annotated[float, Quantity("m", **FINITE)]
+Angle = Annotated[float, Quantity("rad", **FINITE)]
+Force = Annotated[float, Quantity("N", **FINITE)]
+Moment = Annotated[float, Quantity("N m", **FINITE)]
+Pressure = Annotated[float, Quantity("Pa", **FINITE)]
+ElectricPotential = Annotated[float, Quantity("V", **FINITE)]
+MagneticPotential = Annotated[float, Quantity("A", **FINITE)]
+ElectricFlux = Annotated[float, Quantity("C/m^2", **FINITE)]
+MagneticFlux = Annotated[float, Quantity("Wb/m^2", **FINITE)]
+Charge = Annotated[float, Quantity("C", **FINITE)]
+TotalMagneticFlux = Annotated[float, Quantity("Wb", **FINITE)]
+Time = Annotated[float, Quantity("s", gt=0, lt=math.inf)]
+Ratio = Annotated[float, Quantity("", **FINITE)]
+
+_FREE: Final = BeforeValidator(lambda value: None if value == "free" else value)
+FreeLength = Annotated[Length | None, _FREE]
+FreePressure = Annotated[Pressure | None, _FREE]
+
+
+def by_name(contract: type, unit: str = "", default: str = "") -> BeforeValidator:
+    """Makes the object that a table names, by the registry that is the context of the validation; unit: as there;
+    default: name of what a table without one has the keys of."""
+    return BeforeValidator(
+        lambda table, info: replace(registry_of(info), unit=unit).create(CONTRACTS[contract], named(table, default))
+    )
+
+
+def named(table: Any, default: str) -> Any:
+    """The table with the default name, if there is one, unless it has a name; anything else as it is."""
+    return {"name": default, **table} if default and isinstance(table, Mapping) else table
+
+
+def registry_of(info: ValidationInfo) -> Registry:
+    """Where names are looked up: the context of the validation."""
+    registry: Registry = info.context  # type: ignore[assignment]  # load_case sees to it
+    return registry
+
+
+class Table(BaseModel):
+    """Base of all tables: frozen, no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def _pair(check: Callable[[Any], Any]) -> BeforeValidator:
+    """One number stands for two equal ones, (x1, x2)."""
+    return BeforeValidator(lambda value: value if isinstance(value, list | tuple) else (check(value),) * 2)
+
+
+SizePair = Annotated[tuple[Size, Size], _pair(Quantity("m", gt=0, lt=math.inf).check)]
+CountPair = Annotated[tuple[Count, Count], _pair(TypeAdapter(Count).validate_python)]

@@ -1,1 +1,0 @@
-"""Reports on a result: the summary and the figures. They see the result and nothing else."""

@@ -1,0 +1,1 @@
+"""Results: records, files, summaries and figures."""

@@ -1,0 +1,83 @@
+"""Whether the reactions of a body balance what its contact and its boundary data put on it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.elements import ELEMENTS
+from meeframe.elements.base import shape_functions
+from meeframe.fields import ELECTRIC, MAGNETIC, MECHANICAL, Array
+from meeframe.mesh.measures import corners, gauss_rule, normal_vectors, vector_areas
+from meeframe.system.reduced import NodalFields
+
+_BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()}
+_ORDER: Final = 3
+"""Gauss points per direction: exact for quadratic fields on plane elements."""
+_CLOSED: Final = 1e-6
+"""Of its area, at most, is the integral of the normal over a closed surface."""
+_ROUNDING: Final = 1e-10
+"""Of the largest work of fields: less is of a field that is none."""
+NOTICED: Final = 0.02
+"""Relative unbalance above which a reader should know of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unbalance:
+    """Integrals over the whole boundary that vanish in equilibrium.
+
+    force: (3,) [N], global axes; charge [C]; magnetic_flux [Wb]; relative: (3,) of force, charge and magnetic flux,
+    over half the integral of the modulus, what goes through the body from one part of its boundary to the others; 0
+    where that is no more than rounding leaves.
+    """
+
+    force: Array
+    charge: float
+    magnetic_flux: float
+    relative: Array
+
+
+def unbalance(boundary: NodalFields | None) -> Unbalance | None:
+    """That of the fields on a boundary; None without any, of elements of plugins, and of boundaries that are not
+    closed, as those of half spaces, which bear the rest at infinity."""
+    if boundary is None or any(name not in _BY_TYPE for name, _ in boundary.cells):
+        return None
+    if not _closed(boundary):
+        return None
+    total, through = np.zeros(5), np.zeros(3)
+    for name, nodes in boundary.cells:
+        element = _BY_TYPE[name]
+        xi, weights = gauss_rule(element.reference, _ORDER)
+        normals = normal_vectors(boundary.points, element, nodes, xi)
+        shares = np.linalg.norm(normals, axis=2) * weights
+        fluxes = np.einsum("mk,ekj->emj", shape_functions(element, xi), boundary.fluxes[nodes])
+        total += np.einsum("em,emj->j", shares, fluxes)
+        tractions = np.linalg.norm(fluxes[:, :, MECHANICAL], axis=2)
+        moduli = tractions, np.abs(fluxes[:, :, ELECTRIC]), np.abs(fluxes[:, :, MAGNETIC])
+        through += [float((shares * own).sum()) / 2 for own in moduli]
+    sizes = np.array([np.linalg.norm(total[MECHANICAL]), *np.abs(total[[ELECTRIC, MAGNETIC]])])
+    displacement = np.linalg.norm(boundary.values[:, MECHANICAL], axis=1)
+    works = through * [displacement.max(), *np.abs(boundary.values[:, [ELECTRIC, MAGNETIC]]).max(axis=0)]
+    relative = np.divide(sizes, through, out=np.zeros(3), where=works > _ROUNDING * works.max())
+    return Unbalance(total[MECHANICAL], float(total[ELECTRIC]), float(total[MAGNETIC]), relative)
+
+
+def _closed(boundary: NodalFields) -> bool:
+    """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
+    outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
+    area = np.concatenate(outlines)
+    return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
+
+
+def unbalance_warning(boundary: NodalFields | None) -> Iterator[str]:
+    """Yield a warning if the fields on the boundary are out of equilibrium by more than a reader would expect."""
+    found = unbalance(boundary)
+    if found is None or found.relative.max() <= NOTICED:
+        return
+    shares = zip(("force", "charge", "magnetic flux"), found.relative, strict=True)
+    told = ", ".join(f"{share:.0%} of the {name}" for name, share in shares if share > NOTICED)
+    yield (
+        f"the boundary's tractions and fluxes miss equilibrium by {told}: those at supports and grounds are that "
+        "uncertain, more elements there resolve them; those of the contact are not concerned"
+    )

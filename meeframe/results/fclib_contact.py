@@ -1,0 +1,207 @@
+"""Contact problems of ours as local problems of FCLIB, and the other way round.
+
+A force on the body is -r: r = -weights * traction, so that r_N >= 0 in compression. The velocity u is the gap between
+indenter and body at the end of the increment, its tangential part the slip of the indenter over the body:
+u = position - offset - compliance(load), and hence W = compliance / weights, q = position - offset. The signs agree: a
+traction of ours has the direction of the slip, a reaction of FCLIB the opposite one. Components are reordered, (e1, e2,
+nu) to (nu, e1, e2), which keeps frames right-handed. Nodes without an indenter above are no contacts.
+
+Mechanics alone goes into a file. Where the contact conducts, its potentials are eliminated at given resistances
+R = 1/kappa (on the set A of node and potential pairs that conduct, meeframe.solvers.conduction.elimination), which
+take the Schur complement W = C_mm - C_mA (C_AA + R)^-1 C_Am of the compliance.
+"""
+
+import warnings
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import own_response, resistances
+from meeframe.contact.problem import (
+    ContactProblem,
+    ContactSolution,
+    ContactState,
+    Solver,
+    contact_gap,
+    indenter_position,
+)
+from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw, contact_conductivity, contact_traction
+from meeframe.results.fclib import PER_CONTACT, LocalProblem, LocalSolution
+from meeframe.solvers import StoppingCriteria, solve
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields
+
+COMPONENTS: Final = np.array([2, 0, 1])
+"""Of a load or displacement of ours in the order of FCLIB."""
+_PRESSURES: Final = -np.logspace(-3, 15, 19)
+"""Normal tractions [Pa]: a law that insulates at all of them is taken to insulate."""
+MATH_INFO: Final = "W: compliance of deformable bodies, unsymmetric where the formulation collocates"
+
+
+def local_problem(
+    problem: ContactProblem, state: ContactState | None = None, title: str = "", description: str = ""
+) -> LocalProblem:
+    """Return a contact problem as one of FCLIB: forces [N], gaps and slips [m], contacts in the order of the nodes.
+
+    state: of the problem, where its free motions and its conductivities are held; needed only if it has any.
+    Raises CaseError if the law is not frictionless or isotropic Coulomb friction with a finite coefficient, if the
+    compliance is not held as a matrix, if the indenter is nowhere above, or if a state is needed.
+    """
+    mu = friction_coefficient(problem.contact_law)
+    full = problem.system.dense()
+    if full is None:
+        raise CaseError("FCLIB: the compliance is not held as a matrix; allowed: formulations that hold one")
+    compliance = full.reshape(problem.system.offset.size, -1)
+    resistance = _resistance(problem, state)
+    position = indenter_position(problem, _motion(problem, state))
+    nodes = contacts(problem)
+    dofs = (N_FIELDS * nodes[:, None] + COMPONENTS).ravel()
+    matrix, q = _condensed(compliance, (position - problem.system.offset).ravel(), resistance, dofs)
+    matrix /= np.repeat(problem.system.weights[nodes], PER_CONTACT)
+    return LocalProblem(matrix, q, np.full(len(nodes), mu), title, description, MATH_INFO)
+
+
+def local_solution(problem: ContactProblem, state: ContactState) -> LocalSolution:
+    """Return a state of a contact problem as solution of its `local_problem`: gaps and slips [m], forces on the body
+    [N]."""
+    nodes = contacts(problem)
+    gap = contact_gap(problem, state.displacement, state.motion)[nodes]
+    force = problem.system.weights[nodes, None] * state.load[nodes, :PER_CONTACT]
+    return LocalSolution(gap[:, COMPONENTS].ravel(), -force[:, COMPONENTS].ravel())
+
+
+def contacts(problem: ContactProblem) -> Indices:
+    """Return the numbers (m,) of the nodes that are contacts in FCLIB: those with an indenter above."""
+    return np.flatnonzero(np.isfinite(problem.gap))
+
+
+def contact_problem(local: LocalProblem) -> ContactProblem:
+    """Return a problem of FCLIB as one of ours: as many nodes as contacts, weights of one, insulating.
+
+    Our laws have one coefficient. Where that of a contact is another, mu_i, its tangential traction is r_T = s_i t with
+    s_i = mu_i / max(mu) and its slip s_i u_T: the cone in t has the largest coefficient, and W becomes S W S, which
+    leaves the solutions what they are. A contact without friction has s_i = 0, and a compliance of its own besides that
+    keeps t at zero. See `reactions` for the way back.
+    """
+    n = len(local.mu)
+    scale = _scales(local)
+    matrix = np.zeros((n, N_FIELDS, n, N_FIELDS))
+    own = np.where(scale == 0.0, np.diag(local.matrix).mean(), 0.0)
+    scaled = scale[:, None] * local.matrix
+    scaled *= scale
+    np.einsum("ii->i", scaled)[:] += own
+    blocks = scaled.reshape(n, PER_CONTACT, n, PER_CONTACT)
+    matrix[:, COMPONENTS[:, None], :, COMPONENTS] = blocks.transpose(1, 3, 0, 2)
+    nodes = np.arange(n)
+    for field in range(PER_CONTACT, N_FIELDS):
+        matrix[nodes, field, nodes, field] = 1.0  # potentials, of which nothing comes
+    system = DenseSystem(
+        points=np.zeros((n, 3)),
+        frames=np.tile(np.eye(3), (n, 1, 1)),
+        weights=np.ones(n),
+        cells=(),
+        offset=np.zeros((n, N_FIELDS)),
+        matrix=matrix,
+        recovery=_no_body,
+    )
+    q = (scale * local.q).reshape(n, PER_CONTACT)
+    law = IsotropicCoulomb(float(local.mu.max()))
+    return ContactProblem(system, law, Insulating(), Insulating(), q[:, 0], q[:, 1:], np.zeros((n, 2)))
+
+
+def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
+    """Return a state of the `contact_problem` of a local problem as its solution, with u = W r + q."""
+    r = -_scales(local) * state.load[:, COMPONENTS].ravel()
+    return LocalSolution(local.matrix @ r + local.q, r)
+
+
+def solve_local(
+    local: LocalProblem, solver: Solver, limits: StoppingCriteria | None = None
+) -> tuple[LocalSolution, ContactSolution]:
+    """Solve a problem of FCLIB with a solver of ours; the second result has the status and the residual.
+
+    Raises CaseError if the solver does not take the problem.
+    """
+    problem = contact_problem(local)
+    solver.check(problem)
+    with warnings.catch_warnings():
+        # W of more contacts than degrees of freedom is singular: its residual tells whether there is a solution
+        warnings.simplefilter("ignore", LinAlgWarning)
+        found = solve(problem, solver, limits)
+    return reactions(local, found.state), found
+
+
+def _scales(local: LocalProblem) -> Array:
+    """Return s_i of `contact_problem` for each component, one for the normal ones, (3m,)."""
+    largest = float(local.mu.max()) or 1.0
+    scale = np.ones((len(local.mu), PER_CONTACT))
+    scale[:, 1:] = (local.mu / largest)[:, None] if local.mu.any() else 1.0
+    return scale.ravel()
+
+
+def friction_coefficient(law: ContactLaw) -> float:
+    """Return the friction coefficient of a law, zero without friction. Raises CaseError if FCLIB does not know the
+    law."""
+    match law:
+        case Signorini():
+            return 0.0
+        case IsotropicCoulomb(mu) if np.isfinite(mu):
+            return mu
+        case OrthotropicCoulomb(mu1, mu2) if mu1 == mu2 and np.isfinite(mu1):
+            return mu1
+    raise CaseError(
+        f"FCLIB: contact law {law}; allowed: contact without friction, or isotropic Coulomb friction with a finite "
+        "coefficient"
+    )
+
+
+def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
+    if state is not None:
+        return state.motion
+    if problem.prescribed_resultants:
+        raise CaseError(
+            f"FCLIB: {len(problem.prescribed_resultants)} motions or potentials of the indenter are free; "
+            "allowed: none, or a state at which they are held"
+        )
+    return np.zeros(0)
+
+
+def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
+    """Return the resistances (n, 2) of the contact in a state."""
+    if state is not None:
+        ahead = indenter_position(problem, state.motion) - state.displacement
+        pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
+        return resistances(problem, pressing, state.contact_fraction, own_response(problem), ahead)
+    for name, law in (("electric", problem.electric_law), ("magnetic", problem.magnetic_law)):
+        if law.across_gap or contact_conductivity(law, _PRESSURES).any():
+            raise CaseError(
+                f"FCLIB: the {name} law {law} conducts; allowed: insulating laws, or a state whose conductivities hold"
+            )
+    return np.full((len(problem.gap), 2), np.inf)
+
+
+def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:
+    """Return W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
+
+    compliance: (5n, 5n); ahead: (5n,) of the indenter over the unloaded body; resistance: (n, 2).
+    """
+    matrix, q = compliance[np.ix_(dofs, dofs)], ahead[dofs]
+    of_fields = np.full((len(resistance), N_FIELDS), np.inf)
+    of_fields[:, PER_CONTACT:] = resistance
+    pairs = np.flatnonzero(np.isfinite(of_fields))
+    if pairs.size == 0:
+        return matrix, q
+    equations = compliance[np.ix_(pairs, pairs)] + np.diag(of_fields.flat[pairs])
+    scale = np.diag(equations) ** -0.5  # rids the equations of units
+    factor = lu_factor(scale[:, None] * equations * scale)
+    given = np.column_stack([compliance[np.ix_(pairs, dofs)], ahead[pairs]])
+    caused = compliance[np.ix_(dofs, pairs)] @ (scale[:, None] * lu_solve(factor, scale[:, None] * given))
+    return matrix - caused[:, :-1], q - caused[:, -1]
+
+
+def _no_body(_load: Array) -> NodalFields:
+    raise CaseError("a problem of FCLIB has no body whose fields could be found")

@@ -1,0 +1,96 @@
+"""HDF5 files on disks that may be full, and what they hold, which may have been changed since."""
+
+import io
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+
+class _Sink:
+    """A file that keeps the first error of writing to itself, and what comes from then on in memory.
+
+    HDF5 gets into disorder by such an error, and by what it wrote and does not find again, up to a crash.
+    """
+
+    def __init__(self, path: Path, mode: str) -> None:
+        self.error: OSError | None = None
+        self._file: io.FileIO | io.BytesIO = io.FileIO(path, mode)
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else a file does."""
+        return getattr(self._file, name)
+
+    def write(self, data: Any) -> int:
+        """Return all of the data."""
+        place, whole = self._file.tell(), memoryview(data).cast("B")
+        left = whole
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self._go_on_in_memory(error, place).write(whole)
+        return len(whole)
+
+    def truncate(self, size: int) -> int:
+        """As of any file."""
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            return self._go_on_in_memory(error, self._file.tell()).truncate(size)
+
+    def _go_on_in_memory(self, error: OSError, place: int) -> io.BytesIO:
+        self._file.seek(0)
+        with self._file as full:
+            memory = io.BytesIO(full.read())
+        memory.seek(place)
+        self.error, self._file = error, memory
+        return memory
+
+
+@contextmanager
+def sink(path: Path, mode: str) -> Iterator[_Sink]:
+    """Return a file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
+    file = _Sink(path, {"w": "w+", "r+": "r+"}[mode])
+    try:
+        yield file
+    finally:
+        file.close()
+        if file.error is not None:
+            raise file.error
+
+
+@contextmanager
+def changed_file(path: Path, mode: str) -> Iterator[Any]:
+    """Return an HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
+    with sink(path, mode) as own, h5py.File(own, mode) as file:
+        yield file
+
+
+def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:
+    """Return a dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
+    values = group[name][()]
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
+        found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+        raise ValueError(f"{group.name}/{name} is {found} instead of numbers of shape {shape}")
+    return values
+
+
+def text_of(group: Any, name: str) -> str:
+    """Return an attribute. Raises ValueError unless it is a text."""
+    text = group.attrs[name]
+    if not isinstance(text, str):
+        raise ValueError(f"attribute {name!r} of {group.name} is no text")
+    return text
+
+
+def table_of(group: Any, name: str, kind: Any) -> dict[str, Any]:
+    """Return what an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
+    table = json.loads(text_of(group, name))
+    if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
+        raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")
+    return table

@@ -1,0 +1,121 @@
+"""The contact zone laid flat and cut into triangles, for drawing."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.fields import Array, Indices
+from meeframe.mesh import frames_of
+from meeframe.results.canvas import MAP_COLOURS, prefixed
+from meeframe.results.records import Zone
+
+# meshio's cell types cut into triangles, by position of the node in the cell
+TRIANGLES: Final = {
+    "triangle": ((0, 1, 2),),
+    "triangle6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "quad": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),  # 4: its centre, or else one diagonal would be preferred
+    "quad8": ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+    "quad9": ((0, 4, 8), (0, 8, 7), (4, 1, 5), (4, 5, 8), (8, 5, 2), (8, 2, 6), (7, 8, 6), (7, 6, 3)),
+}
+
+
+def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
+    """Return the factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
+    return prefixed(np.array([np.ptp(zone.points, axis=0) / 2 for zone in zones]), "m")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A flat zone.
+
+    points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); triangulation:
+    matplotlib's, of the nodes and then the centres of the quads.
+    """
+
+    points: Array
+    factor: float
+    unit: str
+    axes: Array
+    triangulation: Any
+    quads: Indices
+
+    @classmethod
+    def of(cls, zone: Zone, scale: tuple[float, str] | None = None) -> "Picture":
+        """Return the zone seen along its mean normal, coordinates from the middle of its extent.
+
+        They run along the axes that the zone's frames have where no direction field turns them. scale: factor and unit,
+        if not those that suit the zone. A zone that knows no cells is cut as Delaunay did.
+        """
+        from matplotlib.tri import Triangulation
+
+        factor, unit = scale or lengths([zone])
+        parts = [connectivity for name, connectivity in zone.cells if name == "quad"]
+        quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
+        middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
+        normal = zone.frames[:, 2].mean(axis=0)
+        axes = frames_of(normal[None] / np.linalg.norm(normal))[0, :2]
+        points = (zone.points - middle) @ axes.T / factor
+        flat = _with_centres(points, quads)
+        triangles = _triangles(zone.cells, len(points)) if zone.cells else None
+        return cls(points, factor, unit, axes, Triangulation(flat[:, 0], flat[:, 1], triangles), quads)
+
+    def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the stoppingCriteria along x and y of a square about these nodes (n,), half as large again; cut at
+        the zone's edges."""
+        low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
+        reach = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
+        begin = np.maximum((low + high) / 2 - reach, self.points.min(axis=0))
+        end = np.minimum((low + high) / 2 + reach, self.points.max(axis=0))
+        return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))
+
+    def values(self, nodal: Array) -> Array:
+        """Return the values at the points of the triangulation of values (n,) at the nodes of the zone."""
+        return _with_centres(nodal, self.quads)
+
+    def shade(self, axes: Any, nodal: Array, **limits: float) -> Any:
+        """Return the colours of values (n,) at the nodes drawn over the zone; limits: vmin, vmax."""
+        drawn = axes.tripcolor(self.triangulation, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
+        drawn.set_in_layout(False)  # it ends with its axes; its extent would be found triangle by triangle
+        return drawn
+
+    def section(self, x: Array, *nodal: Array) -> list[Array]:
+        """Return the values along y = 0 at x (k,) for each of the values (n,) at the nodes, masked where there is no
+        zone."""
+        from matplotlib.tri import LinearTriInterpolator
+
+        y = self.triangulation.y[self.triangulation.triangles]
+        across = self._part((y.min(axis=1) <= 0.0) & (y.max(axis=1) >= 0.0))
+        return [LinearTriInterpolator(across, self.values(values))(x, np.zeros_like(x)) for values in nodal]
+
+    def beside(self, *kinds: NDArray[np.bool_]) -> Any:
+        """Of the triangulation the triangles at nodes (n,) of every kind: contours are found quicker in few of them."""
+        triangles = self.triangulation.triangles
+        at = [(self.values(kind.astype(float)) > 0.0)[triangles].any(axis=1) for kind in kinds]
+        return self._part(np.logical_and.reduce(at))
+
+    def _part(self, chosen: NDArray[np.bool_]) -> Any:
+        """Return the triangulation by these triangles (t,) alone, whole if there are none: matplotlib's have at least
+        one."""
+        from matplotlib.tri import Triangulation
+
+        flat = self.triangulation
+        return Triangulation(flat.x, flat.y, flat.triangles[chosen]) if chosen.any() else flat
+
+
+def _with_centres(nodal: Array, quads: Indices) -> Array:
+    return np.concatenate([nodal, nodal[quads].mean(axis=1)])
+
+
+def _triangles(cells: tuple[tuple[str, Indices], ...], n_nodes: int) -> Indices:
+    triangles: list[Indices] = []
+    for name, nodes in cells:
+        if name == "quad":
+            nodes = np.column_stack([nodes, n_nodes + np.arange(len(nodes))])
+            n_nodes += len(nodes)
+        # of an element from a plugin only the corners are drawn
+        cut = TRIANGLES.get(name, ((0, 1, 2),) if name.startswith("triangle") else ((0, 1, 2), (2, 3, 0)))
+        triangles += [nodes[:, triangle] for triangle in cut]
+    return np.concatenate(triangles)

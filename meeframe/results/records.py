@@ -1,0 +1,312 @@
+"""Frozen records of a result: what is written to and read from the result file, and all that reports ever see."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.common.memoize import memoize_by_identity
+from meeframe.contact.problem import ContactState, Status
+from meeframe.fields import ELECTRIC, MAGNETIC, Array, Indices
+from meeframe.indenters.base import MOTIONS
+from meeframe.mesh.measures import corners, vector_areas
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+_ALIKE: Final = 1e-12
+"""Weights of nodes that differ by no more of the largest are the same but for round-off."""
+
+
+class RunStatus(StrEnum):
+    """How a run as a whole stands."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not-converged"
+    UNFINISHED = "unfinished"
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """The contact zone: points (n, 3) [m], frames (n, 3, 3), weights (n,) [m^2] and cells as in ReducedSystem."""
+
+    points: Array
+    frames: Array
+    weights: Array
+    cells: tuple[tuple[str, Indices], ...]
+
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        return f"Zone({len(self.points)} nodes)"
+
+
+def zone_of(system: ReducedSystem) -> Zone:
+    """Return the contact zone of a reduced system."""
+    return Zone(system.points, system.frames, system.weights, system.cells)
+
+
+class Region(IntEnum):
+    """What a node of the contact zone does."""
+
+    OPEN = 0
+    SLIP = 1
+    STICK = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """Where the indenter is in one increment, and which resultants held it there.
+
+    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its place [m];
+    tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; electric_potential [V], magnetic_potential
+    [A]: of its surface, where the laws conduct. All from where it just touched, and found ones where they were free.
+    prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
+    reference: its lowest point where it just touched, about which it turns, (3,) in global axes [m]; axes: rows e1, e2,
+    axis of its place, (3, 3); duration: of the increment, None if its load step says none [s].
+    """
+
+    approach: float
+    translation: Array = field(default_factory=lambda: np.zeros(2))
+    tilt: Array = field(default_factory=lambda: np.zeros(2))
+    twist: float = 0.0
+    electric_potential: float = 0.0
+    magnetic_potential: float = 0.0
+    prescribed: Mapping[str, Array] = field(default_factory=dict)
+    reference: Array = field(default_factory=lambda: np.zeros(3))
+    axes: Array = field(default_factory=lambda: np.eye(3))
+    duration: float | None = None
+
+    @classmethod
+    def of(
+        cls,
+        motion: Array,
+        prescribed: Mapping[str, Array],
+        reference: Array,
+        axes: Array,
+        duration: float | None = None,
+    ) -> "Loading":
+        """Of the eight motions of an indenter, (8,)."""
+        approach, *_, twist, electric, magnetic = (float(value) for value in motion)
+        translation, tilt = motion[MOTIONS["translation"]], motion[MOTIONS["tilt"]]
+        return cls(approach, translation, tilt, twist, electric, magnetic, prescribed, reference, axes, duration)
+
+    @property
+    def motion(self) -> Array:
+        """All motions of the indenter, (8,), at the places of MOTIONS."""
+        return np.concatenate([np.atleast_1d(getattr(self, name)) for name in MOTIONS])
+
+
+@dataclass(frozen=True, eq=False)
+class SecondSurface:
+    """The surface of the second body at the nodes of the contact zone, along e1, e2, nu of the zone's frames.
+
+    displacement: (n, 3) [m]; potentials: (n, 2) electric [V] and magnetic [A]. Both count from its own supports and
+    grounds, wherever the loading has moved them.
+    """
+
+    displacement: Array
+    potentials: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """One increment of a load step.
+
+    step, increment: their numbers, from 1; initial_gap: (n,) gap between the undeformed body and the indenter in its
+    position at this increment [m], inf where there is none above; traction: (n, 3) along e1, e2, nu [Pa], the last <= 0
+    in compression, > 0 where surfaces attract each other; displacement: (n, 3) along e1, e2, nu [m]; potentials: (n, 2)
+    electric [V] and magnetic [A]; fluxes: (n, 2) electric [C/m^2] and magnetic [Wb/m^2], outward; contact_fraction:
+    (n,) as in ContactState; slip: (n, 2) tangential motion of the indenter over the body along e1, e2 since the last
+    converged increment, total_slip: (n, 2) since the beginning, both also where the contact is open [m]; slip_path:
+    (n,) length of the way slipped in contact, the sum of the moduli of the slips of those increments at whose end the
+    node touches [m]; dissipation: (n,) work of friction in this increment [J/m^2], see docs/results.md; region: (n,)
+    numbers of Region; iterations, residual, history, message as in ContactSolution; boundary: fields on the whole
+    boundary. All of them are of the body; second_body: surface of the second body, if there is one instead of a rigid
+    indenter; area_fraction: (n,) part of each node's area that is in contact if it touches, where the contact edge is
+    resolved between the nodes (EdgeCorrection), None where it is resolved to nodes; reaches_edge: whether the zone cuts
+    it off.
+    """
+
+    loading: Loading
+    step: int
+    increment: int
+    initial_gap: Array
+    traction: Array
+    displacement: Array
+    potentials: Array
+    fluxes: Array
+    contact_fraction: Array
+    slip: Array
+    total_slip: Array
+    slip_path: Array
+    dissipation: Array
+    region: Indices
+    status: Status
+    iterations: int
+    residual: float
+    history: Array
+    message: str
+    boundary: NodalFields | None = None
+    second_body: SecondSurface | None = None
+    area_fraction: Array | None = None
+    reaches_edge: bool = False
+
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        touching = f"{self.touching.sum()} of {len(self.region)} nodes in contact"
+        place = f"step {self.step}, increment {self.increment}, approach {self.loading.approach:.6g} m"
+        return f"StepResult({place}: {self.status}, {touching})"
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Nodes in contact, (n,): an attraction across the gap does not make one."""
+        return np.asarray(self.region != Region.OPEN)
+
+    @property
+    def gap(self) -> Array:
+        """Gap between the deformed body and the indenter, or the deformed second body, (n,) [m] (eq. 10)."""
+        gap: Array = self.initial_gap - self.state.displacement[:, 2]
+        return gap
+
+    @property
+    def state(self) -> ContactState:
+        """The state of the contact zone, of an indenter that stays where it is.
+
+        Its displacement is that of the reduced system: of the body, less that of the second body if there is one.
+        """
+        load = np.concatenate([self.traction, self.fluxes], axis=1)
+        displacement = np.concatenate([self.displacement, -self.potentials], axis=1)
+        if self.second_body is not None:
+            displacement -= np.concatenate([self.second_body.displacement, -self.second_body.potentials], axis=1)
+        return ContactState(load, displacement, self.contact_fraction)
+
+
+@dataclass(frozen=True, eq=False)
+class Resultants:
+    """Numbers that sum an increment up; see `resultants`."""
+
+    force: Array
+    normal_force: float
+    tangential_force: Array
+    moment: Array
+    torque: float
+    charge: float
+    magnetic_flux: float
+    dissipated_energy: float
+    contact_area: float
+    stick_area: float
+    slip_area: float
+    max_pressure: float
+    max_tension: float
+    max_abs_electric_potential: float
+    max_abs_magnetic_potential: float
+
+
+def resultants(zone: Zone, step: StepResult) -> Resultants:
+    """Return the resultants and maxima over the contact zone.
+
+    force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
+    normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
+    through its reference point [N m]; charge [C] and magnetic_flux [Wb]: integrals of the outward fluxes;
+    dissipated_energy: integral of the dissipation [J]; contact_area, stick_area, slip_area: sum over the elements of
+    their area times the share of their nodes in contact, and in either region [m^2], of covered nodes their covered
+    part (the weights of nodes will not do: those of quad8's corners are negative, those of tri6's zero; of a periodic
+    surface, whose nodes are all alike, they do); max_pressure, max_tension: of the normal traction, >= 0, tension where
+    surfaces attract each other, in contact or across the gap [Pa]; largest absolute potentials of the body's surface in
+    the contact zone [V], [A].
+    """
+    normal = step.traction[:, 2]
+    electric, magnetic = (np.abs(step.potentials[:, i]) for i in range(2))
+    # of one layout in memory, on which last digits depend, whether the step is solved or read
+    traction, fluxes = split_load(step.state.load)
+    forces = zone.weights[:, None] * np.einsum("na,nai->ni", traction, zone.frames)
+    moments = np.cross(zone.points - step.loading.reference, forces)
+    # no -0.0
+    force, about = (step.loading.axes @ each.sum(axis=0) + 0.0 for each in (forces, moments))
+    charge, magnetic_flux = zone.weights @ fluxes + 0.0
+    return Resultants(
+        force=forces.sum(axis=0),
+        normal_force=float(0.0 - force[2]),
+        tangential_force=force[:2],
+        moment=about[:2],
+        torque=float(about[2]),
+        charge=float(charge),
+        magnetic_flux=float(magnetic_flux),
+        dissipated_energy=float(zone.weights @ step.dissipation),
+        contact_area=_area(zone, step, step.touching),
+        stick_area=_area(zone, step, step.region == Region.STICK),
+        slip_area=_area(zone, step, step.region == Region.SLIP),
+        max_pressure=float(np.maximum(-normal, 0.0).max() + 0.0),
+        max_tension=float(np.maximum(normal, 0.0).max() + 0.0),
+        max_abs_electric_potential=float(electric.max()),
+        max_abs_magnetic_potential=float(magnetic.max()),
+    )
+
+
+def _area(zone: Zone, step: StepResult, chosen: NDArray[np.bool_]) -> float:
+    parts = chosen.astype(float) if step.area_fraction is None else np.where(chosen, step.area_fraction, 0.0)
+    return float(_areas(zone) @ parts)
+
+
+@memoize_by_identity
+def _areas(zone: Zone) -> Array:
+    """Of the elements, shared out evenly over their nodes, (n,) [m^2]."""
+    # nodes alone of test systems and plugins, and of a periodic surface, whose elements lack the last row and column
+    if not zone.cells or np.ptp(zone.weights) <= _ALIKE * np.max(zone.weights):
+        return zone.weights
+    areas = np.zeros(len(zone.points))
+    for (_, nodes), outline in zip(zone.cells, corners(zone.cells), strict=True):
+        own = np.linalg.norm(vector_areas(zone.points[outline]), axis=1)
+        np.add.at(areas, nodes, own[:, None] / nodes.shape[1])
+    # straight sides miss a little of curved elements: all of them together have the area of the zone
+    areas *= zone.weights.sum() / areas.sum()
+    return areas
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What made a result: title and verbatim text of the case, versions of the software by name, threads used."""
+
+    title: str
+    case_text: str
+    versions: Mapping[str, str]
+    threads: int
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A run: its zone and the finished increments of its load steps.
+
+    planned_steps: how many increments the case asks for; timings: seconds by stage; peak_memory_mb: of the process.
+    """
+
+    provenance: Provenance
+    zone: Zone
+    planned_steps: int
+    steps: tuple[StepResult, ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    peak_memory_mb: float = 0.0
+
+    def __repr__(self) -> str:
+        """In words: arrays fill screens."""
+        increments = f"{len(self.steps)} of {self.planned_steps} increments"
+        return f"Result({self.provenance.title!r}: {self.status}, {increments}, {len(self.zone.points)} nodes)"
+
+    @property
+    def status(self) -> RunStatus:
+        """CONVERGED only if every planned increment did."""
+        if any(step.status is not Status.CONVERGED for step in self.steps):
+            return RunStatus.NOT_CONVERGED
+        return RunStatus.CONVERGED if len(self.steps) == self.planned_steps else RunStatus.UNFINISHED
+
+
+def split_load(load: Array) -> tuple[Array, Array]:
+    """Return the tractions (n, 3) and outward fluxes (n, 2) of a load (n, 5)."""
+    return load[:, :3], load[:, [ELECTRIC, MAGNETIC]]
+
+
+def split_displacement(displacement: Array) -> tuple[Array, Array]:
+    """Return the displacements (n, 3) and potentials (n, 2), in their physical sign, of a reduced system's
+    displacement (n, 5)."""
+    return displacement[:, :3], -displacement[:, [ELECTRIC, MAGNETIC]]

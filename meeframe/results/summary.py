@@ -1,0 +1,192 @@
+"""The summary of a result: a dictionary for summary.json and a table for the terminal."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from meeframe.common.literal import LiteralTable
+from meeframe.contact.problem import Status
+from meeframe.indenters.base import COLUMNS, MOTIONS, UNITS
+from meeframe.results import schema
+from meeframe.results.balance import unbalance
+from meeframe.results.history import name_of
+from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
+
+AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
+_Row = tuple[str, str, list[Any]]
+
+_ENERGY: Final = "dissipated_energy"
+_ABOUT: Final = {"tilt": "moment", "twist": "torque"}
+"""Resultants that the table shows beside the motion on which they work; the others have rows in any case."""
+
+
+def summary(result: Result) -> dict[str, Any]:
+    """Return what summary.json holds, of plain Python types; see docs/results.md. Numbers that are not finite become
+    None."""
+    made = result.provenance
+    data = {
+        "title": made.title,
+        "status": str(result.status),
+        "timings": dict(result.timings),
+        "peak_memory_mb": result.peak_memory_mb,
+        "versions": dict(made.versions),
+        "threads": made.threads,
+        "reaches_edge": any(step.reaches_edge for step in result.steps),
+        "planned_increments": result.planned_steps,
+        "load_steps": _load_steps(result),
+        "steps": [_step(result.zone, step) for step in result.steps],
+    }
+    plain: dict[str, Any] = _plain(data)
+    return plain
+
+
+def summary_json(result: Result) -> str:
+    """Return the text of summary.json."""
+    return json.dumps(summary(result), indent=2, allow_nan=False) + "\n"
+
+
+def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
+    totals, balance = schema.totals(zone, step), unbalance(step.boundary)
+    loading = step.loading
+    return {
+        "step": step.step,
+        "increment": step.increment,
+        **{name: getattr(loading, name) for name in MOTIONS},
+        "prescribed": dict(loading.prescribed),
+        "duration": loading.duration,
+        **totals,
+        "reaches_edge": step.reaches_edge,
+        "unbalance": None if balance is None else vars(balance),
+        "iterations": step.iterations,
+        "residual": step.residual,
+        "status": str(step.status),
+        "message": step.message,
+    }
+
+
+def _load_steps(result: Result) -> list[dict[str, Any]]:
+    """Return what concerns a load step as a whole: its finished increments, and the energy that friction dissipates in
+    it."""
+    numbers = sorted({step.step for step in result.steps})
+    counts = [sum(step.step == number for step in result.steps) for number in numbers]
+    energies = _dissipated(result, numbers)
+    return [
+        {"step": number, "increments": count, "dissipated_energy": energy}
+        for number, count, energy in zip(numbers, counts, energies, strict=True)
+    ]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def summary_table(result: Result) -> RenderableType:
+    """Return the summary for the terminal: a line on the run and a table with a column for each step, at its end."""
+    table = LiteralTable(result.provenance.title)
+    table.add_column("")
+    table.add_column("unit")
+    shown = [step for step, after in zip(result.steps, (*result.steps[1:], None), strict=True) if _ends(step, after)]
+    for step in shown:
+        table.add_column(name_of(result, step), justify="right")
+    totals = [schema.totals(result.zone, step) for step in shown]
+    for total, energy in zip(totals, _dissipated(result, [step.step for step in shown]), strict=True):
+        total[_ENERGY] = energy
+    rows: list[_Row] = [
+        ("approach", "m", [step.loading.approach for step in shown]),
+        *_motions(shown, totals),
+        *_totals(totals),
+        *_unbalances(shown),
+        *_durations(result, shown),
+        ("iterations", "", [step.iterations for step in shown]),
+        ("residual", "", [step.residual for step in shown]),
+        ("status", "", [str(step.status) for step in shown]),
+    ]
+    for label, unit, values in rows:
+        table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
+    told = [step for step in result.steps if step.message and (step in shown or step.status is not Status.CONVERGED)]
+    messages = [Text(f"{name_of(result, step)}: {step.message}") for step in told]
+    return Group(table, *messages, _headline(result))
+
+
+def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
+    """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
+    found = [unbalance(step.boundary) for step in shown]
+    for number, name in enumerate(("force", "charge", "magnetic flux")):
+        relative = [math.nan if one is None else float(one.relative[number]) for one in found]
+        if any(value > 0.0 for value in relative):
+            yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
+
+
+def _totals(totals: list[dict[str, Any]]) -> Iterator[_Row]:
+    """Return rows of totals, of phenomena that there are; the dissipated energy is that of the whole load step."""
+    for row in schema.shown_totals(schema.View.SUMMARY, totals):
+        for i, label in enumerate(row.labels):
+            words = f"{label}, whole step" if row.name == _ENERGY else label
+            yield words, row.unit, [float(np.atleast_1d(total[row.name])[i]) for total in totals]
+
+
+def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
+    """Return rows of the indenter's motions other than the approach that were free or are not zero, and of their
+    moments."""
+    for name, place in list(MOTIONS.items())[1:]:
+        free = any(COLUMNS[key] == place for step in shown for key in step.loading.prescribed)
+        moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
+        if not free and not np.any(moved):
+            continue
+        yield from _components(name + " of the indenter" * name.endswith("potential"), UNITS[name], moved)
+        if name in _ABOUT:
+            about = _ABOUT[name]
+            yield from _components(about, UNITS[about], [np.atleast_1d(total[about]) for total in totals])
+
+
+def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
+    """Return rows of a quantity with one component, or with those along, or about, e1 and e2."""
+    words = (name.replace("_", " "),) if len(values[0]) == 1 else (f"{name} e1", f"{name} e2")
+    for i, word in enumerate(words):
+        yield word, unit, [float(value[i]) for value in values]
+
+
+def _ends(step: StepResult, after: StepResult | None) -> bool:
+    """Return whether an increment is the last one of its step so far."""
+    return after is None or after.step != step.step
+
+
+def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
+    """Return the row of the time that the finished increments of each load step took, if any step says how long it
+    takes."""
+    if all(end.loading.duration is None for end in shown):
+        return []
+    all_times = [[s.loading.duration or math.nan for s in result.steps if s.step == end.step] for end in shown]
+    sums = [float(sum(times)) for times in all_times]
+    return [("duration", "s", [total if math.isfinite(total) else "-" for total in sums])]
+
+
+def _dissipated(result: Result, numbers: list[int]) -> list[float]:
+    """Return the energy that friction dissipates in the whole of each load step of these numbers [J]; increments that
+    did not converge do not count."""
+    done = [step for step in result.steps if step.status is Status.CONVERGED]
+    energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
+    return [float(sum(energy for number, energy in energies if number == wanted)) for wanted in numbers]
+
+
+def _headline(result: Result) -> Text:
+    style = {RunStatus.CONVERGED: "green", RunStatus.NOT_CONVERGED: "red", RunStatus.UNFINISHED: "yellow"}
+    one_each = all(step.increment == 1 for step in result.steps) and len(result.steps) == result.planned_steps
+    counted = "steps" if one_each else "increments"
+    line = f"{result.status}: {len(result.steps)} of {result.planned_steps} {counted}"
+    if result.timings:
+        line += (
+            f", {result.timings['total']:.1f} s, {result.peak_memory_mb:.0f} MB, {result.provenance.threads} threads"
+        )
+    return Text(line, style=style[result.status])

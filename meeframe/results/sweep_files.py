@@ -1,0 +1,140 @@
+"""Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which says what the folder's points are of."""
+
+import json
+import shutil
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError, ResultError
+from meeframe.results.hdf5 import sink
+from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
+from meeframe.results.sweep_records import INCREMENT, SweepResult
+
+FORMAT: Final = "meeframe-sweep 1"
+SWEEP_FILE: Final = "sweep.h5"
+LIST_FILE: Final = "sweep.json"
+POINTS: Final = "points"
+SYSTEMS: Final = "systems"
+NODE: Final = "node"
+
+
+def write_sweep(folder: Path, sweep: SweepResult) -> None:
+    """Write sweep.h5, whole: `xarray.open_dataset(path, engine="h5netcdf")` gives it back.
+
+    Its dimensions are the axes, and `increment` and `node` where there are such; units are attributes. Raises
+    ResultError if it cannot be written, CaseError without xarray.
+    """
+    check_installed()
+    h5netcdf, backends = import_module("h5netcdf"), import_module("xarray.backends")
+    with replacing(folder / SWEEP_FILE) as path, sink(path, "w") as own, h5netcdf.File(own, "w") as file:
+        dataset(sweep).dump_to_store(backends.H5NetCDFStore(file))
+
+
+def check_installed() -> None:
+    """Raise CaseError unless what writes sweep.h5 is installed."""
+    try:
+        for module in ("xarray", "h5netcdf"):
+            import_module(module)
+    except ImportError as error:
+        raise CaseError(f"sweep.h5 needs xarray ({error}); install the extra: pip install 'meeframe[sweep]'") from None
+
+
+def dataset(sweep: SweepResult) -> Any:
+    """Return the sweep as an xarray.Dataset."""
+    import xarray
+
+    names = [axis.name for axis in sweep.axes]
+    variables: dict[str, Any] = {
+        name: (names, getattr(sweep, name).astype(object)) for name in ("status", "message", "key")
+    }
+    for name, values in sweep.quantities.items():
+        dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
+        variables[name] = dimensions, values, {"units": sweep.units[name]}
+    for name, values in sweep.fields.items():
+        variables[name] = [*names, NODE], values, {"units": sweep.units[name]}
+    coordinates: dict[str, Any] = {}
+    for axis in sweep.axes:
+        values = np.array(axis.labels, object) if axis.values is None else axis.values
+        coordinates[axis.name] = [axis.name], values, {"units": axis.unit} if axis.unit else {}
+    for name, place in sweep.nodes.items():
+        coordinates[name] = [NODE] if place.ndim == 1 else [*names, NODE], place, {"units": "m"}
+    return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
+
+
+@contextmanager
+def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterator[None]:
+    """Make the folder of a sweep ready for points with these keys, or for going on with them; keep others out of it.
+
+    keys: of its points. What the folder holds of them stays. With overwrite, points of another sweep are removed that
+    are not in this one. Raises ResultError if it cannot be written, or while another process writes a sweep there; and
+    unless overwrite is true if it holds anything else, or another sweep.
+    """
+    check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
+    with locked(folder):
+        _make_ready(folder, set(keys), overwrite)
+        yield
+
+
+def _make_ready(folder: Path, wanted: set[str], overwrite: bool) -> None:
+    held = _held(folder)
+    if held is not None and held != wanted and not overwrite:
+        raise ResultError(
+            f"folder {folder} holds another sweep, {len(held & wanted)} of its {len(held)} points are in this one of "
+            f"{len(wanted)}: study, case or the versions of what computes them have changed; name another folder or "
+            "pass --overwrite, which keeps the points that are in both"
+        )
+    try:
+        (folder / SYSTEMS).mkdir(exist_ok=True)
+        (folder / POINTS).mkdir(exist_ok=True)
+        # of a process that was killed while it wrote
+        for leftover in (*folder.glob(".sweep.*"), *folder.glob(f"{SYSTEMS}/.*")):
+            leftover.unlink(missing_ok=True)  # by a worker of it that ends just now
+        for leftover in folder.glob(f"{POINTS}/.*"):
+            shutil.rmtree(leftover)
+        for key in (held or set()) - wanted:
+            shutil.rmtree(folder / POINTS / key, ignore_errors=True)
+        if held is not None and held != wanted:
+            (folder / SWEEP_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    with replacing(folder / LIST_FILE) as path:
+        path.write_text(json.dumps({"format": FORMAT, "points": sorted(wanted)}, indent=1) + "\n", encoding="utf-8")
+
+
+def _unwritable(folder: Path, error: OSError) -> ResultError:
+    return ResultError(f"folder {folder} cannot be written: {error.strerror or error}")
+
+
+def drop_systems(folder: Path, keys: Collection[str]) -> None:
+    """Remove the reduced systems of a sweep's folder that have none of these keys."""
+    for path in (folder / SYSTEMS).glob("*.h5"):
+        if path.stem not in keys:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _begun(folder: Path) -> bool:
+    """Return whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
+    try:
+        return all(
+            path.name == LOCK_FILE
+            or path.match(f".{Path(LIST_FILE).stem}.*")
+            or (path.name in (SYSTEMS, POINTS) and not any(path.iterdir()))
+            for path in folder.iterdir()
+        )
+    except OSError:  # there is none, or it cannot be read
+        return False
+
+
+def _held(folder: Path) -> set[str] | None:
+    """Return the keys of the points of the sweep that a folder holds; None if it holds none."""
+    try:
+        table = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
+        return set(table["points"]) if table["format"] == FORMAT else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

@@ -1,0 +1,93 @@
+"""Files of reduced systems: the results of reductions, stored so that they are computed once."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import h5py
+import numpy as np
+
+from meeframe.fields import Array
+from meeframe.results.hdf5 import changed_file
+from meeframe.results.output import replacing
+from meeframe.system.capabilities import AnyArray
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+Found = TypeVar("Found")
+
+FORMAT: Final = "meeframe-system 1"
+ARRAYS: Final = "meeframe-kept-system 1"
+"""Format of systems without a matrix, stored as the arrays of `Persistence.to_arrays`."""
+
+_UNITS: Final = {
+    "points": "m",
+    "frames": "1",
+    "weights": "m^2",
+    "offset": "m, m, m, V, A",
+    "matrix": "displacement (m, m, m, -V, -A) per load (Pa, Pa, Pa, C/m^2, Wb/m^2)",
+}
+
+
+def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> None:
+    """Write a reduced system; matrix: its compliance (n, 5, n, 5); key: what it is known by, kept with it.
+
+    The file is whole or not there. Raises ResultError if it cannot be written.
+    """
+    arrays = {name: getattr(system, name) for name in _UNITS if name != "matrix"} | {"matrix": matrix}
+    with _written(path, FORMAT, key) as file:
+        for name, unit in _UNITS.items():
+            _put(file, name, arrays[name]).attrs["units"] = unit
+        for number, (cell_type, connectivity) in enumerate(system.cells):
+            _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
+
+
+def write_arrays(path: Path, key: str, arrays: Mapping[str, AnyArray]) -> None:
+    """Write the arrays of a reduced system without a matrix (`Persistence.to_arrays`); see write_system."""
+    with _written(path, ARRAYS, key) as file:
+        for name, array in arrays.items():
+            _put(file, name, array)
+
+
+def read_arrays(path: Path, key: str) -> dict[str, AnyArray] | None:
+    """Return the arrays of a file of write_arrays; None if there is no complete file with this key."""
+    return _read(path, ARRAYS, key, lambda file: {name: file[name][()] for name in file})
+
+
+def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
+    """Return the reduced system of a file, bit for bit; None if there is no whole file of this key.
+
+    recovery: how fields on the whole boundary are found, which no file holds.
+    """
+
+    def system(file: Any) -> DenseSystem:
+        blocks = [file["cells"][name] for name in sorted(file["cells"], key=int)]
+        cells = tuple((str(block.attrs["type"]), block[()]) for block in blocks)
+        return DenseSystem(**{name: file[name][()] for name in _UNITS}, cells=cells, recovery=recovery)
+
+    return _read(path, FORMAT, key, system)
+
+
+def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
+    """Return what is taken from a file of this kind and key; None if there is no whole one."""
+    try:
+        with h5py.File(path, "r") as file:
+            return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
+    except (OSError, KeyError, RuntimeError, ValueError):  # absent, cut short, or changed on the disk
+        return None
+
+
+@contextmanager
+def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
+    """Return a file in the making."""
+    with replacing(path) as temporary, changed_file(temporary, "w") as file:
+        file.attrs.update({"format": kind, "key": key})
+        yield file
+
+
+def _put(file: Any, name: str, array: Any) -> Any:
+    """Return a dataset with a check sum, so that a change on the disk shows when it is read; single numbers have
+    none."""
+    checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
+    return file.create_dataset(name, data=array, **checked)

@@ -1,0 +1,71 @@
+"""Which problems projected conjugate gradients take."""
+
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.nested import holds_nodes
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array
+from meeframe.laws.base import ContactLaw, is_pure_projection
+from meeframe.solvers.cg.normal_modes import NormalModes
+
+_TRIALS: Final = tuple(
+    pressure * np.array(trial)
+    for pressure in (1e-3, 1.0, 1e4, 1e8, 1e12)
+    for trial in ([0.5, 0.5, -1.0], [0.5, 0.0, 1.0])
+)
+"""Trial tractions of nodes pressed and apart [Pa], up to pressures beyond any material's, since laws may cap them."""
+
+_ROUND_OFF: Final = 1e-12
+"""Of a traction, as a fraction."""
+
+_ENOUGH: Final = 1_000
+"""Nodes that tell of a law that holds nothing of each node."""
+
+
+def check_taken(problem: ContactProblem) -> None:
+    """Raises CaseError if the contact law is not that of frictionless unilateral contact, or as NormalModes.of."""
+    _check(problem.contact_law, len(problem.gap))
+    NormalModes.of(problem)
+
+
+def takes(problem: ContactProblem) -> bool:
+    """Whether ProjectedCG takes a problem."""
+    try:
+        check_taken(problem)
+    except CaseError:
+        return False
+    return True
+
+
+def _check(law: ContactLaw, n: int) -> None:
+    """Raises CaseError unless the law, of n nodes, is p_nu = min(0, p_nu*) without friction."""
+    plain = is_pure_projection(law) and not law.tangential_scaling().any()
+    if not plain or not _is_plain(law, n):
+        raise CaseError(
+            f"solver 'projected-cg' takes frictionless contact only, rigid and without attraction, not "
+            f"{type(law).__name__}; allowed contact law: signorini, or friction with mu = 0. Use 'newton', 'uzawa-bb', "
+            "'uzawa-nesterov', 'uzawa' or 'auto' for others"
+        )
+
+
+def _is_plain(law: ContactLaw, n: int) -> bool:
+    """Whether a law projects as frictionless unilateral contact does, at all n nodes if it knows them."""
+    if n > _ENOUGH and not holds_nodes(law, n):
+        try:
+            return _projects_plainly(law, _ENOUGH)
+        except Exception:  # a law may hold something of its nodes wherever it likes
+            pass
+    return _projects_plainly(law, n)
+
+
+def _projects_plainly(law: ContactLaw, n: int) -> bool:
+    return all(_as_expected(law.project(np.tile(trial, (n, 1))), trial) for trial in _TRIALS)
+
+
+def _as_expected(traction: Array, trial: Array) -> bool:
+    """Whether tractions (n, 3) are those of frictionless unilateral contact for one trial traction (3,)."""
+    expected = np.array([0.0, 0.0, min(trial[2], 0.0)])
+    return bool((np.abs(traction - expected) <= _ROUND_OFF * np.abs(expected)).all())

@@ -1,0 +1,168 @@
+"""The free motions of the indenter as a frictionless contact sees them: by their normal parts.
+
+Pressures p >= 0 with prescribed resultants measure : p = -total form a convex set. The gap is its gradient up to a free
+motion: it is at rest where the motion has been chosen such that
+    sum measure_k (gap + sum_l w_l mode_l) = 0
+over the nodes that have pressure or overlap. For a force along one axis that is a mean gap of zero (Polonsky and Keer,
+Wear 231 (1999) 206).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.conduction import Mask
+from meeframe.contact.free_motion import balanced_projection, motions
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array, Indices
+
+NORMAL: Final = 2
+ROUNDS: Final = 30
+"""Of the search for the nodes that overlap when the indenter is at rest."""
+SINGULAR: Final = 1e12
+"""Condition of the equations of the motions, of which more than one may have units of its own."""
+PROPORTIONAL: Final = 1e-9
+ROUND_OFF: Final = 1e-10
+"""What is left of values that resultants determine, as a fraction."""
+
+
+@dataclass(frozen=True, eq=False)
+class NormalModes:
+    """Normal parts of the mechanical freedoms.
+
+    numbers: (k,) among the problem's freedoms; mode, measure: (k, f), zero where there is no indenter above; nodes:
+    (f,) to which they belong, all n of them at first.
+    """
+
+    problem: ContactProblem
+    numbers: Indices
+    mode: Array
+    measure: Array
+    nodes: Indices
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "NormalModes":
+        """Of a problem.
+
+        Raises CaseError if a resultant does not belong to its motion, that is if the normal part of a measure is not
+        that of weights * mode up to a factor: the solution is then no minimum.
+        """
+        numbers = motions(problem)
+        above = np.isfinite(problem.gap)
+        mode, measure = np.zeros((2, len(numbers), len(problem.gap)))
+        for k, number in enumerate(numbers):
+            freedom = problem.prescribed_resultants[number]
+            np.copyto(mode[k], freedom.mode[:, NORMAL], where=above)
+            np.copyto(measure[k], freedom.measure[:, NORMAL], where=above)
+            work = problem.system.weights * mode[k]
+            factor = (measure[k] @ work) / ((work @ work) or 1.0)
+            if np.abs(measure[k] - factor * work).max(initial=0.0) > PROPORTIONAL * np.abs(measure[k]).max(initial=0.0):
+                raise CaseError(
+                    f"solver 'projected-cg' cannot find freedom {number} of the indenter: its resultant is not the "
+                    "force or moment along its motion; allowed: measures whose normal part is weights * mode up to a "
+                    "factor. Use 'newton', 'uzawa-bb', 'uzawa-nesterov', 'uzawa' or 'auto'"
+                )
+        return cls(problem, numbers, mode, measure, np.arange(len(problem.gap)))
+
+    def on(self, free: Indices) -> "NormalModes":
+        """On the free nodes (f,) alone, numbers among the present ones."""
+        mode, measure = (np.take(values, free, axis=1) for values in (self.mode, self.measure))
+        return NormalModes(self.problem, self.numbers, mode, measure, self.nodes[free])
+
+    def amounts(self, values: Array, along: Array | None = None) -> Array:
+        """Amounts (k,) with which values (f,) + amounts @ along have no resultants.
+
+        along: (k, f), the modes if not given. The smallest amounts, in their own units, where the nodes do not
+        determine them.
+        """
+        gram = self.measure @ (self.mode if along is None else along).T
+        size = np.sqrt(np.abs(np.diag(gram)))
+        size[size == 0.0] = 1.0
+        scaled, right = gram / size[:, None] / size, -(self.measure @ values) / size
+        if len(size) == 1:
+            return np.asarray(right * np.sign(scaled[0]) / size)
+        return np.asarray(np.linalg.pinv(scaled) @ right / size)
+
+    def without(self, values: Array, along: Array | None = None) -> Array:
+        """Values (f,) without resultants, which are taken out along (k, f), the modes if not given.
+
+        Where the nodes are so few that the resultants determine all of them, that is zero and not its round-off.
+        """
+        if self.numbers.size == 0:
+            return values
+        along = self.mode if along is None else along
+        rest = _moved(values, self.amounts(values, along), along)
+        return rest if np.linalg.norm(rest) > ROUND_OFF * np.linalg.norm(values) else np.zeros_like(rest)
+
+    def rested(
+        self, pressure: Array, gap: Array, motion: Array, near: "NormalModes", held: Mask | None = None
+    ) -> tuple[Array, Array, "NormalModes"]:
+        """Gap (n,), motion (m,), and these modes on the nodes with pressure or overlap, the indenter at rest.
+
+        pressure: (n,); gap: (n,) at a motion (m,); near: on nodes that may be those, by which the search begins; held:
+        (n,) that are none of them, though they overlap.
+        """
+        pressed = pressure > 0.0
+        if self.numbers.size == 0:
+            return gap, motion, self.on(_touching(pressed, gap, held))
+        here = near if near.nodes.size else self.on(np.flatnonzero(pressed))
+        if not here.nodes.size:
+            here = self.on(np.flatnonzero(gap < 0.0))
+        for _ in range(ROUNDS):
+            amounts = here.amounts(gap[here.nodes])
+            moved = _moved(gap, amounts, self.mode)
+            following = _touching(pressed, moved, held)
+            if np.array_equal(following, here.nodes):
+                break
+            here = self.on(following)
+        motion = motion.copy()
+        motion[self.numbers] += amounts
+        return moved, motion, here
+
+    def balanced(self, pressure: Array) -> Array:
+        """The nearest compression (f,) with the prescribed resultants to pressures (f,)."""
+        if self.numbers.size == 0:
+            return np.maximum(pressure, 0.0)
+        found = self._balanced(pressure)
+        return self._searched(pressure) if found is None else found
+
+    def _balanced(self, pressure: Array) -> Array | None:
+        """By Newton's method on the motions, piecewise linear and so exact; None if that leads nowhere."""
+        totals = np.array([self.problem.prescribed_resultants[number].total for number in self.numbers])
+        pressed = pressure > 0.0
+        for _ in range(ROUNDS):
+            measure = np.where(pressed, self.measure, 0.0)
+            gram = measure @ self.mode.T
+            if not pressed.any() or np.linalg.cond(gram) > SINGULAR:
+                return None
+            moved = pressure - np.linalg.solve(gram, measure @ pressure + totals) @ self.mode
+            following = moved > 0.0
+            if np.array_equal(following, pressed):
+                return np.maximum(moved, 0.0)
+            pressed = following
+        return None
+
+    def _searched(self, pressure: Array) -> Array:
+        """By the damped method for whatever law and modes."""
+        traction, apart = np.zeros((2, len(self.problem.gap), 3))
+        apart[:, NORMAL] = np.inf
+        apart[self.nodes, NORMAL] = 0.0
+        traction[self.nodes, NORMAL] = -pressure
+        found = balanced_projection(self.problem, traction, apart, (1.0, 1.0))
+        return np.asarray(-found.traction[self.nodes, NORMAL])
+
+
+def _moved(values: Array, amounts: Array, along: Array) -> Array:
+    """Values (f,) + amounts (k,) @ along (k, f): of few modes and many nodes, faster than as a product."""
+    moved = values
+    for amount, mode in zip(amounts, along, strict=True):
+        moved = moved + amount * mode
+    return moved
+
+
+def _touching(pressed: Mask, gap: Array, held: Mask | None) -> Indices:
+    """Nodes (t,) that have pressure, (n,), or overlap at a gap (n,) and are not held (n,)."""
+    touching = gap < 0.0 if held is None else (gap < 0.0) & ~held
+    return np.flatnonzero(touching | pressed)

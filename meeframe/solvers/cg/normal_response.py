@@ -1,0 +1,260 @@
+"""The body as a frictionless contact sees it: what a pressure does to the gap, the potentials eliminated."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Final, final
+
+import numpy as np
+
+from meeframe.contact.conduction import Mask
+from meeframe.contact.free_motion import start_motion
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate
+from meeframe.contact.scales import Scales
+from meeframe.fields import N_FIELDS, Array
+from meeframe.laws.base import conducts
+from meeframe.solvers.cg.biactive import Grazing
+from meeframe.solvers.cg.normal_modes import NORMAL
+from meeframe.solvers.conduction.elimination import Conductors
+from meeframe.solvers.conduction.floating import POTENTIALS
+from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
+from meeframe.system.capabilities import apply_fields, diagonal
+
+NO_FLUX: Final = np.zeros((0, 2))
+CHANGED: Final = 3e-3
+"""What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
+FOLLOWING: Final = 0.01
+"""The conduction is brought up to date when violations have fallen to this fraction since the last time, ..."""
+FOLLOWING_GRAZING: Final = 0.3
+"""... or to this one while nodes graze: secants of their fractions are found early or not at all."""
+LEFT: Final = 1e-2
+"""What is left of the potentials when they are found anew, as part of the violation, both in roots of own responses."""
+SINGLE: Final = 1e-4
+"""And gaps, which change in single precision: three digits of their violation are then right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Of a pressure: normal gap (n,) [m], flux (n, 2), (0, 2) where nothing conducts, and motion (m,), or changes."""
+
+    gap: Array
+    flux: Array
+    motion: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NormalResponse(ABC):
+    """Gap and fluxes of pressures (n,) [Pa], positive in compression."""
+
+    problem: ContactProblem
+    scales: Scales
+
+    @abstractmethod
+    def at(self, pressure: Array, near: Effect) -> Effect:
+        """All of it at a pressure (n,) and the motion of the indenter that an effect near to that to be found has."""
+
+    @abstractmethod
+    def change(self, pressure: Array) -> Effect:
+        """What a pressure (n,) alone causes, the indenter at rest but for its potentials; roughly: see `lasting`."""
+
+    @abstractmethod
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """At a pressure (n,) that differs by a change (n,) from that of an effect; roughly: see `lasting`."""
+
+    @property
+    @abstractmethod
+    def lasting(self) -> float:
+        """To which fraction violations may fall before all of it is to be found anew."""
+
+    @abstractmethod
+    def contact_fraction(self, pressure: Array) -> Array:
+        """Closed fractions (n,) at a pressure (n,)."""
+
+    @property
+    @abstractmethod
+    def held(self) -> Mask | None:
+        """Nodes (n,) that are to bear no pressure and may overlap meanwhile: those that graze; None if none do."""
+
+    @abstractmethod
+    def touched_again(self, gap: Array) -> bool:
+        """Whether nodes overlap, by their gap (n,), that ceased to conduct as the conduction last followed."""
+
+    @abstractmethod
+    def updated(self, pressure: Array, effect: Effect) -> "NormalResponse":
+        """With the conduction that belongs to a pressure (n,) and its effect; itself if nothing else responds."""
+
+
+def load_of(pressure: Array, flux: Array = NO_FLUX) -> Array:
+    """Load (n, 5) of a pressure (n,) and a flux (n, 2) or (0, 2); fields are stored one after another."""
+    load = np.zeros((N_FIELDS, len(pressure))).T
+    np.negative(pressure, out=load[:, NORMAL])
+    if flux.size:
+        load[:, NORMAL + 1 :] = flux
+    return load
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Insulated(NormalResponse):
+    """Nothing conducts. apart: (n,) normal gap of the unloaded body [m], the indenter's free motions at zero; modes:
+    (m, n) their normal parts."""
+
+    apart: Array
+    modes: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem, scales: Scales) -> "Insulated":
+        """Of a problem in which nothing conducts."""
+        modes = np.array([freedom.mode[:, NORMAL] for freedom in problem.prescribed_resultants]).reshape(
+            -1, len(problem.gap)
+        )
+        return cls(problem, scales, problem.gap - problem.system.offset[:, NORMAL], modes)
+
+    def at(self, pressure: Array, near: Effect) -> Effect:
+        """See NormalResponse: one normal response."""
+        gap = self.apart + self._opened(pressure)
+        for mode, amount in zip(self.modes, near.motion, strict=True):
+            gap += amount * mode
+        return Effect(gap, NO_FLUX, near.motion)
+
+    def change(self, pressure: Array) -> Effect:
+        """See NormalResponse: one normal response, in single precision."""
+        return Effect(
+            self._opened(pressure.astype(np.float32, copy=False)),
+            NO_FLUX,
+            np.zeros(len(self.problem.prescribed_resultants)),
+        )
+
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """See NormalResponse: that of the change."""
+        return Effect(effect.gap + self.change(change).gap, NO_FLUX, effect.motion)
+
+    @property
+    def lasting(self) -> float:
+        """See NormalResponse: the gap keeps an error of single precision of how much it changes."""
+        return SINGLE
+
+    def contact_fraction(self, pressure: Array) -> Array:
+        """See NormalResponse: wherever there is pressure."""
+        return (pressure > 0.0).astype(float)
+
+    @property
+    def held(self) -> Mask | None:
+        """See NormalResponse: none grazes."""
+        return None
+
+    def touched_again(self, gap: Array) -> bool:
+        """See NormalResponse: none conducts."""
+        return False
+
+    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+        """See NormalResponse."""
+        return self
+
+    def _opened(self, pressure: Array) -> Array:
+        return apply_fields(self.problem.system, pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Conducting(NormalResponse):
+    """Fluxes follow the pressure. ground: see there; own: (n,) normal response of the nodes to their own pressure;
+    following: (n, 2) flux that a pressure of one has, about; conduction, conductors: in force; grazing: see there, the
+    nodes that do are held: their fraction, not a pressure, is to close their gap; opened: (n,) those that conducted
+    before the conduction last followed."""
+
+    ground: Ground
+    own: Array
+    following: Array
+    conduction: Conduction
+    conductors: Conductors
+    grazing: Grazing
+    held: Mask | None = None
+    opened: Mask | None = None
+
+    @classmethod
+    def of(cls, problem: ContactProblem, scales: Scales, start: ContactState | None) -> "Conducting":
+        """Of a problem, with the conduction of a start, or none."""
+        n = len(problem.gap)
+        ground, conduction = Ground.of(problem), Conduction.of(start, n)
+        near = Iterate(start_load(start, n), conduction.contact_fraction, motion=start_motion(problem, start))
+        conduction, conductors = ground.conductors(near, conduction, None)
+        own = diagonal(problem.system, (NORMAL,))[:, 0]
+        grazing = Grazing.unknown(n)
+        return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
+
+    def at(self, pressure: Array, near: Effect) -> Effect:
+        """See NormalResponse: potentials as exactly as the gap where there is pressure or overlap deserves, and not
+        further from their characteristic magnitudes than that is; in single precision while that does not show."""
+        wrong = np.where((pressure > 0.0) | (near.gap < 0.0), near.gap, 0.0)
+        far = float(np.abs(wrong).max()) / (self.scales.normal_compliance * self.scales.pressure)
+        conducting = [bool(np.isfinite(one).any()) for one in self.conductors.resistance.T]
+        potential = [
+            displacement / np.sqrt(own.max())
+            for displacement, own in zip(self.scales.displacement[POTENTIALS], self.ground.own.T, strict=True)
+        ]
+        left = min([LEFT * float(np.linalg.norm(wrong / np.sqrt(self.own))), *(far * np.array(potential)[conducting])])
+        traction = _traction(pressure.astype(np.float32) if far > SINGLE else pressure)
+        slope = self.ground.slope(traction, self.conductors, near.flux, near.motion, left)
+        return Effect(slope.gap[:, NORMAL], slope.flux, slope.motion)
+
+    def change(self, pressure: Array) -> Effect:
+        """See NormalResponse: in single precision."""
+        traction, guess = _traction(pressure.astype(np.float32, copy=False)), self.following * pressure[:, None]
+        response = self.ground.elimination.respond(traction, self.conductors, guess, enough=CHANGED)
+        motion = np.zeros(len(self.problem.prescribed_resultants))
+        motion[self.conductors.floating.numbers] = response.potential
+        return Effect(-response.displacement[:, NORMAL], response.flux, motion)
+
+    def after(self, pressure: Array, change: Array, effect: Effect) -> Effect:
+        """See NormalResponse: that of the change."""
+        moved = self.change(change)
+        return Effect(effect.gap + moved.gap, effect.flux + moved.flux, effect.motion + moved.motion)
+
+    @property
+    def lasting(self) -> float:
+        """See NormalResponse: the conduction is to follow."""
+        return FOLLOWING if self.held is None or not self.held.any() else FOLLOWING_GRAZING
+
+    def contact_fraction(self, pressure: Array) -> Array:
+        """See NormalResponse: as the conduction has it."""
+        return self.conduction.contact_fraction
+
+    def touched_again(self, gap: Array) -> bool:
+        """See NormalResponse."""
+        return self.opened is not None and bool((self.opened & (gap < 0.0)).any())
+
+    def updated(self, pressure: Array, effect: Effect) -> NormalResponse:
+        """See NormalResponse."""
+        # nodes respond to their own pressure much less than the contact as a whole
+        grazing = self.grazing.next(self.conduction.contact_fraction, -pressure + effect.gap / self.own)
+        contact_fraction = grazing.fractions(pressure > 0.0)
+        held, opened = (
+            (contact_fraction > 0.0) & (contact_fraction < 1.0),
+            (contact_fraction == 0.0) & (self.conduction.contact_fraction > 0.0),
+        )
+        iterate = Iterate(load_of(pressure, effect.flux), contact_fraction, motion=effect.motion)
+        conduction = replace(self.conduction, contact_fraction=contact_fraction)
+        conduction, conductors = self.ground.conductors(iterate, conduction, self.conductors)
+        return replace(self, conduction=conduction, conductors=conductors, grazing=grazing, held=held, opened=opened)
+
+    def same_conductors(self, other: NormalResponse) -> bool:
+        """Whether it responds as another one does."""
+        return isinstance(other, Conducting) and other.conductors is self.conductors
+
+
+def _following(problem: ContactProblem) -> Array:
+    """Flux (n, 2) with which a node's own potentials do not change under a pressure of one: if a body responds alike
+    along all directions of its surface, that is so for all pressures together."""
+    blocks = problem.system.diagonal_blocks()
+    fields = [NORMAL + 1 + k for k, law in enumerate((problem.electric_law, problem.magnetic_law)) if conducts(law)]
+    flux = np.zeros((len(blocks), 2))
+    raised = blocks[:, fields, NORMAL, None]
+    flux[:, [field - NORMAL - 1 for field in fields]] = np.linalg.solve(blocks[:, fields][:, :, fields], raised)[..., 0]
+    return flux
+
+
+def _traction(pressure: Array) -> Array:
+    """Tractions (n, 3) of a pressure (n,), in its precision."""
+    traction = np.zeros((3, len(pressure)), pressure.dtype).T
+    traction[:, NORMAL] = -pressure
+    return traction

@@ -1,0 +1,1 @@
+"""Elimination of the potentials of conducting contact."""

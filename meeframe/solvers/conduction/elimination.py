@@ -1,0 +1,226 @@
+"""The potentials eliminated at contact size: system (30) as a relation between tractions and displacements alone.
+
+On the set A of (node, potential) pairs that conduct, flux density f and potential obey, with resistance R = 1/kappa,
+    (C_AA + R) f = -(potential_o + offset)_A - C_Am p;
+the displacement is then offset_m + C_mm p + C_mA f. A perfect conductor is R = 0 exactly; insulated pairs are not in A.
+C_AA has a positive-definite symmetric part, so that the system is regular for any R >= 0.
+
+Potentials of the indenter that follow from prescribed totals are unknowns besides
+(meeframe.solvers.conduction.floating).
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, Final, final
+
+import numpy as np
+from scipy.linalg import lu_factor, lu_solve
+
+from meeframe.contact.conduction import Mask
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.solvers.conduction.floating import POTENTIALS, Floating
+
+EXACT: Final = 1e-13
+"""What iterations leave of the equations, if nobody asks for less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Flux (n, 2), displacement (n, 3), and the floating potentials (j,) or their change."""
+
+    flux: Array
+    displacement: Array
+    potential: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Conductors:
+    """The contact with given resistances, prepared for repeated responses.
+
+    resistance: (n, 2) 1/kappa, inf where insulated; floating: see there; parts: what else the elimination that made it
+    wants to find again.
+    """
+
+    resistance: Array
+    floating: Floating
+    parts: Any
+
+    def fixed(self, flux: Array, potential: Array) -> Array:
+        """Flux (n, 2) less what potentials (j,) of the floating conductors add to it."""
+        if potential.size == 0:
+            return flux
+        return flux - filled(np.isfinite(self.resistance), self.floating.flux @ potential)
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination(ABC):
+    """Mechanical response of a problem's contact zone with the potentials eliminated."""
+
+    problem: ContactProblem
+
+    @abstractmethod
+    def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
+        """Conductors of the resistances (n, 2); those of `previous` are used again as far as they fit."""
+
+    @abstractmethod
+    def respond(
+        self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
+    ) -> Response:
+        """Response to tractions (n, 3) alone; guess: (n, 2), a flux near the answer, as of Conductors.fixed.
+
+        rest: part of the guess's error that may be left: iterations whose guesses get better need no more; enough: as
+        much potential may be left, as part of the displacement with the guess where something conducts, both in roots
+        of the nodes' own responses.
+        Tractions are admissible: tangential ones only if the law has some, none where there is no indenter above. Of
+        those in single precision the response need be no more precise.
+        Displacements that no contact condition asks for may be left zero.
+        """
+
+    @abstractmethod
+    def state(
+        self,
+        traction: Array,
+        conductors: Conductors,
+        flux: Array,
+        potential: Array,
+        rest: float = 0.0,
+        enough: float = 0.0,
+    ) -> Response:
+        """As `respond`, but all of it: due to the offset, the indenter's potentials and prescribed totals, too.
+
+        flux: (n, 2), potential: (j,) of the floating conductors, near those to be found; enough: as much potential may
+        be left, divided by roots of the nodes' own responses: its norm.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Blocks of the compliance between the tractions and the fluxes that conduct.
+
+    pairs: (a,) flat numbers of the conducting (node, field) pairs; to_flux: (a, k); from_flux: (k, a); own: (a, a).
+    """
+
+    pairs: Indices
+    to_flux: Array
+    from_flux: Array
+    own: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """The factorised flux equations. scale: (a,) roots of the Jacobi scaling, which rids the equations of units."""
+
+    blocks: _Blocks
+    scale: Array
+    lu: tuple[Array, Array]
+
+    def solve(self, difference: Array) -> Array:
+        """Flux densities (a,) that raise (-phi, -psi) by the differences (a,)."""
+        flux: Array = self.scale * lu_solve(self.lu, self.scale * difference, check_finite=False)
+        return flux
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """The factorised equations, None if nothing conducts; alone: the state without tractions."""
+
+    factor: _Factor | None
+    alone: Response
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class DenseElimination(Elimination):
+    """Elimination by LU factorisation.
+
+    matrix: (5n, 5n) compliance; dofs: (k,) flat numbers of the (node, field) pairs that can carry a traction;
+    mechanical: (k, k) their block of the matrix.
+    """
+
+    matrix: Array
+    dofs: Indices
+    mechanical: Array
+
+    def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
+        """See Elimination. The factorisation is kept while the resistances stay, its blocks while the set stays."""
+        if previous is not None and np.array_equal(previous.resistance, resistance):
+            return previous
+        factor = self._factor(resistance, None if previous is None else previous.parts.factor)
+        conducts = np.isfinite(resistance)
+        floating = Floating.of(self.problem, conducts, factor.solve if factor else np.zeros_like)
+        flux, moved = np.zeros((2, *self.problem.system.offset.shape))
+        potential = np.zeros(0)
+        if factor is not None:
+            due = factor.solve(difference(self.problem)[conducts])
+            balanced, potential = floating.balance(due, floating.totals)
+            flux.flat[factor.blocks.pairs] = balanced
+            moved.flat[self.dofs] = factor.blocks.from_flux @ balanced
+        moved += self.problem.system.offset
+        alone = Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
+        return Conductors(resistance, floating, _Prepared(factor, alone))
+
+    def respond(
+        self, traction: Array, conductors: Conductors, guess: Array, rest: float = 0.0, enough: float = EXACT
+    ) -> Response:
+        """See Elimination. The guess is not used."""
+        factor: _Factor | None = conductors.parts.factor
+        potential = np.zeros(0)
+        load, flux, moved = np.zeros((3, len(traction), N_FIELDS))
+        load[:, MECHANICAL] = traction
+        active = load.flat[self.dofs]
+        response = self.mechanical @ active
+        if factor is not None:
+            alone = factor.solve(-(factor.blocks.to_flux @ active))
+            balanced, potential = conductors.floating.balance(alone, 0.0)
+            flux.flat[factor.blocks.pairs] = balanced
+            response += factor.blocks.from_flux @ balanced
+        moved.flat[self.dofs] = response
+        return Response(flux[:, POTENTIALS], moved[:, MECHANICAL], potential)
+
+    def state(
+        self,
+        traction: Array,
+        conductors: Conductors,
+        flux: Array,
+        potential: Array,
+        rest: float = 0.0,
+        enough: float = 0.0,
+    ) -> Response:
+        """See Elimination. Nothing needs to be near."""
+        found, alone = self.respond(traction, conductors, flux), conductors.parts.alone
+        displacement, potential = found.displacement + alone.displacement, found.potential + alone.potential
+        return Response(found.flux + alone.flux, displacement, potential)
+
+    def _factor(self, resistance: Array, previous: _Factor | None) -> _Factor | None:
+        full = np.full(self.problem.system.offset.shape, np.inf)
+        full[:, POTENTIALS] = resistance
+        pairs = np.flatnonzero(np.isfinite(full))
+        if pairs.size == 0:
+            return None
+        blocks = previous.blocks if previous and np.array_equal(previous.blocks.pairs, pairs) else self._blocks(pairs)
+        equations = blocks.own + np.diag(full.flat[pairs])
+        scale = np.diag(equations) ** -0.5
+        lu = lu_factor(scale[:, None] * equations * scale, overwrite_a=True, check_finite=False)
+        return _Factor(blocks, scale, lu)
+
+    def _blocks(self, pairs: Indices) -> _Blocks:
+        return _Blocks(
+            pairs,
+            self.matrix[np.ix_(pairs, self.dofs)],
+            self.matrix[np.ix_(self.dofs, pairs)],
+            self.matrix[np.ix_(pairs, pairs)],
+        )
+
+
+def filled(conducts: Mask, flux: Array) -> Array:
+    """Flux (n, 2) of the pairs (n, 2) that conduct (a of them), zero elsewhere."""
+    filled = np.zeros(conducts.shape)
+    filled[conducts] = flux
+    return filled
+
+
+def difference(problem: ContactProblem) -> Array:
+    """Rise of (-phi, -psi), (n, 2), that brings the unloaded surface to the indenter's potentials."""
+    difference: Array = -problem.potentials - problem.system.offset[:, POTENTIALS]
+    return difference

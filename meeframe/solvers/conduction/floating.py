@@ -1,0 +1,59 @@
+"""Floating conductors: potentials of the indenter that are not given, but the total fluxes.
+
+With the potentials v of the floating conductors the flux equations on the conducting (node, potential) pairs A become
+    (C_AA + R) f = difference + mode_A v,   measure_A : f = total.
+The v are eliminated by the capacitance measure_A : (C_AA + R)^-1 mode_A, which has as many rows as there are of them.
+Where nothing conducts, or nothing that touches them, the potentials are not determined and stay what they were.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from meeframe.contact.conduction import Mask
+from meeframe.contact.free_motion import potentials
+from meeframe.contact.problem import ContactProblem
+from meeframe.fields import Array, Indices
+
+POTENTIALS: Final = slice(3, 5)
+
+
+@dataclass(frozen=True, eq=False)
+class Floating:
+    """The potentials of the indenter that prescribed total fluxes determine.
+
+    numbers: (j,) among the problem's freedoms; totals: (j,) [C], [Wb]; flux: (a, j) densities on the conducting pairs
+    due to unit potentials; measure: (j, a); elastance: (j, j) potentials due to unit totals.
+    """
+
+    numbers: Indices
+    totals: Array
+    flux: Array
+    measure: Array
+    elastance: Array
+
+    @classmethod
+    def of(cls, problem: ContactProblem, conducts: Mask, solve: Callable[[Array], Array]) -> "Floating":
+        """On the pairs (n, 2) that conduct; solve: flux densities (a,) that raise (-phi, -psi) by differences (a,)."""
+        modes = {i: problem.prescribed_resultants[i].mode[:, POTENTIALS][conducts] for i in potentials(problem)}
+        numbers = np.array([i for i, mode in modes.items() if mode.any()], int)
+        if numbers.size == 0:
+            nothing = np.zeros((0, 0))
+            return cls(numbers, np.zeros(0), nothing, nothing, nothing)
+        prescribed_resultants = [problem.prescribed_resultants[i] for i in numbers]
+        flux = np.column_stack([solve(modes[i]) for i in numbers])
+        measure = np.stack([freedom.measure[:, POTENTIALS][conducts] for freedom in prescribed_resultants])
+        capacitance = measure @ flux
+        size = np.sqrt(np.abs(np.diag(capacitance)))
+        size[size == 0.0] = 1.0
+        elastance = np.linalg.pinv(capacitance / size[:, None] / size) / size[:, None] / size
+        return cls(numbers, np.array([freedom.total for freedom in prescribed_resultants]), flux, measure, elastance)
+
+    def balance(self, flux: Array, totals: Array | float) -> tuple[Array, Array]:
+        """Flux densities (a,) with the totals (j,), from those (a,) without a potential, and the potentials (j,)."""
+        if self.numbers.size == 0:
+            return flux, np.zeros(0)
+        potential = self.elastance @ (totals - self.measure @ flux)
+        return flux + self.flux @ potential, potential

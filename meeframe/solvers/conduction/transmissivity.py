@@ -1,0 +1,102 @@
+"""Transmissivity of a contact's conduction at contact size, and how it changes with pressure, gap and drop.
+
+T = own / (own + R), with the resistance R of a node and the response `own` of its potentials to their own flux: from 0,
+insulated, to 1, a perfect conductor.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from meeframe.contact.conduction import follows_gap, resistances, unloaded
+from meeframe.contact.problem import ContactProblem
+from meeframe.contact.scales import Scales
+from meeframe.fields import N_FIELDS, Array
+from meeframe.laws.base import contact_conductivity
+from meeframe.solvers.conduction.floating import POTENTIALS
+
+WIDTH: Final = 6e-6
+"""Of differences on a logarithmic scale of pressure."""
+LOWEST: Final = 1e-9
+"""Fraction of the characteristic pressure below which the slope of a conductivity is not resolved."""
+NEAREST: Final = 1e-4
+"""Fraction of the characteristic gap and drop below which widths of differences do not fall: round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Transmissivity:
+    """Of the contact of a problem. scales: of its data; own: (n, 2)."""
+
+    problem: ContactProblem
+    scales: Scales
+    own: Array
+
+    def __call__(self, pressing: Array, ahead: Array, contact_fraction: float) -> Array:
+        """T, (n, 2), at contact tractions (n,) and (n, 5) ahead if all nodes have one closed fraction."""
+        fraction = np.full_like(pressing, contact_fraction)
+        across = ahead if follows_gap(self.problem) else None
+        return np.asarray(self.own / (self.own + resistances(self.problem, pressing, fraction, self.own, across)))
+
+    def unloaded(self, ahead: Array, flux: Array) -> Array:
+        """The indenter ahead of the body (n, 5) as if no node had its own flux (n, 2), if a law asks how far it is."""
+        return unloaded(ahead, flux, self.own) if follows_gap(self.problem) else ahead
+
+    def open(self, pressing: Array, ahead: Array) -> Array:
+        """T, (n, 2), if all contacts are open: the same at all states, most often."""
+        return self(pressing, ahead, 0.0) if self._open is None else self._open
+
+    @cached_property
+    def _open(self) -> Array | None:
+        """That of open contacts, (n, 2); None if it depends on the state."""
+        if follows_gap(self.problem) or self.problem.area_fraction is not None:
+            return None
+        nothing = np.zeros((len(self.own), N_FIELDS))
+        return self(nothing[:, 2], nothing, 0.0)
+
+    def slope(self, pressing: Array, answered: Array, ahead: Array) -> Array:
+        """dT/dp_nu of closed contacts, (n, 2) [1/Pa]: the conductivity's derivative, by central differences.
+
+        pressing: tractions (n,) of the contact; answered: (n,) those that the law makes of them. Where there is no
+        pressure yet power laws are steepest: there it is the slope at what is answered, if that is the smaller one and
+        there is no matrix. With one the gradient steps to which the steepest slopes lead are cheap, and where a coarse
+        contact has several solutions they find the one with most of it.
+        """
+        least = -LOWEST * self.scales.pressure
+        slope = self._slope(np.minimum(pressing, least), ahead)
+        if not slope.any() or self.problem.system.dense() is not None:
+            return slope
+        there = self._slope(np.minimum(np.where(pressing < least, pressing, answered), least), ahead)
+        return np.where(np.abs(there) < np.abs(slope), there, slope)
+
+    def _slope(self, here: Array, ahead: Array) -> Array:
+        above, below = here * (1.0 + WIDTH), here * (1.0 - WIDTH)
+        if not follows_gap(self.problem):  # most laws are steps, without a slope: that costs less to be seen
+            laws = self.problem.electric_law, self.problem.magnetic_law
+            kappas = ((contact_conductivity(law, above), contact_conductivity(law, below)) for law in laws)
+            if all(np.array_equal(more, less) for more, less in kappas):
+                return np.zeros_like(self.own)
+        more, less = (self(end, ahead, 1.0) for end in (above, below))
+        return np.asarray((more - less) / (2.0 * WIDTH * here)[:, None])
+
+    def across(self, pressing: Array, ahead: Array, contact_fraction: Array) -> tuple[Array, Array]:
+        """dT/dgap [1/m] and dT/ddrop [1/V], [1/A] of closed fractions (n,), (n, 2) each, by central differences.
+
+        For conductivities that follow the gap or the drop. Widths are fractions of the gap and the drop themselves: a
+        breakdown happens within a small fraction of a drop that may be far below the others.
+        """
+        by_gap, by_drop = np.zeros((2, *self.own.shape))
+
+        def mixed(moved: Array) -> Array:
+            shut, apart = (self(pressing, moved, fraction) for fraction in (1.0, 0.0))
+            return np.asarray(contact_fraction[:, None] * shut + (1.0 - contact_fraction[:, None]) * apart)
+
+        size = np.abs(np.where(np.isfinite(ahead), ahead, 0.0))
+        widths = WIDTH * np.maximum(size, NEAREST * self.scales.displacement)
+        for fields, slope in ((slice(2, 3), by_gap), (POTENTIALS, by_drop)):
+            more, less = ahead.copy(), ahead.copy()
+            more[:, fields] += widths[:, fields]
+            less[:, fields] -= widths[:, fields]
+            slope += (mixed(more) - mixed(less)) / (2.0 * widths[:, fields])
+        return by_gap, by_drop

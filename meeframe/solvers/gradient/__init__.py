@@ -1,0 +1,1 @@
+"""Uzawa's method and its accelerations."""

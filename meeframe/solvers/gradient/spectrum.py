@@ -1,0 +1,70 @@
+"""The largest eigenvalue of the compliance where there is contact: what a gradient step must not exceed."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.contact.scales import Scales
+from meeframe.fields import Array
+from meeframe.solvers.conduction.elimination import Conductors, Elimination
+
+TOLERANCE: Final = 5e-3
+MAX_ITERATIONS: Final = 60
+GROWTH: Final = 0.1
+SHRINKAGE: Final = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """largest: eigenvalue [m/Pa] of the compliance, potentials eliminated, in the law's metric, on the exposed nodes.
+
+    exposure: (n, 3) in [0, 1], mechanical (in contact or about to be), electric and magnetic (share of the flux
+    that a perfect conductor would draw) at which it was computed; vector: (n, 3) its eigenvector, where the next
+    computation starts.
+    """
+
+    largest: float
+    exposure: Array
+    vector: Array
+
+    def holds(self, exposure: Array) -> bool:
+        """Whether the eigenvalue serves another exposure: it grows with that, and a little too much wastes little."""
+        grown = (exposure > self.exposure + GROWTH).any()
+        shrunk = (exposure.sum(axis=0) < SHRINKAGE * self.exposure.sum(axis=0)).any()
+        return not (grown or shrunk)
+
+
+def contact_exposure(touching: NDArray[np.bool_], resistance: Array, scales: Scales) -> Array:
+    """Exposure (n, 3) of nodes touching (n,) with resistances (n, 2)."""
+    compliance = np.diag(scales.compliance)[3:]
+    return np.column_stack([touching, compliance / (compliance + resistance)])
+
+
+def largest_eigenvalue(
+    elimination: Elimination, conductors: Conductors, exposure: Array, scaling: Array, start: Array | None
+) -> Spectrum:
+    """Power iteration on the exposed nodes; scaling: (2, 2) the law's tangential scaling; start: (n, 3) or None.
+
+    At least one node must be exposed.
+    """
+    weight = exposure[:, :1] > 0.0
+    values, axes = np.linalg.eigh(scaling)
+    root = np.eye(3)
+    root[:2, :2] = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    # not symmetric about anything, so that no eigenvector is missed; alike everywhere, as the largest one nearly is
+    seed = np.array([0.8, 0.6, 1.0]) if start is None else start + 0.01 * np.abs(start).max()
+    vector = weight * np.broadcast_to(seed, (len(exposure), 3)) @ root
+    guess = np.zeros((len(exposure), 2))
+    largest, norm = 0.0, float(np.linalg.norm(vector))
+    for _ in range(MAX_ITERATIONS):
+        vector = vector / norm
+        response = elimination.respond(vector @ root, conductors, guess, TOLERANCE)
+        guess = conductors.fixed(response.flux, response.potential)
+        vector = weight * (response.displacement @ root)
+        previous, norm = largest, float(np.linalg.norm(vector))
+        largest = norm
+        if abs(largest - previous) <= TOLERANCE * largest:
+            break
+    return Spectrum(largest, exposure, vector)

@@ -1,0 +1,172 @@
+"""What the gradient iterations share: the contact gap of a traction, with the potentials eliminated."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from meeframe.contact.conduction import Mask, Switches, follows_gap, own_response, resistances, unloaded
+from meeframe.contact.free_motion import balanced_projection, motions
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
+from meeframe.contact.scales import Scales, problem_scales
+from meeframe.fields import MECHANICAL, Array
+from meeframe.laws.base import attraction, attracts, contact_traction
+from meeframe.solvers.conduction.elimination import Conductors, Elimination
+from meeframe.solvers.conduction.krylov_elimination import eliminate
+from meeframe.solvers.gradient.spectrum import Spectrum, contact_exposure, largest_eigenvalue
+
+FOLLOW_GROWTH: Final = 1.1
+FOLLOW_FALL: Final = 0.5
+LEAST_FOLLOW: Final = 1e-3
+FOLLOWED: Final = 1e-3
+"""Part of the change of the fluxes in a step that may be left for the next one where they are found by iteration."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slope:
+    """The gap at given tractions.
+
+    gap: (n, 3) as of contact_gap; flux: (n, 2); motion: (m,) of the freedoms, potentials as the flux equations have
+    them and motions as they were given.
+    """
+
+    gap: Array
+    flux: Array
+    motion: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A projected step: tractions (n, 3) and the trial (n, 3) that was projected; slope: at the tractions before it,
+    with the motions by which the resultants of those after it balance."""
+
+    traction: Array
+    trial: Array
+    slope: Slope
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What does not change during an iteration: elimination, own responses (n, 2) and scales of the problem."""
+
+    problem: ContactProblem
+    elimination: Elimination
+    own: Array
+    scales: Scales
+
+    @classmethod
+    def of(cls, problem: ContactProblem) -> "Ground":
+        """Of a problem."""
+        return cls(problem, eliminate(problem), own_response(problem), problem_scales(problem))
+
+    def conductors(
+        self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
+    ) -> tuple["Conduction", Conductors]:
+        """Conductors of an iterate, and the conduction as it follows the gap and the drop there."""
+        problem, pressing, ahead = self.problem, iterate.load[:, 2], None
+        if follows_gap(problem) or attracts(problem.contact_law):
+            displacement = problem.system.offset + problem.system.apply(iterate.load)
+            ahead = indenter_position(problem, iterate.motion) - displacement
+            pressing = contact_traction(problem.contact_law, pressing, ahead[:, 2])
+            ahead = unloaded(ahead, iterate.load[:, 3:], self.own)
+        resistance = resistances(problem, pressing, conduction.contact_fraction, self.own, ahead)
+        if follows_gap(problem):
+            conduction, transmissivity = conduction.followed(self.own / (self.own + resistance))
+            with np.errstate(divide="ignore"):
+                resistance = np.where(np.isfinite(resistance), self.own * (1.0 / transmissivity - 1.0), np.inf)
+        return conduction, self.elimination.prepare(resistance, previous)
+
+    def touching(self, traction: Array, gap: Array) -> Mask:
+        """Nodes (n,) that bear tractions (n, 3), overlap at the gap (n, 3) or attract each other across it."""
+        attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
+        return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
+
+    def conducted(self, conduction: "Conduction", before: Array, slope: "Slope", step: "Step") -> "Conduction":
+        """The conduction after a step from tractions before it (n, 3) with a slope."""
+        law, gap = self.problem.contact_law, slope.gap[:, 2]
+        earlier, later = (contact_traction(law, traction[:, 2], gap) for traction in (before, step.traction))
+        return conduction.next(earlier, later, step.trial[:, 2], self.scales)
+
+    def slope(self, traction: Array, conductors: Conductors, flux: Array, motion: Array, left: float = 0.0) -> Slope:
+        """The gap at tractions (n, 3) and motion (m,); flux: (n, 2) near that to be found; left: see Elimination."""
+        floating = conductors.floating.numbers
+        found = self.elimination.state(traction, conductors, flux, motion[floating], FOLLOWED, left)
+        if floating.size:
+            motion = motion.copy()
+            motion[floating] = found.potential
+        return Slope(contact_gap(self.problem, found.displacement, motion), found.flux, motion)
+
+    def projected(self, traction: Array, slope: Slope, r: tuple[float, float]) -> Step:
+        """Tractions after a step r, normal and tangential [Pa/m], from tractions (n, 3) and the slope there."""
+        balanced = balanced_projection(self.problem, traction, slope.gap, r)
+        moving = motions(self.problem)
+        if moving.size == 0:
+            return Step(balanced.traction, balanced.trial, slope)
+        motion, gap = slope.motion.copy(), slope.gap.copy()
+        motion[moving] += balanced.motion
+        for number, amount in zip(moving, balanced.motion, strict=True):
+            gap += amount * self.problem.prescribed_resultants[number].mode[:, MECHANICAL]
+        return Step(balanced.traction, balanced.trial, replace(slope, gap=gap, motion=motion))
+
+    def largest(self, spectrum: Spectrum | None) -> float:
+        """The largest eigenvalue [m/Pa], expected if there has been no contact yet."""
+        return self.scales.normal_compliance if spectrum is None else spectrum.largest
+
+    def spectrum(self, touching: Mask, conductors: Conductors, previous: Spectrum | None) -> Spectrum | None:
+        """The largest eigenvalue where nodes touch (n,); the previous one if it still holds or none do."""
+        if not touching.any():
+            return previous
+        exposure = contact_exposure(touching, conductors.resistance, self.scales)
+        if previous is not None and previous.holds(exposure):
+            return previous
+        scaling = self.problem.contact_law.tangential_scaling()
+        start = None if previous is None else previous.vector
+        return largest_eigenvalue(self.elimination, conductors, exposure, scaling, start)
+
+
+@dataclass(frozen=True, eq=False)
+class Conduction:
+    """The conduction of the nodes during an iteration.
+
+    closed: fractions (n,), and the switches that move them; transmissivity: (n, 2), in [0, 1], of laws that follow the
+    gap or the drop, which go only a part, `follow` (n, 2), of the way that these ask for: less where they ask for the
+    contrary at the next step, which would go on and on; way: (n, 2) sign of the last one. No transmissivity at first.
+    """
+
+    contact_fraction: Array
+    switches: Switches
+    transmissivity: Array | None = None
+    follow: Array | float = 1.0
+    way: Array | float = 0.0
+
+    @classmethod
+    def of(cls, start: ContactState | None, n: int) -> "Conduction":
+        """Of a start, or of n open nodes."""
+        return cls(np.zeros(n) if start is None else start.contact_fraction, Switches.unused(n))
+
+    def followed(self, asked: Array) -> tuple["Conduction", Array]:
+        """After the part of the way to the transmissivity (n, 2) that is asked for, with where it is then."""
+        if self.transmissivity is None:
+            return replace(self, transmissivity=asked), asked
+        change = asked - self.transmissivity
+        way = np.sign(change)
+        follow = np.clip(self.follow * np.where(way * self.way < 0.0, FOLLOW_FALL, FOLLOW_GROWTH), LEAST_FOLLOW, 1.0)
+        reached = self.transmissivity + follow * change
+        return replace(self, transmissivity=reached, follow=follow, way=way), reached
+
+    def next(self, before: Array, after: Array, trial: Array, scales: Scales) -> "Conduction":
+        """After a step of the normal traction from `before` to `after` (n,) with the trial (n,)."""
+        touching = after < 0.0
+        switches = self.switches.next(before < 0.0, touching, trial)
+        contact_fraction = switches.contact_fraction(self.contact_fraction, touching, trial, scales.pressure)
+        return replace(self, contact_fraction=contact_fraction, switches=switches)
+
+
+def start_load(start: ContactState | None, n: int) -> Array:
+    """Load (n, 5) of the previous load step, or none."""
+    return np.zeros((n, 5)) if start is None else start.load
+
+
+def traction_of(load: Array) -> Array:
+    """Tractions (n, 3) of a load (n, 5)."""
+    return load[:, MECHANICAL]

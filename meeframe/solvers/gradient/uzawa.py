@@ -1,0 +1,112 @@
+"""Uzawa's method: gradient steps on the gap, projected by the contact law (eqs. 30-32)."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Final, Literal, final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.free_motion import start_motion
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
+from meeframe.fields import Array
+from meeframe.fields.units import Quantity
+from meeframe.solvers.conduction.elimination import Conductors
+from meeframe.solvers.gradient.spectrum import Spectrum
+from meeframe.solvers.gradient.steps import Conduction, Ground, start_load, traction_of
+
+STEP_FRACTION: Final = 1.6
+"""The automatic step times the largest eigenvalue; the limit of stability is 2."""
+STREAK: Final = 10
+"""So many times in succession may the change grow before the automatic step is shortened."""
+SHORTENING: Final = 0.7
+
+_STEP = Quantity("Pa/m", gt=0, lt=float("inf"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """ground, conduction: see there; conductors, spectrum: of the last step; damping: of the automatic step, 1 at
+    first; change, streak: last relative change of the tractions and how many times in succession it has grown."""
+
+    ground: Ground
+    conduction: Conduction
+    conductors: Conductors | None = None
+    spectrum: Spectrum | None = None
+    damping: float = 1.0
+    change: float = np.inf
+    streak: int = 0
+
+
+@final
+@dataclass(frozen=True)
+class Uzawa(Solver):
+    """Uzawa's method with the paper's fixed step or an automatic one.
+
+    step_normal, step_tangential: r_nu and r_tau of eqs. (31), (32) [Pa/m], or 'auto'. The paper's r_nu = 5e3 is in
+    GPa/m: 5e12 Pa/m. In eq. (32) r_tau goes with M^2; here it goes with M^2 / max(mu)^2, so that it is r_tau max(mu)^2.
+    'auto' is 1.6 over the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the
+    metric of the contact law; it follows the contact as that grows and conducts, and is shortened if the tractions
+    begin to run away.
+
+    Gaps are those of u^(n+1), from p^(n) (docs/theory.md, Departures). A node that keeps opening and closing because it
+    conducts in contact only is brought to graze (meeframe.contact.conduction). Raises CaseError for a step that
+    is not positive.
+    """
+
+    check_interval: ClassVar[int] = 10
+
+    step_normal: Annotated[float, _STEP] | Literal["auto"] = "auto"
+    step_tangential: Annotated[float, _STEP] | Literal["auto"] = "auto"
+
+    def __post_init__(self) -> None:
+        for name in ("step_normal", "step_tangential"):
+            value: Any = getattr(self, name)
+            if value != "auto":
+                try:
+                    object.__setattr__(self, name, _STEP.check(value))
+                except ValueError as error:
+                    raise CaseError(f"Uzawa: {name} = {value!r}: {error}, or 'auto'") from None
+
+    def init(self, problem: ContactProblem, start: ContactState | None) -> Iterate:
+        """The converged state of the previous load step, or no load at all."""
+        n = len(problem.gap)
+        conduction = Conduction.of(start, n)
+        memory = _Memory(Ground.of(problem), conduction)
+        return Iterate(start_load(start, n), conduction.contact_fraction, memory, start_motion(problem, start))
+
+    def step(self, problem: ContactProblem, iterate: Iterate) -> Iterate:
+        """Eq. (30) for the displacement, then eqs. (31), (32) for the tractions."""
+        memory, traction = _memory(iterate), traction_of(iterate.load)
+        ground = memory.ground
+        conduction, conductors = ground.conductors(iterate, memory.conduction, memory.conductors)
+        slope = ground.slope(traction, conductors, iterate.load[:, 3:], iterate.motion)
+        memory = replace(memory, conductors=conductors)
+        if "auto" in (self.step_normal, self.step_tangential):
+            touching = ground.touching(traction, slope.gap)
+            memory = replace(memory, spectrum=ground.spectrum(touching, conductors, memory.spectrum))
+        step = ground.projected(traction, slope, self._steps(memory))
+        conduction = ground.conducted(conduction, traction, slope, step)
+        memory = _watched(replace(memory, conduction=conduction), step.traction - traction)
+        load = np.concatenate([step.traction, slope.flux], axis=1)
+        return Iterate(load, conduction.contact_fraction, memory, step.slope.motion)
+
+    def _steps(self, memory: _Memory) -> tuple[float, float]:
+        auto = STEP_FRACTION * memory.damping / memory.ground.largest(memory.spectrum)
+        normal = auto if self.step_normal == "auto" else float(self.step_normal)
+        tangential = auto if self.step_tangential == "auto" else float(self.step_tangential)
+        return normal, tangential
+
+
+def _memory(iterate: Iterate) -> _Memory:
+    if not isinstance(iterate.memory, _Memory):
+        raise TypeError("the iterate was not made by Uzawa.init")
+    return iterate.memory
+
+
+def _watched(memory: _Memory, change: Array) -> _Memory:
+    """Memory after a change (n, 3) of the tractions: a change that grows and grows means that the step is too long."""
+    size = float(np.abs(change).max(initial=0.0)) / memory.ground.scales.pressure
+    streak = memory.streak + 1 if size > memory.change else 0
+    if streak < STREAK:
+        return replace(memory, change=size, streak=streak)
+    return replace(memory, change=size, streak=0, damping=SHORTENING * memory.damping)

@@ -1,0 +1,1 @@
+"""Semismooth Newton method."""

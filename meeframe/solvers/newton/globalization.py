@@ -1,0 +1,140 @@
+"""Newton steps of the nonsmooth equation: by factorisation at contact size, or by Krylov iteration without a matrix."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
+
+from meeframe.contact.conduction import Mask
+from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.solvers.newton.linear import UNRESISTED, Inverse, krylov_step
+from meeframe.solvers.newton.residual import CLOSED, Blocks, Equation
+
+ACCURATE: Final = 1e-10
+"""Fraction of the residual that iterations leave unless they are told otherwise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A Newton step. local: (n, 6) of load and closed fraction; motion: (m,) of the freedoms; inverse: roughly that of
+    the equations, where there is no matrix."""
+
+    local: Array
+    motion: Array
+    inverse: Inverse | None = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether the equations were regular."""
+        return bool(np.isfinite(self.local).all() and np.isfinite(self.motion).all())
+
+
+def newton_step(equation: Equation, blocks: Blocks, tolerance: float = ACCURATE, before: Inverse | None = None) -> Step:
+    """The step that solves the linearised equations; not finite if they are singular.
+
+    Rows that say what one unknown of their own node is (open nodes, insulated potentials, closed fractions that do not
+    graze) are eliminated beforehand: what remains is the size of the contact. A motion that nothing resists stays where
+    it is. Where there is no matrix, tolerance: fraction of the residual that may be left; before: of the last step.
+    """
+    coupled = _coupled(blocks)
+    given = _stated(blocks, coupled)
+    matrix, inverse = equation.problem.system.dense(), None
+    if matrix is None:
+        try:
+            local, amounts, inverse = krylov_step(equation, blocks, coupled, given, tolerance, before)
+        except LinAlgError:  # no numbers in tangents
+            local, amounts = np.full_like(given, np.nan), np.full(blocks.balance.shape, np.nan)
+    else:
+        size = equation.problem.system.offset.size
+        local, amounts = _direct_step(equation, blocks, coupled, given, matrix.reshape(size, size))
+    return Step(local, equation.units * amounts, inverse)
+
+
+def _direct_step(equation: Equation, blocks: Blocks, coupled: Mask, given: Array, matrix: Array) -> tuple[Array, Array]:
+    """Step (n, 6) and amounts (m,) of the motions: first the step at rest, then the responses to each motion.
+
+    Free motions are eliminated, which leaves the stiffness of the contact against them. given: (n, 6), what the other
+    rows say; matrix: (5n, 5n) compliance.
+    """
+    right = -blocks.residual - (_product(equation, blocks, given) if given.any() else 0.0)
+    rights = np.concatenate([right[:, :, None], blocks.b.dense(N_FIELDS) @ equation.modes], axis=2)[coupled]
+    responses = np.zeros((*coupled.shape, rights.shape[1]))
+    responses[:, :, 0] = given
+    if rights.size:
+        responses[coupled] = _direct(equation, blocks, coupled, rights, matrix)
+    amounts = _amounts(equation, blocks, responses)
+    return responses[:, :, 0] + responses[:, :, 1:] @ amounts, amounts
+
+
+def _product(equation: Equation, blocks: Blocks, step: Array) -> Array:
+    """(A + B C) step, (n, 6)."""
+    moved = equation.problem.system.apply(step[:, :N_FIELDS])
+    product = blocks.a.products(step.dtype).times(step.T)
+    blocks.b.products(step.dtype).add(moved.T, product)
+    return product.T
+
+
+def _amounts(equation: Equation, blocks: Blocks, responses: Array) -> Array:
+    """Motions (m,) in units of the equation that balance the step at rest and the responses (n, 6, 1 + m), or go there
+    as far as they may."""
+    if blocks.balance.size == 0 or not np.isfinite(responses).all():
+        return np.full(blocks.balance.shape, np.nan)
+    resultants = np.einsum("kni,nil->kl", equation.measures, responses[:, :N_FIELDS])
+    right = -blocks.balance - resultants[:, 0]
+    amounts = np.linalg.lstsq(resultants[:, 1:], right, rcond=UNRESISTED)[0]
+    return np.asarray(amounts * blocks.farthest / np.abs(amounts).max(initial=blocks.farthest))
+
+
+def _coupled(blocks: Blocks) -> Mask:
+    """Rows (n, 6) that are more than a statement on their own unknown, and the pressure's beside such a closed
+    fraction's: one goes with the other."""
+    coupled = np.zeros(blocks.a.shape, bool)
+    beside = [(row, entry) for (row, column), entry in blocks.a.entries.items() if row != column]
+    for row, entry in [*beside, *((row, entry) for (row, _), entry in blocks.b.entries.items())]:
+        coupled[row] |= entry != 0.0
+    coupled[2] |= coupled[CLOSED]
+    return coupled.T
+
+
+def _stated(blocks: Blocks, coupled: Mask) -> Array:
+    """Step (n, 6) that the other rows say, zero on those that are coupled (n, 6)."""
+    step = np.zeros(coupled.shape[::-1]).T
+    for row in range(CLOSED + 1):
+        own = np.where(coupled[:, row], 1.0, blocks.a.entry(row, row))
+        step[:, row] = np.where(coupled[:, row], 0.0, -blocks.residual[:, row] / own)
+    return step
+
+
+def _unit(equation: Equation, unknown: Indices) -> Array:
+    """Characteristic magnitudes of unknowns by their number 0..5: with them the equations are without units."""
+    return np.append(equation.scales.load, 1.0)[unknown]
+
+
+def _direct(equation: Equation, blocks: Blocks, coupled: Mask, rights: Array, matrix: Array) -> Array:
+    """Solutions by LU factorisation; matrix: (5n, 5n) compliance."""
+    # loads before closed fractions, so that the compliance fills a block
+    node, row = np.nonzero(coupled)
+    order = np.argsort(row == CLOSED, kind="stable")
+    node, row = node[order], row[order]
+    number = np.full(coupled.shape, -1)
+    number[node, row] = np.arange(len(node))
+    columns = np.flatnonzero(coupled[:, :N_FIELDS])
+    jacobian = np.zeros((len(node), len(node)))
+    by_unknown, by_displacement = blocks.a.dense(CLOSED + 1), blocks.b.dense(N_FIELDS)
+    for field in range(N_FIELDS):
+        factor = by_displacement[node, row, field]
+        rows = np.flatnonzero(factor)
+        response = matrix.take(node[rows] * N_FIELDS + field, axis=0).take(columns, axis=1)
+        jacobian[rows, : len(columns)] += factor[rows, None] * response
+    for unknown in range(CLOSED + 1):
+        rows = np.flatnonzero(coupled[node, unknown])
+        jacobian[rows, number[node[rows], unknown]] += by_unknown[node[rows], row[rows], unknown]
+    unit = _unit(equation, row)
+    solved = np.empty_like(rights)
+    try:
+        factors = lu_factor(jacobian * unit, overwrite_a=True, check_finite=False)
+    except LinAlgError:
+        return np.full_like(rights, np.nan)
+    solved[order] = unit[:, None] * lu_solve(factors, rights[order], check_finite=False)
+    return solved

@@ -1,0 +1,187 @@
+"""The linearised equations of Newton's method where they say more than what one unknown of their own node is."""
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.contact.conduction import Mask
+from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.solvers._kernels.node_products import spread
+from meeframe.solvers.krylov import Linear
+from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
+from meeframe.solvers.newton.residual import CLOSED, Blocks, Equation
+from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
+
+TANGENTIAL: Final = (0, 1)
+"""Components of the load."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The linearised equations on c nodes in r of their six components, by unknowns in characteristic units.
+
+    nodes: (c,) that have coupled rows; components: the r of 0..5 that are coupled anywhere, fields: the l of them
+    that are loads, asked: the f fields of the displacement that take part; coupled: (r, c) where they are;
+    a: blocks (r, r) of the unknowns and b: (r, f) of the displacement, zero in rows that are not coupled; precision: of
+    vectors, which are (r c,) with zeros where nothing is coupled.
+    """
+
+    equation: Equation
+    nodes: Indices
+    components: list[int]
+    asked: list[int]
+    coupled: Mask
+    a: NodeBlocks
+    b: NodeBlocks
+    precision: np.dtype[Any]
+
+    @classmethod
+    def of(cls, equation: Equation, blocks: Blocks, coupled: Mask, precision: np.dtype[Any]) -> "Rows":
+        """Of the blocks of an equation; coupled: (n, 6)."""
+        nodes = np.flatnonzero(coupled.any(axis=1))
+        components = np.flatnonzero(coupled.any(axis=0)).tolist()
+        where = coupled.T.take(nodes, axis=1)[components]
+        asking = {field for _, field in blocks.b.entries}
+        asked = sorted(asking | {component for component in components if component < CLOSED})
+        a = _entries(blocks.a, components, components, nodes, where)
+        b = _entries(blocks.b, components, asked, nodes, where)
+        units = np.append(equation.scales.load, 1.0)[components].tolist()
+        for (_, column), entry in a.items():
+            entry *= units[column]
+        of_unknowns, of_displacement = (NodeBlocks.of(part, where.shape) for part in (a, b))
+        return cls(equation, nodes, components, asked, where, of_unknowns, of_displacement, precision)
+
+    @property
+    def units(self) -> Array:
+        """Of the unknowns, (r,)."""
+        return np.append(self.equation.scales.load, 1.0)[self.components]
+
+    @property
+    def fields(self) -> list[int]:
+        """Those of the components that are loads."""
+        return [component for component in self.components if component < CLOSED]
+
+    def like(self, other: "Rows") -> bool:
+        """Whether the same rows are coupled, in the same precision, and the same nodes stick."""
+        return (
+            self.components == other.components
+            and self.precision == other.precision
+            and np.array_equal(self.nodes, other.nodes)
+            and np.array_equal(self.coupled, other.coupled)
+            and np.array_equal(self._slipping, other._slipping)
+        )
+
+    @property
+    def _slipping(self) -> Mask:
+        """Nodes (c,) where tangential rows ask for more than that nothing moves."""
+        asking = np.zeros(len(self.nodes), bool)
+        for (row, _), entry in self.a.entries.items():
+            if self.components[row] in TANGENTIAL:
+                asking |= entry != 0.0
+        return asking
+
+    def chosen(self, whole: Array) -> Array:
+        """The coupled ones of all rows (n, 6), (r c,)."""
+        return np.where(self.coupled, whole[self.nodes].T[self.components], 0.0).ravel()
+
+    def step(self, values: Array, given: Array) -> Array:
+        """Step (n, 6) by unknowns (r c,), as given (n, 6) off the coupled rows and zero on them."""
+        step = given.copy(order="F")
+        for component, unit, part in zip(self.components, self.units, values.reshape(self.coupled.shape), strict=True):
+            step[self.nodes, component] += unit * part
+        return step
+
+    def image(self, blocks: Blocks, given: Array, values: Array) -> Array:
+        """Product (r c,) of the equations with unknowns (r c,) and what is given of the step (n, 6) off them.
+
+        blocks: of all rows.
+        """
+        if not self.nodes.size:  # all is open
+            return np.zeros(0, self.precision)
+        unknowns = values.reshape(self.coupled.shape)
+        load = given[:, :N_FIELDS].astype(self.precision, order="F")
+        for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
+            load[self.nodes, field] += unit * unknown
+        image = self.of_unknowns.times(unknowns)
+        self.of_displacement.add_at(apply_load(self.equation.problem.system, load, self.asked).T, self.nodes, image)
+        some = np.flatnonzero(given.T.take(self.nodes, axis=1).any(axis=0))
+        there = self.nodes[some]
+        for (row, column), entry in blocks.a.entries.items():
+            if row in self.components:
+                place = self.components.index(row)
+                own = entry.take(there) * given[there, column]
+                image[place, some] += np.where(self.coupled[place, some], own, 0.0)
+        return image.ravel()
+
+    def multiplication(self, roughly: bool = False) -> Linear:
+        """Product (r c,) of the equations with unknowns (r c,); roughly: by approximate products of the system."""
+        a, b = self.of_unknowns, self.of_displacement
+        fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
+        approximate = system.capability(ApproximateApply) if roughly else None
+        response = partial(apply_fields, system) if approximate is None else approximate.approximate_apply
+        units = self.units[: len(fields)].astype(self.precision)
+        load = np.zeros((len(fields), n), self.precision)
+
+        def multiply(values: Array) -> Array:
+            unknowns = values.reshape(self.coupled.shape)
+            spread(unknowns, units, self.nodes, load)
+            product = a.times(unknowns)
+            b.add_at(response(load.T, fields, self.asked).T, self.nodes, product)
+            return product.ravel()
+
+        return multiply
+
+    @cached_property
+    def of_unknowns(self) -> NodeProducts:
+        """What unknowns (r, c) add to the rows (r, c) of their own node."""
+        return self.a.products(self.precision)
+
+    @cached_property
+    def of_displacement(self) -> NodeProducts:
+        """What displacements (f, c) add to the rows (r, c)."""
+        return self.b.products(self.precision)
+
+    def lifted(self, displacement: Array) -> Array:
+        """What displacements (n, 5, m) of the indenter add to the right-hand side, (m, r c)."""
+        motions = displacement.transpose(2, 1, 0)
+        lifted = np.zeros((len(motions), *self.coupled.shape), self.precision)
+        for motion, of_motion in zip(motions, lifted, strict=True):
+            moved = self._moved(motion, self.asked)
+            of = self.of_displacement
+            for row, column, entry in zip(of.rows, of.columns, of.entries, strict=True):
+                if column in moved:
+                    of_motion[row] += entry * moved[column]
+        return lifted.reshape(len(motions), self.coupled.size)
+
+    def combined(self, measures: Array) -> list[dict[int, Array]]:
+        """Measures (m, n, 5) of loads, of unknowns instead: of each, what is not zero, (c,) by the row of unknowns."""
+        units = self.units.tolist()
+        return [
+            {
+                place: units[place] * part * self.coupled[place]
+                for place, part in self._moved(measure, self.fields).items()
+            }
+            for measure in measures.transpose(0, 2, 1)
+        ]
+
+    def _moved(self, whole: Array, fields: list[int]) -> dict[int, Array]:
+        """Those of the fields of a motion (5, n) at the nodes that it has, (c,) by their place. Most have one."""
+        return {
+            place: whole[field].take(self.nodes).astype(self.precision)
+            for place, field in enumerate(fields)
+            if whole[field].any()
+        }
+
+
+def _entries(
+    blocks: NodeBlocks, rows: list[int], columns: list[int], nodes: Indices, coupled: Mask
+) -> dict[tuple[int, int], Array]:
+    """Rows and columns of the blocks of all nodes at c of them, zero where they are not coupled (r, c)."""
+    entries = dict[tuple[int, int], Array]()
+    for (row, column), entry in blocks.entries.items():
+        if row in rows and column in columns:
+            place = rows.index(row), columns.index(column)
+            entries[place] = np.where(coupled[place[0]], entry.take(nodes), 0.0)
+    return entries

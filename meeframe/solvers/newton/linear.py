@@ -1,0 +1,168 @@
+"""Newton steps without a matrix: Krylov iteration, with the free motions as unknowns beside the loads.
+
+That a motion is resisted by the contact is part of the preconditioner. Components come before nodes: numpy is much
+faster along the longer axis. A step of which a few digits are asked for is found in single precision: the residual
+that says whether it is good is not.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from meeframe.contact.conduction import Mask
+from meeframe.fields import N_FIELDS, Array
+from meeframe.solvers.krylov import Linear, gmres
+from meeframe.solvers.newton.jacobian import Rows
+from meeframe.solvers.newton.preconditioner import preconditioner
+from meeframe.solvers.newton.residual import Blocks, Equation
+
+UNRESISTED: Final = 1e-12
+"""Stiffness against a motion, as a fraction of the largest one, that is none."""
+ROUND_OFF: Final = 10.0
+"""So many times the round-off of a vector its products with others are off."""
+SINGLE: Final = 3e-5
+"""Tolerance from which on single precision serves."""
+ROUGHLY: Final = 5e-4
+"""Tolerance from which on rough responses of the system serve."""
+LEAST_BESIDE: Final = 1e-3
+"""Of what is given of a step: a right-hand side far below it is not solved to so much less."""
+UNNOTICED: Final = 0.1
+"""Of what may be left of the residual: what is given of a step by less changes nothing elsewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """What is roughly the inverse of the equations of some rows, and responses (m, r c) of these to the motions.
+
+    It serves as long as the same rows are coupled, and the same nodes stick: what else changes is then little.
+    """
+
+    rows: Rows
+    precondition: Linear
+    responses: Array
+
+    @classmethod
+    def of(cls, rows: Rows, columns: Array, before: "Inverse | None") -> "Inverse":
+        """Of rows, that of those before if it serves; columns: (m, r c) what motions add to the right-hand side."""
+        if before is not None and before.rows.like(rows):
+            return before
+        precondition = preconditioner(rows)
+        responses = np.empty_like(columns)
+        for response, column in zip(responses, columns, strict=True):
+            response[:] = precondition(column)
+        return cls(rows, precondition, responses)
+
+
+def krylov_step(
+    equation: Equation, blocks: Blocks, coupled: Mask, given: Array, tolerance: float, before: Inverse | None = None
+) -> tuple[Array, Array, Inverse]:
+    """Step (n, 6) and amounts (m,) of the motions, with what is given of the step (n, 6) off the coupled rows.
+
+    Also what is roughly the inverse of the equations, for the next step; before: that of the last one. The residual
+    that is left is that fraction of the one before. Raises LinAlgError if the equations are not finite.
+    """
+    rows = Rows.of(equation, blocks, coupled, np.dtype(np.float32 if tolerance >= SINGLE else np.float64))
+    right = rows.chosen(-blocks.residual).astype(rows.precision)
+    if not (np.isfinite(given).all() and rows.a.finite and rows.b.finite and np.isfinite(right).all()):
+        raise LinAlgError("equations of what is no number")
+    multiplication, columns = rows.multiplication(tolerance >= ROUGHLY), rows.lifted(equation.modes)
+    inverse = Inverse.of(rows, columns, before)
+    precondition, border = inverse.precondition, _Border.of(rows, inverse.responses)
+    balance = -blocks.balance - np.einsum("kni,ni->k", equation.measures, given[:, :N_FIELDS])
+    weight = np.sqrt(equation.count, dtype=rows.precision)  # as the merit weighs the balance
+    size = len(right)
+
+    def bordered(product: Linear) -> Linear:
+        def multiply(values: Array) -> Array:
+            loads, amounts, whole = values[:size], values[size:], np.empty_like(values)
+            np.subtract(product(loads), (border.motions @ amounts) @ columns, out=whole[:size])
+            whole[size:] = weight * border.resultants(loads)
+            return whole
+
+        return multiply
+
+    def solve(values: Array) -> Array:
+        loads, whole = precondition(values[:size]), np.empty_like(values)
+        whole[size:] = (values[size:] / weight - border.resultants(loads)) / border.stiffness
+        np.add(loads, (border.motions @ whole[size:]) @ inverse.responses, out=whole[:size])
+        return whole
+
+    product = bordered(multiplication)
+    image: Linear | None = None
+    if _counts(rows, given, tolerance * float(np.linalg.norm(right))):
+        image = partial(rows.image, blocks, given)
+    whole = np.concatenate([right, weight * border.turned(balance)]).astype(rows.precision)
+    found = _solution(product, bordered(image) if image else None, solve, whole, tolerance)
+    amounts = (border.motions @ found[size:]).astype(float)
+    farthest = float(np.abs(amounts).max(initial=0.0))
+    if farthest > blocks.farthest:
+        amounts *= blocks.farthest / farthest
+        moved = (amounts @ columns).astype(rows.precision)
+        found = _solution(multiplication, image, precondition, right + moved, tolerance)
+    return rows.step(found[:size], given), amounts, inverse
+
+
+def _counts(rows: Rows, given: Array, asked: float) -> bool:
+    """Whether what is given of the step (n, 6) counts beside what is asked for."""
+    units = np.append(rows.equation.scales.load, 1.0)
+    return float(np.linalg.norm(given / units)) > UNNOTICED * asked
+
+
+def _solution(multiply: Linear, image: Linear | None, precondition: Linear, right: Array, tolerance: float) -> Array:
+    """Unknowns (k,) of a right-hand side (k,), of which that fraction may be left.
+
+    image: of unknowns with what is given beside them, None if it does not count; multiply: without it. The product that
+    what is given costs serves a first guess, too.
+    """
+    if image is None:
+        return gmres(multiply, precondition, right, tolerance)[0]
+    first = precondition(right)
+    left = right - image(first)
+    before, after = (float(np.linalg.norm(part)) for part in (right, left))
+    if after <= tolerance * before:
+        return first
+    return first + gmres(multiply, precondition, left, tolerance * max(before / after, LEAST_BESIDE))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Border:
+    """The q combinations of motions that something resists, and of resultants that they change.
+
+    motions: (m, q) amounts in them; left: (m, q) resultants in them, of loads by totals: see Rows.combined; stiffness:
+    (q,) of the contact against them, roughly.
+    """
+
+    motions: Array
+    left: Array
+    totals: list[dict[int, Array]]
+    stiffness: Array
+
+    @classmethod
+    def of(cls, rows: Rows, responses: Array) -> "_Border":
+        """Of rows; responses: (m, r c) roughly to each motion."""
+        totals = rows.combined(rows.equation.measures)
+        matrix = np.array([_resultants(totals, response) for response in responses]).T
+        left, stiffness, right = np.linalg.svd(matrix.reshape(len(totals), len(totals)))
+        smallest = max(UNRESISTED, ROUND_OFF * np.finfo(rows.precision).eps)
+        resisted = stiffness > smallest * stiffness.max(initial=0.0)
+        return cls(right[resisted].T, left[:, resisted], totals, stiffness[resisted])
+
+    def resultants(self, loads: Array) -> Array:
+        """Combinations (q,) of the resultants of loads (r c,)."""
+        return self.turned(_resultants(self.totals, loads))
+
+    def turned(self, resultants: Array) -> Array:
+        """Combinations (q,) of resultants (m,)."""
+        return np.asarray(self.left.T @ resultants)
+
+
+def _resultants(totals: list[dict[int, Array]], loads: Array) -> Array:
+    """Resultants (m,) of loads (r c,)."""
+    resultants = np.zeros(len(totals), loads.dtype)
+    for number, total in enumerate(totals):
+        for place, part in total.items():
+            resultants[number] += part @ loads[place * len(part) : (place + 1) * len(part)]
+    return resultants

@@ -1,0 +1,266 @@
+"""Table, figure and JSON of a comparison: what its runs share and where they differ."""
+
+import json
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from meeframe.common.literal import LiteralTable
+from meeframe.contact.problem import Status
+from meeframe.fields import Array
+from meeframe.results import schema
+from meeframe.results.canvas import prefixed, sheet
+from meeframe.results.picture import lengths
+from meeframe.results.records import StepResult, Zone
+from meeframe.results.schema import NodalField, Total
+from meeframe.study.reports.study import middle_line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REFUSED: Final = "refused"
+UNFINISHED: Final = "unfinished"
+_ROUND_OFF: Final = 1e-6
+"""Of the largest pressure: smaller tangential tractions are not drawn."""
+
+_SIDE_BY_SIDE: Final = 4
+"""Runs next to each other in the table: more would not fit in a terminal."""
+_LEGEND: Final = 100
+"""Letters in a line of the figure's legend."""
+_STYLES: Final = ("-", "--", ":")
+
+
+def _totals() -> dict[str, Total]:
+    """Return the totals that a comparison shows, by name."""
+    return {total.name: total for total in schema.TOTALS if schema.View.COMPARISON in total.views}
+
+
+def _fields() -> dict[str, NodalField]:
+    """Return the nodal fields that a comparison shows, by name."""
+    return schema.nodal(schema.View.COMPARISON)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """One combination. choices: what was chosen, by option; zone, steps: as in Result; planned: increments of the case;
+    seconds: of the increments so far; system_seconds: of the reduced system, which others may share; refusal: why a
+    formulation, solver or law cannot take the case, if so."""
+
+    choices: Mapping[str, str]
+    zone: Zone
+    planned: int
+    steps: tuple[StepResult, ...] = ()
+    seconds: float = 0.0
+    system_seconds: float = 0.0
+    refusal: str = ""
+
+    @property
+    def label(self) -> str:
+        """The choices in one line."""
+        return ", ".join(self.choices.values())
+
+    @property
+    def status(self) -> str:
+        """'converged' if all increments did; else that of the first that did not, 'refused' or 'unfinished'."""
+        failed = next((str(step.status) for step in self.steps if step.status is not Status.CONVERGED), "")
+        if self.refusal or failed:
+            return REFUSED if self.refusal else failed
+        return str(Status.CONVERGED) if len(self.steps) == self.planned else UNFINISHED
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Runs of one case with combinations of laws, formulations and solvers; title, text: of the case; versions: of the
+    software."""
+
+    title: str
+    text: str
+    versions: Mapping[str, str]
+    runs: tuple[ComparedRun, ...] = ()
+
+    @property
+    def first(self) -> ComparedRun:
+        """The run that the others are measured by: the first that is not refused."""
+        return next((run for run in self.runs if not run.refusal), self.runs[0])
+
+
+def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
+    """Return how far the last increment of a run is from that of the first one, by quantity.
+
+    Totals: modulus of the difference over that of the first; fields: largest difference over largest modulus. None
+    where the first is zero and the run is not, or where there is nothing to compare.
+    """
+    if not run.steps or len(run.steps) != len(first.steps):
+        return dict.fromkeys([*_totals(), *_fields()])
+    mine, others = ((r.zone, r.steps[-1]) for r in (run, first))
+    own, reference = schema.totals(*mine), schema.totals(*others)
+    found = {
+        name: _relative(np.linalg.norm, np.atleast_1d(own[name]), np.atleast_1d(reference[name])) for name in _totals()
+    }
+    same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
+    for name, row in _fields().items():
+        apart = _relative(lambda field: np.abs(field).max(), row.values(*mine), row.values(*others)) if same else None
+        found[name] = apart
+    return found
+
+
+def _relative(size: Callable[[Array], Any], value: Array, reference: Array) -> float | None:
+    difference, scale = float(size(value - reference)), float(size(reference))
+    if difference == 0.0:
+        return 0.0
+    return difference / scale if scale > 0.0 and math.isfinite(difference) else None
+
+
+def comparison_json(comparison: Comparison) -> str:
+    """Return all numbers: of each run its choices, status, times and increments, and of its last increment the fields
+    on the zone and the differences to the first run that is not refused. Numbers that are not finite become null."""
+    runs = [_numbers(run, comparison.first) for run in comparison.runs]
+    head = {"title": comparison.title, "case": comparison.text, "versions": dict(comparison.versions)}
+    return json.dumps({**head, "runs": runs}, indent=1, allow_nan=False) + "\n"
+
+
+def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
+    last = run.steps[-1] if run.steps else None
+    return {
+        "label": run.label,
+        "choices": dict(run.choices),
+        "status": run.status,
+        "message": run.refusal or (last.message if last else ""),
+        "seconds": run.seconds,
+        "system_seconds": run.system_seconds,
+        "iterations": sum(step.iterations for step in run.steps),
+        "increments": [_increment(run.zone, step) for step in run.steps],
+        "differences": differences(run, first),
+        "points": run.zone.points.tolist(),
+        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields().items()} if last else {},
+    }
+
+
+def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
+    totals = schema.totals(zone, step)
+    return {
+        "step": step.step,
+        "increment": step.increment,
+        "status": str(step.status),
+        "iterations": step.iterations,
+        "residual": _plain(step.residual),
+        **{name: _plain(totals[name]) for name in _totals()},
+    }
+
+
+def _plain(value: Any) -> Any:
+    """List and numbers of JSON."""
+    if isinstance(value, np.ndarray | list):
+        return [_plain(item) for item in value]
+    return float(value) if math.isfinite(value) else None
+
+
+def comparison_table(comparison: Comparison) -> RenderableType:
+    """Return a column for each run, so many side by side: last increment, work, and differences to comparison.first."""
+    runs = comparison.runs
+    blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
+    done = [run for run in runs if run.steps]
+    last = [schema.totals(run.zone, run.steps[-1]) for run in done]
+    shown = schema.shown_totals(schema.View.COMPARISON, last)
+    fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
+    titles = [comparison.title, *[""] * (len(blocks) - 1)]
+    tables = [
+        _table(title, block, comparison.first, shown, fields) for title, block in zip(titles, blocks, strict=True)
+    ]
+    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_remarks(done))
+
+
+def _remarks(runs: Sequence[ComparedRun]) -> Iterator[Text]:
+    """Return what to think of the numbers of the table."""
+    yield Text("Times contain the compilation of kernels that nothing before has used: a second time they do not.")
+    if len({run.choices.get("formulation") for run in runs}) > 1:
+        yield Text(
+            "Formulations differ by the errors of this mesh, each by its own: finer meshes bring them together, and "
+            "`meeframe verify CASE.toml` tells whether they agree within these errors."
+        )
+
+
+def _table(
+    title: str, runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[Total], fields: Sequence[str]
+) -> LiteralTable:
+    table = LiteralTable(title)
+    table.add_column("")
+    table.add_column("unit")
+    for run in runs:
+        table.add_column("\n".join(run.choices.values()), justify="right")
+    for row in totals:
+        for i, label in enumerate(row.labels):
+            values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(label, row.unit, *map(_shown, values))
+    apart = [differences(run, first) for run in runs]
+    for name in ("force", *fields):
+        words = "force" if name == "force" else _fields()[name].label
+        table.add_row(f"difference in {words}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
+    table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
+    table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
+    table.add_row("time of the reduced system", "s", *(f"{run.system_seconds:.3g}" for run in runs))
+    table.add_row("status", "", *(run.status for run in runs))
+    return table
+
+
+def _total(name: str, run: ComparedRun) -> Array:
+    """Return a total at the end of a run, (1,) or (k,) for k components."""
+    return np.atleast_1d(schema.totals(run.zone, run.steps[-1])[name])
+
+
+def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
+    return "-" if value is None else f"{factor * value:{form}}"
+
+
+def comparison_figure(comparison: Comparison) -> "Figure | None":
+    """Return the sections along x through the middle of the zone, the runs over each other; None if no increment is
+    finished."""
+    done = [run for run in comparison.runs if run.steps]
+    shown = [row for row in _fields().values() if _visible(row, done)]
+    if not shown:
+        return None
+    labels = [textwrap.fill(run.label, _LEGEND) for run in done]
+    lines = sum(label.count("\n") + 1 for label in labels)
+    figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
+    grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
+    length, of_length = lengths(run.zone for run in done)
+    for axes, row in zip(grid, shown, strict=False):
+        fields = [row.values(run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(fields), row.unit)
+        for number, (run, field) in enumerate(zip(done, fields, strict=True)):
+            nodes, x = middle_line(run.zone)
+            # wide lines below narrow ones, so that those which coincide are seen
+            style = {
+                "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
+                "color": f"C{number}",
+                "ls": _STYLES[number // 10 % len(_STYLES)],  # there are ten colours
+                "marker": "o",
+                "ms": 2.5,
+            }
+            axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
+        axes.grid(alpha=0.3)
+    for axes in grid[len(shown) :]:
+        axes.remove()
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", fontsize=8)
+    figure.suptitle(comparison.title)
+    return figure
+
+
+def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
+    """Return whether a field is more than round-off on the section; tractions are measured by the pressure."""
+    measure = _fields()["pressure"] if row.name.startswith("traction") else row
+    largest, scale = (
+        max(
+            (np.abs(which.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            default=0,
+        )
+        for which in (row, measure)
+    )
+    return bool(largest > _ROUND_OFF * scale)

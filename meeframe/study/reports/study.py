@@ -1,0 +1,236 @@
+"""The figure of a study: curves of totals, sections through the zone, or maps of it, in panels."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from meeframe.fields import Array
+from meeframe.results.canvas import sheet
+from meeframe.results.picture import Picture, lengths
+from meeframe.results.records import Zone
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
+_MARKERS: Final = "osD^vPX*"
+_ARROWS: Final = 9
+"""Arrows along a side of a map, at most."""
+_STILL: Final = 1e-3
+"""Of the largest modulus: less has no arrow."""
+_TINY: Final = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Runs shown together.
+
+    axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, for each
+    run a total (), a field on its zone (n,) or a tangential field (n, 2), divided by their references [SI]; converged:
+    (m,), whether run and references did; messages: why each run ended, in words; zones: of each run, (m,).
+    """
+
+    title: str
+    axis: str
+    runs: tuple[str, ...]
+    values: Array
+    quantities: Mapping[str, Sequence[Array]]
+    references: Mapping[str, float]
+    converged: tuple[bool, ...]
+    messages: tuple[str, ...]
+    zones: tuple[Zone, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A study with its numbers; texts as in its file."""
+
+    name: str
+    title: str
+    paper: str
+    kind: Literal["curves", "sections", "maps"]
+    scale: Literal["linear", "log"]
+    panels: tuple[Panel, ...]
+
+    @property
+    def not_converged(self) -> tuple[str, ...]:
+        """Run with a step that did not converge, as `panel, run`."""
+        return tuple(
+            f"{panel.title}, {run}"
+            for panel in self.panels
+            for run, converged in zip(panel.runs, panel.converged, strict=True)
+            if not converged
+        )
+
+
+def study_json(study: Study) -> str:
+    """Return the numbers of a study: of each panel the runs, references and quantities.
+
+    For fields also the zones that occur, points [m] and weights [m^2], and the place of each run's zone among them.
+    """
+    panels = [_panel_numbers(panel, study.kind != "curves") for panel in study.panels]
+    head = {"name": study.name, "title": study.title, "paper": study.paper, "kind": study.kind}
+    return json.dumps({**head, "panels": panels}, indent=1, allow_nan=False) + "\n"
+
+
+def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
+    numbers: dict[str, Any] = {
+        "title": panel.title,
+        "axis": panel.axis,
+        "runs": list(panel.runs),
+        "values": [value if math.isfinite(value) else None for value in panel.values.tolist()],
+        "converged": list(panel.converged),
+        "messages": list(panel.messages),
+        "references": dict(panel.references),
+        "quantities": {name: [value.tolist() for value in values] for name, values in panel.quantities.items()},
+    }
+    if with_points:
+        zones, places = _distinct(panel.zones)
+        numbers["zones"] = [{"points": zone.points.tolist(), "weights": zone.weights.tolist()} for zone in zones]
+        numbers["zone_of_run"] = places
+    return numbers
+
+
+def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
+    """Return the zones with different points, and the place of each zone among them."""
+    found: list[Zone] = []
+    places = []
+    for zone in zones:
+        same = [place for place, other in enumerate(found) if np.array_equal(other.points, zone.points)]
+        places.append(same[0] if same else len(found))
+        if not same:
+            found.append(zone)
+    return found, places
+
+
+def study_figure(study: Study) -> "Figure":
+    """Return the figure: a column for each panel; maps have one for each run."""
+    draw, width, height = {
+        "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
+        "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
+        "maps": (_maps, 2.4 * sum(len(p.runs) for p in study.panels) + 1.2, 2.3 * _rows(study) + 0.5),
+    }[study.kind]
+    figure = sheet((width, height))
+    draw(figure, study)
+    return figure
+
+
+def _rows(study: Study) -> int:
+    return len(_names(study))
+
+
+def _names(study: Study) -> list[str]:
+    """Return all quantities, in the order in which the panels show them."""
+    return list(dict.fromkeys(name for panel in study.panels for name in panel.quantities))
+
+
+def _label(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _curves(figure: "Figure", study: Study) -> None:
+    grid = figure.subplots(1, len(study.panels), squeeze=False, sharey=True)
+    names = _names(study)
+    for axes, panel in zip(grid[0], study.panels, strict=True):
+        by_label = bool(np.isnan(panel.values).any())
+        x = np.arange(len(panel.runs)) if by_label else panel.values
+        for name, values in panel.quantities.items():
+            place = names.index(name) % len(_COLOURS)
+            axes.plot(x, np.array(values), marker=_MARKERS[place], ms=4, color=_COLOURS[place], label=_label(name))
+        axes.set(title=panel.title, xlabel=panel.axis)
+        axes.set(xticks=x, xticklabels=panel.runs) if by_label else axes.set(xscale=study.scale)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
+    grid[0, 0].set_ylabel("relative to reference")
+
+
+def _sections(figure: "Figure", study: Study) -> None:
+    grid = figure.subplots(_rows(study), len(study.panels), squeeze=False, sharex=True, sharey="row")
+    factor, unit = _lengths(study)
+    for column, panel in enumerate(study.panels):
+        lines = [middle_line(zone) for zone in panel.zones]
+        for row, name in enumerate(_names(study)):
+            axes = grid[row, column]
+            for run, values in enumerate(panel.quantities.get(name, ())):
+                style = {"marker": "o", "ms": 2.5, "lw": 1.2, "color": _COLOURS[run % len(_COLOURS)]}
+                nodes, x = lines[run]
+                axes.plot(x / factor, values[nodes], label=panel.runs[run], **style)
+            axes.grid(alpha=0.3)
+            if column == 0:
+                axes.set_ylabel(_label(name))
+        grid[0, column].set_title(panel.title)
+        grid[0, column].legend(title=panel.axis or None, fontsize=7, title_fontsize=7)
+        grid[-1, column].set_xlabel(f"x [{unit}]")
+
+
+def _lengths(study: Study) -> tuple[float, str]:
+    return lengths(zone for panel in study.panels for zone in panel.zones)
+
+
+def middle_line(zone: Zone) -> tuple[Any, Array]:
+    """Return the nodes on the line y = middle of the zone, and their distance along x from its middle [m],
+    ascending."""
+    x, y = (zone.points[:, i] - (zone.points[:, i].min() + zone.points[:, i].max()) / 2 for i in range(2))
+    nodes = np.flatnonzero(np.abs(y) <= np.abs(y).min() + 1e-9 * np.ptp(y))
+    nodes = nodes[np.argsort(x[nodes])]
+    return nodes, x[nodes]
+
+
+def _maps(figure: "Figure", study: Study) -> None:
+    columns = [(panel, run) for panel in study.panels for run in range(len(panel.runs))]
+    scale = _lengths(study)
+    grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # labels of bars
+    for row, name in enumerate(_names(study)):
+        shown = [np.linalg.norm(v, axis=-1) if v.ndim == 2 else v for v in _each(study, name)]
+        low, high = min(v.min() for v in shown), max(v.max() for v in shown)
+        drawn: Any = None
+        for axes, (panel, run) in zip(grid[row], columns, strict=True):
+            drawn = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)
+        figure.colorbar(drawn, ax=list(grid[row]), label=_label(name), shrink=0.9)
+        grid[row, 0].set_ylabel(f"y [{scale[1]}]")
+    for column, (panel, run) in enumerate(columns):
+        several = len(panel.runs) > 1 or len(study.panels) == 1
+        title = "\n".join(filter(None, [panel.title, _run_title(panel, run) if several else ""]))
+        grid[0, column].set_title(title, fontsize=9)
+        grid[-1, column].set_xlabel(f"x [{scale[1]}]")
+
+
+def _run_title(panel: Panel, run: int) -> str:
+    """Return the label of a run, with the axis if it is a number on it."""
+    try:
+        return f"{panel.axis} = {float(panel.runs[run]):g}" if panel.axis else panel.runs[run]
+    except ValueError:
+        return panel.runs[run]
+
+
+def _each(study: Study, name: str) -> Iterator[Array]:
+    return (values for panel in study.panels for values in panel.quantities[name])
+
+
+def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
+    """Draw one map; a tangential field by its modulus and by arrows of its direction."""
+    picture = Picture.of(zone, scale)
+    modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+    drawn = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
+    if values.ndim == 2:
+        chosen = _spread(picture.points, modulus > _STILL * max(limits[1], _TINY))
+        direction = values[chosen] / modulus[chosen, None]
+        axes.quiver(*picture.points[chosen].T, *direction.T, color="white", width=0.006, scale=18)
+    axes.set(aspect="equal")
+    axes.margins(0.0)
+    return drawn
+
+
+def _spread(points: Array, eligible: Any) -> Any:
+    """Return the eligible nodes that are nearest to the points of a regular grid, few enough to tell arrows apart."""
+    from scipy.spatial import KDTree
+
+    x, y = (np.linspace(points[:, i].min(), points[:, i].max(), _ARROWS) for i in range(2))
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    nearest = np.unique(KDTree(points).query(grid)[1])
+    return nearest[eligible[nearest]]

@@ -1,0 +1,126 @@
+"""Table of a validation for the terminal, and its JSON."""
+
+import json
+import math
+from collections.abc import Iterator
+from textwrap import shorten
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from meeframe.common.literal import LiteralTable
+from meeframe.results.canvas import prefixed
+from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
+
+
+class Words(NamedTuple):
+    """Cells of a row of the table."""
+
+    name: str
+    computed: str
+    reference: str
+    difference: str
+    tolerance: str
+    seconds: str
+
+
+def words_of(row: Row) -> Words:
+    """Return the cells of a row: values and criterion of a claim, numbers of a check, reason of a skipped check."""
+    found, seconds = row.found, f"{row.seconds:.1f}"
+    match found:
+        case Claim():
+            return Words(found.name, found.found, "", "", found.criterion, seconds)
+        case Skip():
+            return Words(found.name, found.reason, "", "", "", seconds)
+        case Check():
+            return Words(found.name, *_numbers(found), seconds)
+
+
+def reason_of(found: Check | Claim | Skip) -> str:
+    """Return the explanation if the outcome is DIFFERS, else an empty text."""
+    return found.explained if found.verdict is Verdict.DIFFERS and not isinstance(found, Skip) else ""
+
+
+def _numbers(found: Check) -> tuple[str, str, str, str]:
+    """Return computed value, reference, difference and tolerance; without prefixes if the check is absolute."""
+    if found.absolute:
+        values = (found.computed, found.reference, found.difference, found.tolerance)
+        computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
+        return computed, reference, difference, tolerance
+    # a prefix would be squared with its unit
+    scale, unit = (
+        (1.0, found.unit) if "^" in found.unit or not found.unit else prefixed(np.array([found.reference]), found.unit)
+    )
+    computed, reference = (f"{value / scale:.6g} {unit}".strip() for value in (found.computed, found.reference))
+    return computed, reference, f"{100 * found.difference:+.3g} %", f"{100 * found.tolerance:.3g} %"
+
+
+_WIDEST: Final = 80
+"""Maximal number of letters in a cell of the table; the report has the whole text."""
+_STYLES: Final = {
+    Verdict.PASS: "green",
+    Verdict.FAIL: "bold red",
+    Verdict.ERROR: "bold red",
+    Verdict.DIFFERS: "yellow",
+}
+
+
+def validation_table(validation: Validation) -> RenderableType:
+    """Return the table for the terminal, the explanations of differences, and the headline."""
+    table = LiteralTable()
+    for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
+        table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
+    remarks = []
+    for case in validation.cases:
+        for number, row in enumerate(case.rows):
+            verdict = row.found.verdict
+            name = "" if number else case.name
+            words = (shorten(word, _WIDEST, placeholder=" ...") for word in words_of(row))
+            table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
+            if reason_of(row.found):
+                remarks.append(Text(f"{case.name}, {row.found.name}: {reason_of(row.found)}"))
+        if case.error:
+            last = shorten(case.error.strip().splitlines()[-1], _WIDEST, placeholder=" ...")
+            table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
+        table.add_section()
+    headline = Text(validation.headline, style="green" if validation.passed else "bold red")
+    return Group(table, *remarks, headline)
+
+
+def validation_json(validation: Validation) -> str:
+    """Return everything but the figures as JSON; numbers that are not finite become null."""
+    data = {
+        "quick": validation.quick,
+        "passed": validation.passed,
+        "planned_cases": validation.planned,
+        "versions": dict(validation.versions),
+        "cases": [
+            {
+                "name": case.name,
+                "title": case.title,
+                "source": case.source,
+                "seconds": round(case.seconds, 3),
+                "finished": case.finished,
+                "error": case.error,
+                "checks": list(_rows(case)),
+            }
+            for case in validation.cases
+        ],
+    }
+    return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _rows(case: CaseReport) -> Iterator[dict[str, Any]]:
+    for row in case.rows:
+        found = row.found
+        values = vars(found) | ({"difference": found.difference} if isinstance(found, Check) else {})
+        plain = {key: _plain(value) for key, value in values.items() if value != ""}
+        yield {"kind": type(found).__name__.lower(), **plain, "verdict": str(found.verdict), "seconds": row.seconds}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,224 @@
+"""Table, convergence plot and JSON of a verification."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from meeframe.common.literal import LiteralTable
+from meeframe.contact.problem import Status
+from meeframe.results import schema
+from meeframe.results.canvas import sheet
+from meeframe.study.reports.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLUMNS: Final = 3
+"""Pictures side by side."""
+
+
+def verification_json(verification: Verification) -> str:
+    """Return all numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
+    return json.dumps(_plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
+
+
+def _numbers(verification: Verification) -> dict[str, Any]:
+    return {
+        "title": verification.title,
+        "case": verification.text,
+        "versions": verification.versions,
+        "refused": verification.refusals,
+        "verdict": verification.verdict,
+        "theoretical_order": verification.order,
+        "runs": [_run(run) for run in verification.runs],
+        "estimates": [_estimate(estimate) for estimate in verification.estimates],
+        "agreements": [_agreement(agreement) for agreement in verification.agreements],
+    }
+
+
+def _run(run: VerifiedRun) -> dict[str, Any]:
+    return {
+        "formulation": run.formulation,
+        "size": run.size,
+        "elements": run.elements,
+        "status": run.status,
+        "message": run.message,
+        "seconds": run.seconds,
+        "steps": {
+            step: {name: measured.value for name, measured in quantities.items()}
+            for step, quantities in run.steps.items()
+        },
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    limit = estimate.limit
+    return {
+        "step": estimate.step,
+        "quantity": estimate.quantity,
+        "formulation": estimate.formulation,
+        "sizes": estimate.sizes,
+        "values": estimate.values,
+        "extrapolated": limit.value,
+        "error": limit.error,
+        "finest_error": limit.finest_error,
+        "order": limit.order,
+        "basis": limit.basis,
+    }
+
+
+def _agreement(agreement: Agreement) -> dict[str, Any]:
+    return {
+        "step": agreement.first.step,
+        "quantity": agreement.first.quantity,
+        "formulations": [agreement.first.formulation, agreement.second.formulation],
+        "difference": agreement.difference,
+        "difference_of_finest": agreement.finest,
+        "allowed": agreement.allowed,
+        "scale": agreement.scale,
+        "verdict": agreement.verdict,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return the lists, tables and numbers of JSON."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def verification_table(verification: Verification) -> RenderableType:
+    """Return the values on the meshes with their limits, then each pair; what refused or did not converge; the
+    verdict."""
+    failed = [run for run in verification.runs if run.status != Status.CONVERGED]
+    return Group(
+        _values(verification),
+        _pairs(verification),
+        *(Text(f"{name} does not take this case: {text}") for name, text in verification.refusals.items()),
+        *(Text(f"{run.formulation}, elements of 1/{1 / run.size:g}: {run.status}: {run.message}") for run in failed),
+        Text(f"verdict: {verification.verdict}{_basis(verification)}", style="bold"),
+    )
+
+
+def _basis(verification: Verification) -> str:
+    """Return what a verdict rests on where some comparisons say little, and what to do then."""
+    verdicts = [agreement.verdict for agreement in verification.agreements]
+    unresolved = verdicts.count(Verdict.UNRESOLVED)
+    if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
+        return ""
+    agree = f"{verdicts.count(Verdict.AGREE)} of {len(verdicts)} comparisons agree, none disagree"
+    return f": {agree}, and of {unresolved} the errors are too large to say much; finer meshes say more"
+
+
+def _values(verification: Verification) -> LiteralTable:
+    estimates = verification.estimates
+    table = LiteralTable(verification.title)
+    meshes = len(estimates[0].values) if estimates else 0
+    for title in ("step", "quantity", "unit", "formulation"):
+        table.add_column(title)
+    for title in (
+        *(f"1/{1 / size:g}" for size in (estimates[0].sizes if meshes else ())),
+        "extrapolated",
+        "± %",
+        "order",
+    ):
+        table.add_column(title, justify="right")
+    table.add_column("basis")
+    for estimate in estimates:
+        limit = estimate.limit
+        table.add_row(
+            str(estimate.step), _words(estimate.quantity), unit_of(estimate.quantity), estimate.formulation,
+            *(f"{value:.6g}" for value in estimate.values),
+            f"{limit.value:.6g}", _percent(limit.error, limit.value),
+            "-" if limit.order is None else f"{limit.order:.2f}", limit.basis,
+        )  # fmt: skip
+    return table
+
+
+def _pairs(verification: Verification) -> LiteralTable:
+    table = LiteralTable()
+    for title in ("step", "quantity", "formulations"):
+        table.add_column(title)
+    for title in ("finest, difference %", "extrapolated, difference %", "allowed %"):
+        table.add_column(title, justify="right")
+    table.add_column("verdict")
+    for pair in verification.agreements:
+        table.add_row(
+            str(pair.first.step), _words(pair.first.quantity), f"{pair.first.formulation}, {pair.second.formulation}",
+            *(_percent(value, pair.scale) for value in (pair.finest, pair.difference, pair.allowed)), pair.verdict,
+        )  # fmt: skip
+    return table
+
+
+def _words(quantity: str) -> str:
+    return quantity.replace("max_", "largest ").replace("_", " ")
+
+
+def unit_of(quantity: str) -> str:
+    """Return the SI unit of a quantity that a verification compares, '' if there is none of this name.
+
+    Its names are those of the table of results, without `abs`, with x and y for components in the plane, and with
+    `indenter` before potentials of the indenter.
+    """
+    name = quantity.removeprefix("indenter_").replace("max_electric", "max_abs_electric")
+    row = _row(name.replace("max_magnetic", "max_abs_magnetic"))
+    return "" if row is None else row.unit
+
+
+def _row(name: str) -> schema.Total | None:
+    return schema.total_named(name) or schema.total_named(name.removesuffix("_x").removesuffix("_y"))
+
+
+def _percent(value: float, scale: float) -> str:
+    return f"{100 * value / abs(scale):.2g}" if scale else "-"
+
+
+def verification_figure(verification: Verification) -> "Figure | None":
+    """Return the values over the size of the elements, in per cent of the mean limit, with limits and their errors at
+    zero.
+
+    Of the last load step that was compared; None if there is nothing to show.
+    """
+    estimates = [e for e in verification.estimates if e.step == max(e.step for e in verification.estimates)]
+    quantities = list(dict.fromkeys(estimate.quantity for estimate in estimates))
+    if not quantities:
+        return None
+    rows = math.ceil(len(quantities) / _COLUMNS)
+    figure = sheet((4.0 * _COLUMNS, 3.0 * rows + 0.6))
+    grid = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
+    for axes, quantity in zip(grid, quantities, strict=False):
+        shown = [estimate for estimate in estimates if estimate.quantity == quantity]
+        mean = np.mean([estimate.limit.value for estimate in shown])
+        for number, estimate in enumerate(shown):
+            _draw(axes, estimate, float(mean), (number, verification.order))
+        axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
+        axes.set(title=_words(quantity), xlabel="element over zone", ylabel="from the mean limit [%]")
+        axes.grid(alpha=0.3)
+    for axes in grid[len(quantities) :]:
+        axes.remove()
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=_COLUMNS)
+    figure.suptitle(verification.title)
+    return figure
+
+
+def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) -> None:
+    """Draw one formulation; place: its number; theoretical order."""
+    number, theoretical = place
+    limit, style = estimate.limit, {"color": f"C{number}"}
+    sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)
+    end = 100 * (limit.value / mean - 1)
+    axes.plot(sizes, values, "o", ms=4, label=estimate.formulation, **style)
+    h = np.linspace(0.0, sizes[-3], 50)
+    order = limit.order or theoretical
+    axes.plot(h, end + (values[-1] - end) * (h / sizes[-1]) ** order, "-", lw=1.0, **style)
+    # beside each other: both stand at zero
+    axes.errorbar(0.01 * sizes[0] * number, end, 100 * limit.error / abs(mean), fmt="s", ms=4, capsize=3, **style)

@@ -1,0 +1,1 @@
+"""Sweeps over the keys of a case."""

@@ -1,0 +1,216 @@
+"""A sweep: the points of a study file solved, gathered in one result, drawn."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.common.errors import CaseError
+from meeframe.common.toml import read_toml
+from meeframe.fields import Array
+from meeframe.model.cache import distinct_bodies
+from meeframe.model.case import Warn, ignore, warnings_of
+from meeframe.plugin.registry import Registry
+from meeframe.plugin.validation import TableError
+from meeframe.results import schema
+from meeframe.results.figures import save_figure
+from meeframe.results.output import replacing
+from meeframe.results.records import Result
+from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
+from meeframe.results.sweep_records import SweepResult
+from meeframe.study.declare import changed, checked
+from meeframe.study.reports.sweep import sweep_figure
+from meeframe.study.sweep.declare import SweepTable
+from meeframe.study.sweep.engine import InProcess, Pool, solve_points
+from meeframe.study.sweep.numbers import field_units, numbers_of, units
+from meeframe.study.sweep.points import Outcome, Point
+from meeframe.system.reduced import Progress, silent
+
+FIGURE_FILE: Final = "sweep.png"
+_MOST_WARNINGS: Final = 5
+"""Told of points, at most."""
+_ASKED: Final = 25
+"""Points for which preflight checks are made, at most: of a zone of 255 squared nodes each takes a second."""
+
+
+def sweep(
+    file: Path,
+    out: Path,
+    pool: Pool | None = None,
+    overwrite: bool = False,
+    registry: Registry | None = None,
+    progress: Progress = silent,
+    warn: Warn = ignore,
+) -> SweepResult:
+    """Solve the points of a study file that `out` does not hold yet; write sweep.h5 and sweep.png there.
+
+    pool: where they are solved, by default in this process; warn: is told first what formulations and points warn of,
+    each once. Each point's result is kept as soon as it is there, in points/KEY as `meeframe run` has it, and reduced
+    systems in systems; so that the same call goes on where an earlier one ended, however it did. An interruption
+    carries a note that says how far it came. Points that are refused or do not converge say so in the result.
+    Raises CaseError, before anything is computed, for a study or a case with problems, or if no point is a case;
+    ResultError if `out` cannot be written, if another process writes a sweep there, or if it holds anything but this
+    sweep and overwrite is false.
+    """
+    check_installed()
+    study = checked(SweepTable, file)
+    points = _points(file, study, registry)
+    bodies = distinct_bodies(point.case for point in points if point.case is not None)
+    with open_folder(out, {point.key for point in points}, overwrite):
+        for text in (*warnings_of(bodies.values()), *_preflight(points, out / POINTS)):
+            warn(text)
+        drop_systems(out, set(bodies))
+        return _swept(file, out, study, points, pool or InProcess(), progress)
+
+
+def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
+    """Return what points warn of but for their formulations, each with the first point that does; of many the first.
+
+    Points that `store` keeps are not asked; of many others some, from the first to the last.
+    """
+    waiting = [
+        (point.label, point.case) for point in points if point.case is not None and not (store / point.key).exists()
+    ]
+    found: dict[str, str] = {}
+    asked = 0
+    for label, case in waiting[:: max(1, -(-len(waiting) // _ASKED))]:
+        asked += 1
+        for text in case.preflight:
+            found.setdefault(text, label)
+        if len(found) >= _MOST_WARNINGS:
+            break
+    yield from (f"{label}: {text}" for text, label in islice(found.items(), _MOST_WARNINGS))
+    if found and asked < len(waiting):
+        yield f"{len(waiting) - asked} of {len(waiting)} points were not asked for warnings like these"
+
+
+def _swept(
+    file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
+) -> SweepResult:
+    """Return the sweep in a folder that is open."""
+    gathered: dict[str, Gathered] = {}
+    try:
+        for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
+            gathered[key] = Gathered.of(outcome, study.fields)
+    except KeyboardInterrupt as error:
+        error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command goes on")
+        raise
+    progress("writing", 0.0)
+    result = _result(file, study, points, gathered)
+    write_sweep(out, result)
+    plots = [plot.over(result.axes) for plot in study.plots]
+    with replacing(out / FIGURE_FILE) as path:
+        save_figure(sweep_figure(result, plots), path)
+    return result
+
+
+def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
+    """Return all points of a study. Raises CaseError if a key leads nowhere or no point is a case."""
+    case_file = file.parent / study.case
+    _, tables = read_toml(case_file)
+    title = str(tables.get("title", ""))
+    points = []
+    for label, changes in study.changes():
+        try:
+            named = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
+        except TableError as error:
+            raise CaseError("\n".join(f"{file}: {label}: {problem}" for problem in error.problems)) from None
+        points.append(Point.of(label, named, case_file.parent, registry))
+    if all(point.case is None for point in points):
+        told = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
+        causes = (problem.cause for point in points for problem in point.problems)
+        raise CaseError("\n".join(told.values())) from next(filter(None, causes), None)
+    return points
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """Data of a point that a sweep holds in memory. numbers: of each increment; fields: x, y, z [m] and those of the
+    last increment that the study names, (n,) each."""
+
+    status: str
+    message: str
+    numbers: tuple[Mapping[str, float], ...] = ()
+    fields: Mapping[str, Array] | None = None
+
+    @classmethod
+    def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
+        """Gather the data of an outcome."""
+        result = outcome.result
+        if result is None:
+            return cls(outcome.status, outcome.message)
+        seconds = {"seconds": float(result.timings.get("total", np.nan))}
+        numbers = tuple(numbers_of(result.zone, step) | seconds for step in result.steps)
+        return cls(outcome.status, outcome.message, numbers, _fields(result, fields) if fields else None)
+
+
+def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
+    fields = schema.nodal(schema.View.SWEEP)
+    places = dict(zip("xyz", result.zone.points.T, strict=True))
+    return places | {name: fields[name].values(result.zone, result.steps[-1]) for name in names}
+
+
+def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
+    axes = study.result_axes()
+    shape = tuple(len(axis.labels) for axis in axes)
+    found = [gathered[point.key] for point in points]
+
+    def over_axes(rows: Any) -> Any:
+        return rows.reshape(shape + rows.shape[1:])
+
+    def texts(given: Iterable[str]) -> Any:
+        return over_axes(np.array(list(given), dtype=np.str_))
+
+    count = max((len(point.numbers) for point in found), default=1) if study.every_increment else 1
+    quantities = {name: over_axes(_numbers(found, name, count)) for name in units()}
+    if not study.every_increment:
+        quantities = {name: values[..., 0] for name, values in quantities.items()}
+    fields = {name: _padded(found, name) for name in (*"xyz", *study.fields)} if study.fields else {}
+    return SweepResult(
+        title=study.title,
+        axes=axes,
+        quantities=quantities,
+        units=units() | {f"zone_{name}": field_units()[name] for name in study.fields},
+        status=texts(point.status for point in found),
+        message=texts(point.message for point in found),
+        key=texts(point.key for point in points),
+        fields={f"zone_{name}": over_axes(fields[name]) for name in study.fields},
+        nodes={name: _shared(fields[name], over_axes) for name in "xyz" if study.fields},
+        notes=dict(_notes(file, study)),
+        plotted=tuple(dict.fromkeys(name for plot in study.plots for name in plot.quantities)),
+    )
+
+
+def _numbers(found: Sequence[Gathered], name: str, count: int) -> Array:
+    """Return a number of the last `count` increments of each point, (p, count), nan where there are none; from the
+    first."""
+    rows = np.full((len(found), count), np.nan)
+    for row, point in zip(rows, found, strict=True):
+        values = [numbers[name] for numbers in point.numbers[-count:]]
+        row[: len(values)] = values
+    return rows
+
+
+def _padded(found: Sequence[Gathered], name: str) -> Array:
+    """Return a field of each point, (p, n), n nodes of the largest zone; nan where there are none."""
+    fields = [np.empty(0) if point.fields is None else point.fields[name] for point in found]
+    rows = np.full((len(fields), max(map(len, fields))), np.nan)
+    for row, values in zip(rows, fields, strict=True):
+        row[: len(values)] = values
+    return rows
+
+
+def _shared(rows: Array, over_axes: Any) -> Array:
+    """Return the coordinates of nodes, once if all points that have any have the same."""
+    known = rows[~np.isnan(rows).all(axis=1)]
+    same = len(known) > 0 and np.array_equal(known, np.broadcast_to(known[0], known.shape))
+    first: Array = known[0] if same else over_axes(rows)
+    return first
+
+
+def _notes(file: Path, study: SweepTable) -> Iterator[tuple[str, str]]:
+    yield "study", read_toml(file)[0]
+    yield "case", read_toml(file.parent / study.case)[0]

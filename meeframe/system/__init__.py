@@ -1,0 +1,1 @@
+"""Reduced systems on the contact zone: contracts, dense and composed systems."""

@@ -1,0 +1,83 @@
+"""Reduced systems stored as one matrix, as made by dense boundary elements and finite elements."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class DenseSystem(ReducedSystem):
+    """A reduced system with displacement = offset + matrix : load.
+
+    Attributes
+    ----------
+    matrix
+        (n, 5, n, 5), response (node, field) to the load (node, field), signs as in `ReducedSystem`.
+    recovery
+        Function that returns the fields on the whole boundary for a load (n, 5).
+    """
+
+    matrix: Array
+    recovery: Callable[[Array], NodalFields]
+
+    def apply(self, load: Array) -> Array:
+        """Return compliance(load), (n, 5), for a load (n, 5) by one matrix-vector product."""
+        size = self.offset.size
+        response: Array = self.matrix.reshape(size, size) @ np.ravel(load)
+        return response.reshape(load.shape)
+
+    def diagonal_blocks(self) -> Array:
+        """Return the response of each node to its own load, (n, 5, 5)."""
+        nodes = np.arange(len(self.offset))
+        return self.matrix[nodes, :, nodes, :]
+
+    def dense(self) -> Array | None:
+        """Return the compliance, (n, 5, n, 5)."""
+        return self.matrix
+
+    def recover(self, load: Array) -> NodalFields:
+        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+        return self.recovery(load)
+
+
+def in_local_frames(
+    points: Array,
+    frames: Array,
+    weights: Array,
+    cells: tuple[tuple[str, Indices], ...],
+    offset: Array,
+    compliance: Array,
+    fields: Callable[[Array], NodalFields],
+) -> DenseSystem:
+    """Return the reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
+
+    Parameters
+    ----------
+    points, frames, weights, cells
+        As in `ReducedSystem`.
+    offset, compliance : (n, 5) and (n, 5, n, 5) arrays
+        Of the extended displacement, potentials not negated.
+    fields
+        Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
+    """
+    to_load = np.zeros((len(frames), N_FIELDS, N_FIELDS))
+    to_load[:, MECHANICAL, MECHANICAL] = frames
+    to_load[:, range(ELECTRIC, N_FIELDS), range(ELECTRIC, N_FIELDS)] = 1.0
+    to_displacement = to_load.copy()
+    to_displacement[:, ELECTRIC:] *= -1.0
+    matrix = np.einsum("naj,njmk,mbk->namb", to_displacement, compliance, to_load, optimize=True)
+    return DenseSystem(
+        points=points,
+        frames=frames,
+        weights=weights,
+        cells=cells,
+        offset=np.einsum("naj,nj->na", to_displacement, offset),
+        matrix=np.ascontiguousarray(matrix),
+        recovery=lambda load: fields(np.einsum("naj,na->nj", to_load, load)),
+    )

@@ -1,0 +1,96 @@
+"""Contract of reduced systems: the interface between discretisation and contact."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from meeframe.fields import Array, Indices
+
+C = TypeVar("C")
+
+Progress = Callable[[str, float], None]
+"""A function that is called with the name of a stage and the fraction of it that is done."""
+
+
+def silent(_stage: str, _fraction: float) -> None:
+    """Report no progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodalFields:
+    """Fields on the boundary in SI units and global axes, for output and checks.
+
+    Attributes
+    ----------
+    points
+        (p, 3) [m]; points are repeated where tractions are discontinuous.
+    cells
+        Pairs of a meshio cell type and its connectivity, numbers into `points`.
+    values
+        (p, 5) extended displacement.
+    fluxes
+        (p, 5) extended traction on the outward normal.
+    """
+
+    points: Array
+    cells: tuple[tuple[str, Indices], ...]
+    values: Array
+    fluxes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSystem(ABC):
+    """A body condensed to the n nodes of its contact zone: displacement = offset + compliance(load).
+
+    A load (n, 5) = (t.e1, t.e2, t.nu, q, s) holds extended tractions as densities: t.nu <= 0 in compression,
+    q = D.nu and s = B.nu outward. A displacement (n, 5) = (u.e1, u.e2, u.nu, -phi, -psi). Potentials are negated here,
+    once, so that the compliance has a positive-definite symmetric part (docs/theory.md, Flipped rows). SI units, in the
+    local frames of the nodes.
+
+    Subclasses implement the four abstract methods. What they can do faster they say by inheriting capabilities
+    (`meeframe.system.capabilities`).
+
+    Attributes
+    ----------
+    points
+        (n, 3) node coordinates [m].
+    frames
+        (n, 3, 3) local frames, rows e1, e2, nu, right-handed, nu outward.
+    weights
+        (n,) integration weights [m^2]: the resultant of nodal densities f is sum(weights * f).
+    cells
+        Pairs of a meshio cell type and its connectivity, numbers into `points`.
+    offset
+        (n, 5) displacement at zero load, due to the prescribed boundary data.
+    """
+
+    points: Array
+    frames: Array
+    weights: Array
+    cells: tuple[tuple[str, Indices], ...]
+    offset: Array
+
+    @abstractmethod
+    def apply(self, load: Array) -> Array:
+        """Return compliance(load), (n, 5), of a load (n, 5), which must not be changed."""
+
+    @abstractmethod
+    def diagonal_blocks(self) -> Array:
+        """Return the response of each node to its own load, (n, 5, 5)."""
+
+    @abstractmethod
+    def dense(self) -> Array | None:
+        """Return the compliance as (n, 5, n, 5) if it is stored as a matrix, else None."""
+
+    @abstractmethod
+    def recover(self, load: Array) -> NodalFields:
+        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
+
+    def capability(self, kind: type[C]) -> C | None:
+        """Return an object with the methods of a capability; None if the system does not have it.
+
+        By default a system has the capabilities that its class inherits. Override this method where a capability
+        depends on the instance.
+        """
+        return self if isinstance(self, kind) else None
