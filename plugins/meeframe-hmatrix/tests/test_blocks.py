@@ -7,7 +7,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from meeframe_hmatrix import arithmetic, pending
+from meeframe_hmatrix import accumulated_update, arithmetic
 from meeframe_hmatrix.arithmetic import Form, Truncation, eliminate, helpers, solution, solve, solve_from_right
 from meeframe_hmatrix.blocks import (
     Dense,
@@ -194,10 +194,10 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
 
 
 @pytest.mark.full(except_for=2)
-@pytest.mark.parametrize("small", [0, pending.SMALL], ids=["random vectors", "entry by entry"])
+@pytest.mark.parametrize("small", [0, accumulated_update.MAX_ENTRYWISE], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
-    monkeypatch.setattr(pending, "SMALL", small)
+    monkeypatch.setattr(accumulated_update, "MAX_ENTRYWISE", small)
     square, wide, block, wide_block = matrices
     x = np.random.default_rng(3).normal(size=(len(square), 2))
     tall = whole(np.ascontiguousarray(wide.T), 1e-9)
