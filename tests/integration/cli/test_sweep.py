@@ -131,6 +131,7 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     expected = found["formulation.stiffness"] * np.maximum(found["steps[1].approach"], 0.0)
     np.testing.assert_allclose(found.max_pressure, expected.broadcast_like(found.max_pressure), rtol=1e-9)
     assert (found.max_pressure.units, found.normal_force.units, found.zone_pressure.units) == ("Pa", "N", "Pa")
+    assert (found.max_pressure.long_name, found.zone_pressure.long_name) == ("largest pressure", "contact pressure")
     depth = np.maximum(found["steps[1].approach"] - (found.x**2 + found.y**2) / 0.2, 0.0)
     pressure = found["formulation.stiffness"] * depth
     np.testing.assert_allclose(found.zone_pressure, pressure.broadcast_like(found.zone_pressure), rtol=1e-6, atol=1.0)
@@ -468,9 +469,7 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
         for options in ((), ("--overwrite",)):
             status, _, complained = sweep(file, out, *options)
             assert status == 2
-            assert f"error: folder {out} is in use: another process writes a sweep there" in " ".join(
-                complained.split()
-            )
+            assert f"error: folder {out} is in use: another process writes there" in " ".join(complained.split())
         workers = process.children(recursive=True)
         process.kill()
         process.wait()
