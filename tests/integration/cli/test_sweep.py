@@ -292,6 +292,7 @@ MAIN = (
 )  # fmt: skip
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
@@ -321,6 +322,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
@@ -359,6 +361,7 @@ def assert_nothing_twice(out, log, before, solved):
     assert len(log("reduced")) == 1, "nor the reduced system"
 
 
+@pytest.mark.full
 def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     out, file, told = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
     with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
@@ -376,6 +379,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("axis", "reductions"),
     [
@@ -393,6 +397,7 @@ def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path,
     assert set(log("threads")) - set(of_reductions) == {"threads of a point: 1, of libraries: 1"}
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("options", "reduction", "point"),
     [
@@ -444,6 +449,7 @@ def meeframe_solvers():
 """
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
