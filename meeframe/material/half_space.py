@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldScaling
 
 _FIRST_POINTS, _MOST_POINTS = 32, 4096
 _CONVERGED = 1e-12  # of the coarser of two rules; the error falls geometrically, so the finer is at round-off
@@ -20,12 +20,12 @@ _AXISYMMETRIC = 1e-9  # relative, in scaled fields
 
 
 def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLike) -> NDArray[np.complex128]:
-    """Surface compliance Y(m), (n, 5, 5), Hermitian, SI units, global axes, with u^ = Y t^ / k.
+    """Return the surface compliance Y(m), (n, fields, fields), Hermitian, SI units, global axes, with u^ = Y t^ / k.
 
-    stiffness: C_iJKm (3, 5, 5, 3) in SI units; normal: outward normal (3,); directions: (n, 3), of which the component
-    in the surface counts. Raises MaterialError if a vector is zero or a direction is normal to the surface, if the
-    integrals do not converge (a material on the verge of inadmissibility), or if too much is lost in round-off (one
-    that is all but incompressible).
+    stiffness: C_iJKm (3, fields, fields, 3) in SI units; normal: outward normal (3,); directions: (n, 3), of which the
+    component in the surface counts. Raises MaterialError if a vector is zero or a direction is normal to the surface,
+    if the integrals do not converge (a material on the verge of inadmissibility), or if too much is lost in round-off
+    (one that is all but incompressible).
     """
     nu, tangents = _frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
@@ -56,7 +56,9 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
 
 
 def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
-    """Point-source response xi_JK, (3, 3), of (normal displacement, phi, psi) to (normal traction, q, s), SI units.
+    """Return the point-source response xi_JK of (normal displacement, phi, psi) to (normal traction, q, s), SI units.
+
+    (1 + scalars, 1 + scalars), if there are other scalar fields.
 
     u_J(x) = xi_JK t_K / |x| on the surface with outward normal (3,), by default x3. xi_11 > 0, xi_22 < 0, xi_33 < 0.
     Raises MaterialError if the response depends on direction.
@@ -66,11 +68,11 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
     e1 = np.cross(nu, helper)
     angles = np.linspace(0.0, np.pi, 7, endpoint=False)
     directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
-    rows = np.zeros((3, 5))
-    rows[0, :3] = nu
-    rows[1, 3] = rows[2, 4] = 1.0
+    n_fields = stiffness.shape[1]
+    rows = np.eye(n_fields)[N_MECHANICAL - 1 :]
+    rows[0, MECHANICAL] = nu
     blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
-    factors = FieldScaling.of(stiffness).factors[2:]
+    factors = FieldScaling.of(stiffness).factors[N_MECHANICAL - 1 :]
     # an antisymmetric imaginary part, or one that turns with the direction, has no 1/r response
     spread = np.abs((blocks - blocks[0].real) / np.outer(factors, factors)).max()
     if spread > _AXISYMMETRIC * np.abs(blocks[0] / np.outer(factors, factors)).max():
@@ -99,7 +101,10 @@ def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
 
 
 def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Tensors S and L, (n, 5, 5) each, for planes of tangent and inward normal, by the trapezoidal rule over pi."""
+    """Return tensors S and L, (n, fields, fields) each, for planes of tangent and inward normal.
+
+    By the trapezoidal rule over pi.
+    """
     theta = np.arange(points) * (np.pi / points)
     cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
     m, n = tangents[None], inward[None, None]

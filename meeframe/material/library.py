@@ -12,6 +12,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
+from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
 from meeframe.material.material import Material
 from meeframe.material.tables import check_keys, inline_material, quantity, read_material, turned
 
@@ -61,16 +62,26 @@ def library_material(name: str, **options: float) -> Material:
     return entry.make(**options)
 
 
-def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> Material:
+def material_from_table(
+    table: Mapping[str, Any], directory: Path = Path(), scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
+) -> Material:
     """The material of a case file's [material] table, which is one of
 
     - {name = "...", its options}: from the library;
     - {components = {...}, symmetry, name, source}: see meeframe.material.tables.inline_material;
     - {file = "..."}: a material file, its path relative to directory;
 
-    each with rotation = {...} if wanted. Quantities are texts such as '226 GPa' or SI numbers. Raises MaterialError
-    naming key, value and what is allowed.
+    each with rotation = {...} if wanted, and with the coefficients of further scalar fields: one number, or three rows
+    of three. scalar_fields: those that a table may have. Quantities are texts such as '226 GPa' or SI numbers. Raises
+    MaterialError naming key, value and what is allowed.
     """  # fmt: skip
+    given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
+    if given:
+        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in given}}
+        material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
+        for field, value in given.items():
+            material = material.with_field(field, _coefficient(field, value))
+        return turned(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
         raise MaterialError("a material needs one of name (from the library), components or file")
@@ -87,6 +98,15 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
         if key in table
     }
     return turned(library_material(entry.name, **options), table)
+
+
+def _coefficient(field: ScalarField, value: Any) -> Array | float:
+    """Return the coefficient of a scalar field that a table gives: one number or three rows of three, SI units."""
+    if not isinstance(value, list | tuple):
+        return quantity(field.coefficient, value, field.coefficient_unit)
+    if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):
+        raise MaterialError(f"{field.coefficient} is {value!r}, must be one number or three rows of three")
+    return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
 def _entry(name: Any) -> LibraryEntry:

@@ -53,7 +53,7 @@ def cached_body(
     arrays = read_kept(path, key)
     if arrays is not None:
         with suppress(ValueError), faults_of_plugins(ValueError):  # not what this formulation kept
-            return checked(formulation, formulation.restored(body, arrays))
+            return checked(formulation, formulation.restored(body, arrays), body.fields.size)
     system = reduce_for_contact(formulation, body, progress)
     with faults_of_plugins():
         matrix, kept = system.dense(), kept_of(formulation, system)

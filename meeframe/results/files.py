@@ -17,7 +17,7 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
-from meeframe.fields import FLUX_UNITS, N_FIELDS, VALUE_UNITS, Array, Indices
+from meeframe.fields import MEE, N_FIELDS, Array, Indices
 from meeframe.indenters.base import COLUMNS, MOTIONS, N_MOTIONS, RESULTANTS, UNITS
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
 from meeframe.results.output import RESULT_FILE, replacing
@@ -67,8 +67,8 @@ RESULTANT_UNITS: Final = {
 _SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
 _BOUNDARY_UNITS: Final = {
     "points": "m",
-    "values": ", ".join(VALUE_UNITS),
-    "fluxes": ", ".join(FLUX_UNITS),
+    "values": ", ".join(MEE.value_units),
+    "fluxes": ", ".join(MEE.flux_units),
 }
 
 

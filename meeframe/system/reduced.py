@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.mesh.body import Body
 
 AnyArray = NDArray[Any]
@@ -59,6 +59,11 @@ class ReducedSystem(ABC):
     cells: tuple[tuple[str, Indices], ...]
     offset: Array
 
+    @property
+    def n_fields(self) -> int:
+        """Number of fields: three displacements and the potentials."""
+        return int(self.offset.shape[1])
+
     @abstractmethod
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5)."""
@@ -89,7 +94,7 @@ class ReducedSystem(ABC):
 
         Of loads in single precision it need be no more precise than they are, where that is cheaper.
         """
-        whole = np.zeros((N_FIELDS, len(load))).T
+        whole = np.zeros((self.n_fields, len(load))).T
         whole[:, list(loaded)] = load
         return self.response(whole, fields)
 

@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 
 from meeframe.common.errors import MeshError
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.fields import MECHANICAL, Array, Indices
 from meeframe.system.reduced import (
     BlockResponse,
     Edges,
@@ -150,7 +150,7 @@ class TwoBodySystem(ReducedSystem):
     @cached_property
     def _aligned(self) -> bool:
         """Whether frames coincide but for signs and round-off."""
-        return bool(np.abs(self.rotation[:, ~np.eye(N_FIELDS, dtype=bool)]).max(initial=0.0) < ROUND_OFF)
+        return bool(np.abs(self.rotation[:, ~np.eye(self.n_fields, dtype=bool)]).max(initial=0.0) < ROUND_OFF)
 
     def diagonal_blocks(self) -> Array:
         """Relative response of each node to its own load, (n, 5, 5)."""
@@ -212,7 +212,7 @@ def combine_bodies(first: ReducedSystem, second_body: ReducedSystem) -> TwoBodyS
     first, counter: each in its own coordinates with its contact zone up. Raises MeshError as `match_nodes`.
     """
     partners = match_nodes(first, second_body)
-    rotation = np.tile(np.eye(N_FIELDS), (len(partners), 1, 1))
+    rotation = np.tile(np.eye(first.n_fields), (len(partners), 1, 1))
     turned = second_body.frames[partners] * TURN_OVER
     rotation[:, MECHANICAL, MECHANICAL] = first.frames @ turned.transpose(0, 2, 1)
     return TwoBodySystem(
