@@ -7,7 +7,7 @@ from typing import Final, final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, Indices
+from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.system.reduced import (
     BlockResponse,
     Coarsening,
@@ -22,15 +22,13 @@ from meeframe.system.reduced import (
 from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_grid, numbered
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
+from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.extension import Pyramid
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
-from meeframe_halfspace.response import entries_to_matrix
 from meeframe_halfspace.two_grids import TwoGrids, two_grids
 
-SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
-"""Of the potentials in a displacement of ReducedSystem."""
 SMALL: Final = 0.75
 """Of the nodes: parts with more of them are not worth entries of their own."""
 SIZES: Final = 2
@@ -56,15 +54,15 @@ class HalfSpaceSystem(ReducedSystem):
 
     def apply(self, load: Array) -> Array:
         """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
-        return self.response(load, range(N_FIELDS))
+        return self.response(load, range(self.n_fields))
 
     def response(self, load: Array, fields: Sequence[int]) -> Array:
         """compliance(load) in k fields alone, (n, k) for load (n, 5): one transform for each, and each that is loaded.
 
         Columns of the load may be stored one after another: it then takes the shortest time.
         """
-        loaded = [field for field in range(N_FIELDS) if load[:, field].any()]
-        return self._response(load.T if len(loaded) == N_FIELDS else load.T[loaded], loaded, fields)
+        loaded = [field for field in range(self.n_fields) if load[:, field].any()]
+        return self._response(load.T if len(loaded) == self.n_fields else load.T[loaded], loaded, fields)
 
     def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """See ReducedSystem."""
@@ -95,7 +93,7 @@ class HalfSpaceSystem(ReducedSystem):
 
     def diagonal_blocks(self) -> Array:
         """Response of each node to its own load, (n, 5, 5), one entry after another."""
-        blocks = np.zeros((N_FIELDS, N_FIELDS, len(self.shares)))  # much of it stays zero, and costs nothing
+        blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # much of it stays zero, and costs nothing
         for place in np.argwhere(self._own.T):
             np.multiply(self._own.T[*place], self.shares, out=blocks[*place])
         return blocks.T
@@ -165,7 +163,7 @@ class HalfSpaceSystem(ReducedSystem):
         middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
         load[0, *middle] = 1.0
         around = tuple(slice(place - reach, place + reach + 1) for place in middle)
-        responses = np.zeros((N_FIELDS, N_FIELDS, 2 * reach + 1, 2 * reach + 1))
+        responses = np.zeros((self.n_fields, self.n_fields, 2 * reach + 1, 2 * reach + 1))
         for loaded in fields:
             responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
         return Stencil(
@@ -222,7 +220,7 @@ class HalfSpaceSystem(ReducedSystem):
 
     def recover(self, load: Array) -> NodalFields:
         """Fields on the contact zone for a load (n, 5): the half space around it has none on its surface but decays."""
-        values = (self.offset + self.apply(load)) * SIGNS
+        values = (self.offset + self.apply(load)) * potential_signs(self.n_fields)
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 
     def _global(self, extended: Array) -> Array:
@@ -231,10 +229,17 @@ class HalfSpaceSystem(ReducedSystem):
         return turned
 
 
+def potential_signs(n_fields: int) -> Array:
+    """Return the signs (n_fields,) of displacements and potentials in a displacement of ReducedSystem."""
+    signs = np.ones(n_fields)
+    signs[POTENTIALS] = -1.0
+    return signs
+
+
 def convolution_of(response: GridResponse) -> Convolution:
     """In SI, with the signs of ReducedSystem; its entries are made when they are needed."""
     factors = response.response.factors
-    scale = np.outer(factors * SIGNS, factors)
+    scale = np.outer(factors * potential_signs(len(factors)), factors)
     symbol = Symbol(response.symbol, response.response.numbers, response.response.parities)
     return Convolution(symbol, response.size, response.padded, scale, two_grids(response, scale))
 
@@ -247,19 +252,19 @@ def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array)
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
     """The compliance of a system as (n, 5, n, 5), by as many products as a unit load has fields."""
-    (nx, ny), n = system.grid.size, system.grid.nodes.size
+    (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)
-    kernel = np.empty((N_FIELDS, N_FIELDS, *wide.size))
-    for loaded in range(N_FIELDS):
+    kernel = np.empty((n_fields, n_fields, *wide.size))
+    for loaded in range(n_fields):
         load = np.zeros((1, *wide.size))
         load[0, 0, 0] = 1.0
-        kernel[:, loaded] = wide.response(load, [loaded], range(N_FIELDS))
+        kernel[:, loaded] = wide.response(load, [loaded], range(n_fields))
     place = np.empty((n, 2), np.int64)
     place[system.grid.nodes.ravel()] = np.indices((nx, ny)).reshape(2, -1).T
     i, j = (place[:, None] - place).transpose(2, 0, 1)  # negative offsets count from the end
-    matrix = np.empty((n, N_FIELDS, n, N_FIELDS))
-    for row in range(N_FIELDS):
-        for column in range(N_FIELDS):
+    matrix = np.empty((n, n_fields, n, n_fields))
+    for row in range(n_fields):
+        for column in range(n_fields):
             matrix[:, row, :, column] = kernel[row, column][i, j] * system.shares
     return matrix
