@@ -24,5 +24,5 @@ def totals_of(file: Path, exact: Mapping[str, float], tolerance: float = 1e-3) -
     """Totals of a case, by the names of TOTALS, against exact ones."""
     found = solved(file)
     for name, true in exact.items():
-        words = f"{file.parent.name}/{file.name}, by meeframe run: {name.replace('_', ' ')}"
+        words = f"{file.parent.name}/{file.name}, with meeframe run: {name.replace('_', ' ')}"
         yield Check(words, TOTALS[name](found), true, tolerance, UNITS[name])

@@ -14,7 +14,7 @@ __all__ = ["app", "cases", "extensions", "fclib", "main", "studies"]
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """Run the command line; entry point of the console script."""
     try:
         app()
     finally:

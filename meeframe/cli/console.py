@@ -1,4 +1,4 @@
-"""What all commands share: exit status, messages, progress, the registry."""
+"""Shared parts of all commands: exit status, messages, progress, the registry."""
 
 import errno
 import gc
@@ -32,7 +32,7 @@ _OF_PATHS: Final = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP)
 
 @contextmanager
 def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[None]:
-    """Turns what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback.
+    """Turn what a user can cause into a message and an exit status; a defect of meeframe keeps its traceback.
 
     no_memory: status if memory runs out; in reading and assembling it is bad input (CaseError) whatever this says;
     untouched: what to say of an interruption that carries no note, as it came before anything was written.
@@ -68,7 +68,7 @@ def exit_status(no_memory: int = BAD_INPUT, untouched: str = "") -> Iterator[Non
 
 @contextmanager
 def _warned() -> Iterator[None]:
-    """Warnings of libraries and plugins are told as ours are, each once and in one line."""
+    """Print each warning of a library or plugin once, in one line, as meeframe's own warnings."""
     told: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
@@ -84,7 +84,7 @@ def _warned() -> Iterator[None]:
 
 @contextmanager
 def _ended_as_by_hand() -> Iterator[None]:
-    """A request to end (SIGTERM) is taken as Ctrl-C is, and neither is lost where Python lets no exception out."""
+    """Handle a request to end (SIGTERM) like Ctrl-C, also where Python lets no exception out."""
     if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
         yield
         return
@@ -101,7 +101,7 @@ def _ended_as_by_hand() -> Iterator[None]:
 
 
 def _interrupt(_number: int, frame: FrameType | None) -> None:
-    """Raises KeyboardInterrupt; in a moment where compiled code asks Python to unpickle what it returns, which it does
+    """Raise KeyboardInterrupt; in a moment where compiled code asks Python to unpickle what it returns, which it does
     at the end of every long call: numba returns all the same, and Python makes a SystemError of it."""
     while frame is not None:
         if frame.f_code.co_name == "_numba_unpickle":
@@ -112,7 +112,7 @@ def _interrupt(_number: int, frame: FrameType | None) -> None:
 
 
 def _soon() -> None:
-    """Asks to end once more in a moment, by a signal, which ends waiting too, unless there is nothing left to end."""
+    """Ask to end once more in a moment, by a signal, which ends waiting too, unless there is nothing left to end."""
 
     def ask() -> None:
         if signal.getsignal(signal.SIGTERM) is _interrupt:
@@ -122,7 +122,7 @@ def _soon() -> None:
 
 
 def _again(ignored: "sys.UnraisableHookArgs") -> bool:
-    """An interruption that came while an object was let go (h5py lets go of many) comes again in a moment."""
+    """Return an interruption that came while an object was let go (h5py lets go of many) comes again in a moment."""
     interrupts = issubclass(ignored.exc_type, KeyboardInterrupt)
     if interrupts:
         _soon()
@@ -130,7 +130,7 @@ def _again(ignored: "sys.UnraisableHookArgs") -> bool:
 
 
 def _told(ignored: "sys.UnraisableHookArgs") -> bool:
-    """What h5py meets once more when it lets go of a file that could not be written, which has been told."""
+    """Return what h5py meets once more when it lets go of a file that could not be written, which has been told."""
     return issubclass(ignored.exc_type, RuntimeError) and "file write failed" in str(ignored.exc_value)
 
 
@@ -140,7 +140,7 @@ def _with_notes(what: str, error: BaseException, default: str = "") -> str:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """While modules are loaded, and the case of `check`: no search for garbage among what stays, a seventh of the time.
+    """Suspend garbage collection while modules and the case of `check` load: it takes a seventh of that time.
 
     Afterwards it is searched for as before, but among what is new.
     """
@@ -155,12 +155,12 @@ def loading() -> Iterator[None]:
 
 
 def stdout() -> Console:
-    """Standard output; as wide as the text wants where it is not a terminal."""
+    """Return the standard output; as wide as the text wants where it is not a terminal."""
     return Console(width=None if sys.stdout.isatty() else 240)
 
 
 def registry(files: list[Path] | None) -> "Registry":
-    """Everything registered, with plugins from files; warns of broken plugins."""
+    """Return the registry, with plugins from files; warn of broken plugins."""
     from meeframe.plugin.registry import load
 
     loaded = load(*(files or ()))
@@ -170,12 +170,12 @@ def registry(files: list[Path] | None) -> "Registry":
 
 
 def warn(text: str) -> None:
-    """A warning on standard error."""
+    """Print a warning on standard error."""
     print(f"warning: {text}", file=sys.stderr)
 
 
 def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
-    """Says so, once, when numba compiles a kernel of meeframe's: only what it does not find is compiled, and kept."""
+    """Say so, once, when numba compiles a kernel of meeframe's: only what it does not find is compiled, and kept."""
     from numba.core import event
 
     from meeframe.plugin.sources import LOCAL
@@ -199,7 +199,7 @@ def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
 
 @contextmanager
 def progress() -> "Iterator[Progress]":
-    """A bar for each stage on the terminal, one after the other."""
+    """Return a bar for each stage on the terminal, one after the other."""
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:22}"), BarColumn(), TimeElapsedColumn())

@@ -1,4 +1,4 @@
-"""How many threads BLAS takes while threads of our own share the work."""
+"""Limits the threads of BLAS while threads of meeframe share the work."""
 
 from threading import Lock
 from types import TracebackType
@@ -7,8 +7,11 @@ from threadpoolctl import threadpool_limits
 
 
 class _OneThread:
-    """Counts who is inside. The limit is one of the whole process: each restoring what it found would, where several
-    overlap, lift that of the others or leave it behind."""
+    """A context manager that counts its entries and limits BLAS to one thread while there are any.
+
+    The limit belongs to the whole process. If each of several overlapping uses restored the value it had found, one
+    would lift the limit of the others or leave it behind.
+    """
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -30,4 +33,4 @@ class _OneThread:
 
 
 ONE_BLAS_THREAD = _OneThread()
-"""BLAS of this process takes one thread while any thread of ours is within `with ONE_BLAS_THREAD:`; as before then."""
+"""Context in which BLAS uses one thread, as long as any thread of the process is inside; restored afterwards."""

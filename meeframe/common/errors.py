@@ -1,4 +1,4 @@
-"""Errors that a user can cause and mend; anything else is a defect of meeframe."""
+"""Errors that a user can cause and correct; anything else is a defect of meeframe."""
 
 
 class MeeframeError(Exception):
@@ -18,7 +18,7 @@ class CaseError(MeeframeError):
 
 
 class TooLargeError(MeshError, CaseError):
-    """A mesh needs more memory than there is: with more of it, or another time, the same case may run."""
+    """A mesh needs more memory than there is; with more memory the same case may run."""
 
 
 class PluginError(MeeframeError):
@@ -26,7 +26,7 @@ class PluginError(MeeframeError):
 
 
 class PluginFault(PluginError):
-    """Code of a plugin failed while it was used: mended, or another time, the same case may run."""
+    """Code of a plugin failed while it was used; once it is corrected, the same case may run."""
 
 
 class ResultError(MeeframeError):

@@ -1,4 +1,4 @@
-"""Functions of an object that lives for a while, such as a mesh or a contact problem, evaluated once for each."""
+"""Memoization of functions by the identity of their first argument."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -11,9 +11,10 @@ Found = TypeVar("Found")
 
 
 def memoize_by_identity(function: Callable[[Given, *More], Found]) -> Callable[[Given, *More], Found]:
-    """The function, which remembers what it found for an object, known by its identity, as long as that lives.
+    """Memoize a function by the identity of its first argument, such as a mesh or a contact problem.
 
-    What else it is given must be hashable: something is remembered for each.
+    A result is kept as long as that object lives. Further arguments must be hashable; one result is kept for each
+    combination of them.
     """
     found: WeakKeyDictionary[Given, dict[tuple[*More], Found]] = WeakKeyDictionary()
 

@@ -1,7 +1,7 @@
-"""Memory that arrays leave, kept for those to come.
+"""Keeps freed memory in the process, for the arrays to come.
 
-Solvers make and leave arrays of some megabytes all the time. The C library gives what is free at the end of its memory
-back to the system, which has to find and clear it anew, page by page: a tenth of the time of large contacts.
+Solvers allocate and free arrays of some megabytes all the time. The C library returns free memory at the end of its
+heap to the system, which has to find and clear it again, page by page: a tenth of the time of large contacts.
 """
 
 import ctypes
@@ -9,10 +9,10 @@ import os
 from functools import cache
 from typing import Final
 
-KEPT: Final = 2**30
-"""Bytes that are free at the end of the memory and stay with the process."""
-LARGEST: Final = 2**25
-"""Bytes from which an array has memory of its own, which the system has back: what the library comes to by itself."""
+FREE_MEMORY_KEPT: Final = 2**30
+"""Free bytes at the end of the heap that stay with the process."""
+MIN_MAPPED_ARRAY: Final = 2**25
+"""Size in bytes from which an array gets a mapping of its own, returned when freed; the library's own upper limit."""
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
 _TUNED: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
@@ -20,8 +20,10 @@ _TUNED: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNAB
 
 @cache
 def keep_freed_memory() -> bool:
-    """Let the process keep freed memory, from now on; whether it does. Only of the GNU C library, and not where one of
-    its own variables of the environment (mallopt(3)) says something else."""
+    """Let the process keep freed memory from now on, and return whether it does.
+
+    This works with the GNU C library only, and not where one of its environment variables (mallopt(3)) says otherwise.
+    """
     if any(name in os.environ for name in _TUNED):
         return False
     try:
@@ -29,4 +31,4 @@ def keep_freed_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (ValueError, OSError, AttributeError):
         return False
-    return bool(mallopt(_MMAP_THRESHOLD, LARGEST) and mallopt(_TRIM_THRESHOLD, KEPT))
+    return bool(mallopt(_MMAP_THRESHOLD, MIN_MAPPED_ARRAY) and mallopt(_TRIM_THRESHOLD, FREE_MEMORY_KEPT))

@@ -1,4 +1,4 @@
-"""Tables as TOML: files of them are read, and a case with keys changed is written as a case file again."""
+"""Reading of TOML files and writing of tables as TOML text."""
 
 import json
 import re
@@ -15,16 +15,16 @@ import numpy as np
 from meeframe.common.errors import CaseError
 
 _MOST_BITS: Final = 10_000
-"""Of whole numbers: Python writes none of more than 4300 decimal digits, not even into a message."""
+"""Bits of the largest whole number accepted: Python prints none of more than 4300 decimal digits."""
 _DIGITS: Final = re.compile(
     r'"{3}(?:[^\\]|\\.)*?"{3}|\'{3}.*?\'{3}|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*|([0-9_]+)', re.DOTALL
 )
-"""Digits as their group, outside texts and comments, which have none."""
+"""Matches digits, as a group, outside strings and comments."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
-    """Text and tables of a TOML file. Raises CaseError."""
+    """Return text and tables of a TOML file; raise CaseError if it cannot be read."""
     try:
         text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
         return text, toml_tables(text)
@@ -37,7 +37,7 @@ def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
 
 
 def toml_tables(text: str) -> dict[str, Any]:
-    """Tables of TOML text. Raises ValueError, and RecursionError for tables too deep within each other."""
+    """Return the tables of TOML text; raise ValueError, or RecursionError for tables nested too deeply."""
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -56,7 +56,7 @@ def toml_tables(text: str) -> dict[str, Any]:
 
 
 def check_whole_numbers(tables: Mapping[str, Any]) -> None:
-    """Raises ValueError, which names the key, for a whole number of more digits than Python writes."""
+    """Raise ValueError, naming the key, for a whole number of more digits than Python prints."""
     values: list[tuple[str, Any]] = [("", tables)]
     for key, value in values:
         if isinstance(value, int) and value.bit_length() > _MOST_BITS:
@@ -69,10 +69,17 @@ def check_whole_numbers(tables: Mapping[str, Any]) -> None:
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """TOML text that gives these tables when it is read: one header for each table of the top, inner ones in line.
+    """Return TOML text that gives these tables when it is read.
 
-    Numbers and arrays of numpy are numbers and lists. Raises TypeError, which names the key, for values that TOML has
-    not, such as None, and ValueError as check_whole_numbers.
+    There is one header for each top-level table; inner ones are inline. Numbers and arrays of numpy become numbers and
+    lists.
+
+    Raises
+    ------
+    TypeError
+        For values that TOML does not have, such as None; the message names the key.
+    ValueError
+        As `check_whole_numbers`.
     """
     check_whole_numbers(tables)
     plain = {key: value for key, value in tables.items() if not _is_table(value) and not _is_tables(value)}

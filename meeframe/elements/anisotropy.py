@@ -1,4 +1,4 @@
-"""How much nearer an anisotropic medium brings the complex singularities of its fundamental solution."""
+"""Anisotropy of a medium: the distance of its fundamental solution's complex singularities."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from meeframe.material.stroh import stroh_eigenvalues
 
 
 def anisotropy(stiffness: Array, planes: int = 200) -> float:
-    """Largest 1/|Im p| over Stroh eigenvalues p of a number of planes; about 1 for an isotropic medium.
+    """Return the largest 1/|Im p| over Stroh eigenvalues p of a number of planes; about 1 for an isotropic medium.
 
     stiffness: scaled, C'_iJKm, (3, 5, 5, 3). The eigenvalues in a plane (m, n) are the roots of
     det C'_iJKm (m + p n)_i (m + p n)_m (paper, appendix B). The kernels have their singularities where p meets its

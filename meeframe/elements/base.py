@@ -51,7 +51,7 @@ class SurfaceElement(ABC):
 
 @lru_cache(maxsize=64)
 def shape_coefficients(element: SurfaceElement) -> Array:
-    """Coefficients a_nk with N_n(xi) = sum_k a_nk xi^i_k eta^j_k, (n, n), from N_n(node m) = delta_nm."""
+    """Return the coefficients a_nk with N_n(xi) = sum_k a_nk xi^i_k eta^j_k, (n, n), from N_n(node m) = delta_nm."""
     vandermonde = _monomials(element, element.nodes)
     coefficients: Array = np.ascontiguousarray(np.linalg.inv(vandermonde).T)
     coefficients.setflags(write=False)
@@ -59,13 +59,13 @@ def shape_coefficients(element: SurfaceElement) -> Array:
 
 
 def shape_functions(element: SurfaceElement, xi: Array) -> Array:
-    """Values N_n at reference points xi (m, 2): (m, n)."""
+    """Return the values N_n at reference points xi (m, 2): (m, n)."""
     values: Array = _monomials(element, np.asarray(xi, float)) @ shape_coefficients(element).T
     return values
 
 
 def shape_derivatives(element: SurfaceElement, xi: Array) -> Array:
-    """Derivatives dN_n/dxi_k at reference points xi (m, 2): (m, n, 2)."""
+    """Return the derivatives dN_n/dxi_k at reference points xi (m, 2): (m, n, 2)."""
     x, y = np.asarray(xi, float).T[:, :, None]
     i, j = element.exponents.T[:, None, :]
     along_x = i * x ** np.maximum(i - 1, 0) * y**j

@@ -29,8 +29,8 @@ def traction_principal_value(
     tolerance: float = 1e-10,
     anisotropy: float = MODERATE_ANISOTROPY,
 ) -> Array:
-    """Contribution of one element to the principal value of int T_JK N_a dS, source at one of its nodes, (n, fields,
-    fields).
+    """Return the contribution of one element to the principal value of int T_JK N_a dS, source at one of its nodes,
+    (n, fields, fields).
 
     nodes: (n, 3), in the unit of length of the kernel. Guiggiani and Gigante (J. Appl. Mech. 57, 1990, 906): with the
     element's tangent map A at the source, offset y in the reference domain, the singular part T(A y, normal) of the
@@ -55,7 +55,7 @@ def traction_principal_value(
 
 
 def free_term(kernel: Kernel, facets: Array) -> Array:
-    """Free term c_JK of eq. (19) at a node, (fields, fields), from the tangent cone of the body there.
+    """Return the free term c_JK of eq. (19) at a node, (fields, fields), from the tangent cone of the body there.
 
     facets: (f, 3, 3), in any order, one for each element that meets at the node, as tangent_facet makes them: start
     direction, end direction, outward unit normal. c = -(integral of T(e, normal e) over the part of the unit sphere
@@ -71,7 +71,7 @@ def free_term(kernel: Kernel, facets: Array) -> Array:
 
 
 def tangent_facet(element: SurfaceElement, nodes: Array, local_node: int) -> Array:
-    """The element's sector of the tangent cone at one of its nodes, for free_term.
+    """Return the element's sector of the tangent cone at one of its nodes, for free_term.
 
     Rows of (3, 3): unit start and end directions, counter-clockwise seen from outside, and outward unit normal. Start
     and end are opposite at a mid-side node and alike at a node inside the element, whose sector is the whole plane.
@@ -91,7 +91,7 @@ def tangent_facet(element: SurfaceElement, nodes: Array, local_node: int) -> Arr
 
 
 def _tangents(element: SurfaceElement, nodes: Array, local_node: int) -> Array:
-    """Tangents x_xi, x_eta at a node, (2, 3)."""
+    """Return the tangents x_xi, x_eta at a node, (2, 3)."""
     derivatives = shape_derivatives(element, element.nodes[[local_node]])[0]
     tangents: Array = derivatives.T @ np.asarray(nodes, float)
     return tangents
@@ -102,7 +102,7 @@ def _cross(a: Array, b: Array) -> float:
 
 
 def _gauge(element: SurfaceElement, points: Array, origin: Array) -> Array:
-    """Fraction 0..1 of the way from origin to the boundary of the reference domain at points (m, 2)."""
+    """Return the fraction 0..1 of the way from origin to the boundary of the reference domain at points (m, 2)."""
     if element.reference == "quadrilateral":
         sides = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, -1.0, 1.0]])
     else:
@@ -114,7 +114,8 @@ def _gauge(element: SurfaceElement, points: Array, origin: Array) -> Array:
 
 
 def _arcs(facets: Array) -> tuple[Array, Array, Array]:
-    """Gauss points on the great arcs in which facets cut the unit sphere: points p, dp/ds (m, 3), weights ds (m,)."""
+    """Return the Gauss points on the great arcs in which facets cut the unit sphere: points p, dp/ds (m, 3), weights
+    ds (m,)."""
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
     positions, velocities, steps = [], [], []
     for start, end, normal in np.asarray(facets, float):
@@ -131,14 +132,15 @@ def _arcs(facets: Array) -> tuple[Array, Array, Array]:
 
 
 def _apex(positions: Array) -> Array:
-    """Of a number of directions all over the sphere the one that is farthest from points (m, 3) and their antipodes."""
+    """Return the one of many directions on the sphere that is farthest from points (m, 3) and their antipodes."""
     candidates = spread_directions(_APEXES)
     best: Array = candidates[np.abs(candidates @ positions.T).max(axis=1).argmin()]
     return best
 
 
 def _fan(apex: Array, positions: Array, velocities: Array, steps: Array) -> tuple[Array, Array]:
-    """Directions (m, 3) and signed solid angles (m,) of the fan between apex and arcs; the body is to their right."""
+    """Return the directions (m, 3) and signed solid angles (m,) of the fan between apex and arcs; the body is to their
+    right."""
     nodes, weights = np.polynomial.legendre.leggauss(2 * _POINTS)
     cosine = positions @ apex
     sideways = positions - cosine[:, None] * apex

@@ -17,7 +17,7 @@ MOST_GAUSS_POINTS = 24
 
 @lru_cache(maxsize=64)
 def shape_table(element: SurfaceElement) -> ShapeTable:
-    """The element as plain, read-only arrays for the kernels."""
+    """Return the element as plain, read-only arrays for the kernels."""
     arrays = (element.exponents.astype(np.int64), shape_coefficients(element).copy(), element.nodes.copy())
     for array in arrays:
         array.setflags(write=False)
@@ -26,7 +26,7 @@ def shape_table(element: SurfaceElement) -> ShapeTable:
 
 @lru_cache(maxsize=1)
 def gauss_table() -> kernels.GaussTable:
-    """Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
+    """Return the Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
     points = np.zeros((MOST_GAUSS_POINTS + 1, MOST_GAUSS_POINTS))
     weights = np.zeros_like(points)
     for n in range(1, MOST_GAUSS_POINTS + 1):
@@ -60,7 +60,8 @@ def pair_rule(
     own_xi: Array | None = None,
     anisotropy: float = MODERATE_ANISOTROPY,
 ) -> ElementRule:
-    """Rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from source (3,).
+    """Return the rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from
+    source (3,).
 
     own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
     that vanish at the source; tolerance: relative to the integral of the absolute value; anisotropy: of the medium,
@@ -87,7 +88,7 @@ def pair_rule(
 
 
 def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: int | None = None) -> ElementRule:
-    """Tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
+    """Return the tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
 
     order_eta: points along eta if they are not as many as along xi.
     """
@@ -98,7 +99,7 @@ def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: in
 
 
 def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
-    """A rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
+    """Return a rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
     m, n = len(weights), len(element.nodes)
     positions, normals = np.empty((m, 3)), np.empty((m, 3))
     measures, shapes = np.empty(m), np.empty((m, n))
@@ -122,7 +123,7 @@ class ElementExtents:
 
 
 def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> ElementExtents:
-    """Extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
+    """Return the extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     count = len(nodes)
     extents = ElementExtents(np.empty((count, 3)), np.empty((count, 2)), np.empty(count, np.int64))

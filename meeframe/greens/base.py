@@ -14,14 +14,15 @@ class Kernel(ABC):
 
     @abstractmethod
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Displacement and traction kernels U_JK and T_JK (eqs. 42, 47).
+        """Return the displacement and traction kernels U_JK and T_JK (eqs. 42, 47).
 
         offset: (n, 3), nowhere zero; normal: (n, 3) unit normals at x. Returns U (n, fields, fields), symmetric in J
         and K, and T (n, fields, fields); C-contiguous. Safe to call from several threads.
         """
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
-        """Sums of U and T times weights over the points of plane pieces of surface; None if `evaluate` has to serve.
+        """Return the sums of U and T times weights over the points of plane pieces of surface; None if `evaluate` has
+        to serve.
 
         offset: (n, 3); weights: (n, k); starts: (m + 1,), piece e has the points from starts[e] to starts[e + 1];
         normals: (m, 3) unit normals of the pieces. Returns sums for U and T, (m, k, fields^2), entry (J, K) row
@@ -32,7 +33,7 @@ class Kernel(ABC):
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offset (n, 3)."""
+        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offset (n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class FundamentalSolution(ABC):
 
     @abstractmethod
     def bind(self, stiffness: Array) -> Kernel:
-        """The kernel for one scaled extended stiffness C'_iJKm, (3, fields, fields, 3).
+        """Return the kernel for one scaled extended stiffness C'_iJKm, (3, fields, fields, 3).
 
         Raises MaterialError if this fundamental solution does not apply to the material.
         """

@@ -6,7 +6,7 @@ from meeframe.fields import Array
 
 
 def spread_directions(count: int) -> Array:
-    """Unit vectors spread evenly over the sphere along a golden spiral, (count, 3)."""
+    """Return the unit vectors spread evenly over the sphere along a golden spiral, (count, 3)."""
     number = np.arange(count) + 0.5
     height, turn = 1.0 - 2.0 * number / count, np.pi * (3.0 - np.sqrt(5.0)) * number
     radius = np.sqrt(1.0 - height**2)

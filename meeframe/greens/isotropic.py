@@ -24,7 +24,7 @@ class Isotropic(FundamentalSolution):
     """
 
     def bind(self, stiffness: Array) -> Kernel:
-        """The kernel for a scaled stiffness (3, 5, 5, 3).
+        """Return the kernel for a scaled stiffness (3, 5, 5, 3).
 
         Raises MaterialError that names what is anisotropic or coupled.
         """

@@ -34,7 +34,8 @@ class LineIntegral(FundamentalSolution):
             raise CaseError(f"LineIntegral: points = {self.points!r}: allowed are even numbers from 4 to {MOST_POINTS}")
 
     def bind(self, stiffness: Array) -> Kernel:
-        """The kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not elliptic."""
+        """Return the kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not
+        elliptic."""
         checked = checked_stiffness(stiffness)
         modulation = partial(line_modulation, checked, self.points)
         modulation(triads(spread_directions(20))[1])
@@ -42,7 +43,7 @@ class LineIntegral(FundamentalSolution):
 
 
 def line_modulation(stiffness: Array, points: int, triad: Array, with_tangents: bool = True) -> Array:
-    """H, A, B (n, 3, 15) on triads (n, 3, 3), or H alone, (n, 1, 15), without tangents.
+    """Return H, A, B (n, 3, 15) on triads (n, 3, 3), or H alone, (n, 1, 15), without tangents.
 
     Raises MaterialError if the rule does not converge.
     """

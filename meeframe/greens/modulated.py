@@ -25,21 +25,21 @@ class ModulatedKernel(Kernel):
     modulation: Modulation
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
+        """Return U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
         distance, triad = triads(np.ascontiguousarray(offset, dtype=float))
         normal = np.ascontiguousarray(normal, dtype=float)
         u, t = displacement_and_traction(self.stiffness, normal, distance, triad, self.modulation(triad))
         return u, t
 
     def gradient(self, offset: Array) -> Array:
-        """U,q (n, 5, 5, 3) for offset (n, 3)."""
+        """Return U,q (n, 5, 5, 3) for offset (n, 3)."""
         distance, triad = triads(np.ascontiguousarray(offset, dtype=float))
         gradient: Array = displacement_gradient(distance, triad, self.modulation(triad))
         return gradient
 
 
 def checked_stiffness(stiffness: Array) -> Array:
-    """A contiguous read-only copy of a scaled extended stiffness, (3, 5, 5, 3).
+    """Return a contiguous read-only copy of a scaled extended stiffness, (3, 5, 5, 3).
 
     Raises MaterialError unless it is finite, symmetric (C_iJKm = C_mKJi) and elliptic: C_iJKm z_i z_m has a positive
     definite mechanical and a negative definite electromagnetic block for all directions z.

@@ -28,7 +28,8 @@ class Residue(FundamentalSolution):
     """
 
     def bind(self, stiffness: Array) -> Kernel:
-        """The kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not elliptic."""
+        """Return the kernel for a scaled stiffness (3, 5, 5, 3); MaterialError if it is not symmetric or not
+        elliptic."""
         checked = checked_stiffness(stiffness)
         return ModulatedKernel(checked, partial(_modulation, checked))
 

@@ -38,7 +38,7 @@ class TabulatedKernel(Kernel):
     coefficients: Array
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
+        """Return U and T, each (n, 5, 5), for offset (n, 3) and unit normal (n, 3)."""
         offset = np.ascontiguousarray(offset, dtype=float)
         normal = np.ascontiguousarray(normal, dtype=float)
         u, t = _uninitialised(2 * len(offset) * 25).reshape(2, -1, 25)
@@ -46,14 +46,14 @@ class TabulatedKernel(Kernel):
         return u.reshape(-1, 5, 5), t.reshape(-1, 5, 5)
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array]:
-        """Weighted sums of U and T over the points of plane pieces; see Kernel."""
+        """Return the weighted sums of U and T over the points of plane pieces; see Kernel."""
         offset, weights, normals = (np.ascontiguousarray(part, dtype=float) for part in (offset, weights, normals))
         u, t = np.empty((2, len(normals), weights.shape[1], 25))
         integrate(self.table, self.cells, self.coefficients, offset, weights, starts, normals, u, t)
         return u, t
 
     def gradient(self, offset: Array) -> Array:
-        """U,q (n, 5, 5, 3) for offset (n, 3)."""
+        """Return U,q (n, 5, 5, 3) for offset (n, 3)."""
         result: Array = gradient(self.table, self.cells, np.ascontiguousarray(offset, dtype=float))
         return result
 
@@ -79,7 +79,7 @@ class Tabulated(FundamentalSolution):
             raise CaseError(f"Tabulated: cells = {self.cells!r}: allowed are 1 to {MOST_CELLS}")
 
     def bind(self, stiffness: Array) -> Kernel:
-        """The kernel for a scaled stiffness (3, 5, 5, 3).
+        """Return the kernel for a scaled stiffness (3, 5, 5, 3).
 
         Raises MaterialError if the stiffness is not symmetric or not elliptic, or too anisotropic for the tolerance.
         """
@@ -109,7 +109,7 @@ def _face_coefficients(stiffness: Array) -> Array:
 
 
 def _directions(cells: int, s: Array, t: Array) -> Array:
-    """Points x with x_a = 1 at local coordinates s, t (k,) of every cell, (3, cells, cells, k, 3)."""
+    """Return the points x with x_a = 1 at local coordinates s, t (k,) of every cell, (3, cells, cells, k, 3)."""
     corner = 2.0 * np.arange(cells) + 1.0 - cells
     x = np.ones((3, cells, cells, len(s), 3))
     for face in range(3):
@@ -119,7 +119,8 @@ def _directions(cells: int, s: Array, t: Array) -> Array:
 
 
 def _basis(count: int) -> Array:
-    """Powers (count, count), one column each, of 1 and the integrals of the Chebyshev polynomials T_0, T_1, ...
+    """Return the powers (count, count), one column each, of 1 and the integrals of the Chebyshev polynomials T_0, T_1,
+    ...
 
     Cut off in this basis, a derivative loses Chebyshev polynomials, the smallest of all on the interval, and not their
     derivatives, which grow at its ends. Tractions need derivatives and decide the size of the table.
@@ -131,7 +132,7 @@ def _basis(count: int) -> Array:
 
 
 def _table(stiffness: Array, cells: int) -> Array:
-    """G = H / |x| interpolated in every cell and cut off at the total degree, (3 cells^2, 720)."""
+    """Return G = H / |x| interpolated in every cell and cut off at the total degree, (3 cells^2, 720)."""
     count = DEGREE + 1
     nodes = chebpts1(count)
     offset = _directions(cells, np.repeat(nodes, count), np.tile(nodes, count)).reshape(-1, 3)
@@ -151,12 +152,14 @@ def _table(stiffness: Array, cells: int) -> Array:
 
 
 def _zeros_on_lines(count: int) -> Array:
-    """Zeros that begin with a line of the caches: no vector of eight is spread over two, as it would be else."""
+    """Return the zeros that begin with a line of the caches: no vector of eight is spread over two, as it would be
+    else."""
     return _from_boundary(np.zeros(count + LINE), LINE)[:count]
 
 
 def _uninitialised(count: int) -> Array:
-    """An array (count,), a large one in whole huge pages, which NumPy asks for and the system hands over fastest.
+    """Return an array (count,), a large one in whole huge pages, which NumPy asks for and the system hands over
+    fastest.
 
     It begins with such a page and has the rest of its last one behind it.
     """
@@ -166,12 +169,12 @@ def _uninitialised(count: int) -> Array:
 
 
 def _from_boundary(room: Array, unit: int) -> Array:
-    """What is left of an array from the first address on that is a multiple of so many doubles."""
+    """Return what is left of an array from the first address on that is a multiple of so many doubles."""
     return room[-(room.ctypes.data // room.itemsize) % unit :]
 
 
 def _largest_error(kernel: TabulatedKernel, reference: Kernel) -> float:
-    """The larger one of the errors of U and T, at corners and inside of all cells.
+    """Return the larger one of the errors of U and T, at corners and inside of all cells.
 
     Derivatives of an interpolant are worst at the ends of a cell, so its ends are among the test points.
     """

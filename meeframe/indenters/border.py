@@ -1,4 +1,4 @@
-"""Where an indenter ends: the distance of points of the contact zone from there, found by asking for gaps."""
+"""Border of an indenter: the distance from it of points of the contact zone, found by evaluating gaps."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -22,7 +22,8 @@ CLEARLY: Final = 1e-9
 
 
 def find_indenter_edge(gaps: Gaps, points: Array, frames: Array, reach: float) -> IndenterEdge | None:
-    """Where the indenter ends, up to a distance [m] from points (n, 3) with frames (n, 3, 3); None if nowhere near.
+    """Return where the indenter ends, up to a distance [m] from points (n, 3) with frames (n, 3, 3); None if nowhere
+    near.
 
     The gap beside the indenter is that of the rim, continued straight on from as far under the indenter.
     """
@@ -49,26 +50,27 @@ def find_indenter_edge(gaps: Gaps, points: Array, frames: Array, reach: float) -
 
 
 def longest_side(points: Array, cells: Sequence[tuple[str, Indices]]) -> float:
-    """Longest side [m], from corner to corner, of cells of points (n, 3): pairs (meshio cell type, connectivity)."""
+    """Return the longest side [m], from corner to corner, of cells of points (n, 3): pairs (meshio cell type,
+    connectivity)."""
     outlines = (points[numbers] for numbers in corners(cells))
     sides = (np.linalg.norm(outline - np.roll(outline, 1, axis=1), axis=2) for outline in outlines)
     return float(max((lengths.max(initial=0.0) for lengths in sides), default=0.0))
 
 
 def _circle(count: int) -> Array:
-    """Unit vectors (count, 2) around the circle."""
+    """Return the unit vectors (count, 2) around the circle."""
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def _rays(frames: Array, count: int) -> Array:
-    """Unit vectors (count, n, 3) around each normal."""
+    """Return the unit vectors (count, n, 3) around each normal."""
     rays: Array = np.einsum("ka,nai->kni", _circle(count), frames[:, :2])
     return rays
 
 
 def _crossings(gaps: Gaps, points: Array, frames: Array, rays: Array, reach: float) -> Array:
-    """How far along rays (k, n, 3) the indenter ends, or begins, (k, n), inf if not within reach: by halving."""
+    """Return how far along rays (k, n, 3) the indenter ends, or begins, (k, n), inf if not within reach: by halving."""
     directions, n = rays.shape[:2]
     under = np.isfinite(gaps(points, frames))
     crosses = np.array([np.isfinite(gaps(points + reach * ray, frames)) != under for ray in rays])

@@ -38,7 +38,8 @@ class Heights(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest given one, (n,) [m]. Raises CaseError, naming the file, if its data do not serve."""
+        """Return the height above the lowest given one, (n,) [m]. Raises CaseError, naming the file, if its data do
+        not serve."""
         try:
             rows = _read(str(self.file), os.stat(self.file).st_mtime_ns) * self.unit
             return _interpolate(rows, self.interpolation, x, y)
@@ -49,7 +50,7 @@ class Heights(Indenter):
 
     @property
     def pointwise(self) -> bool:
-        """Whether there is nothing between the rows."""
+        """True if heights are not interpolated between nodes."""
         return self.interpolation == "nodes"
 
 
@@ -76,7 +77,8 @@ class SampledHeights(Indenter):
 
     @classmethod
     def on_grid(cls, x: Array, y: Array, heights: Array, interpolation: Interpolation = "linear") -> "SampledHeights":
-        """Of heights (nx, ny) over the grid of x (nx,) and y (ny,), heights[i, j] at x[i], y[j], all [m].
+        """Make an indenter of heights (nx, ny) on the grid of x (nx,) and y (ny,), heights[i, j] at x[i], y[j], all
+        [m].
 
         Raises CaseError unless these shapes fit, or as the class does.
         """
@@ -93,7 +95,7 @@ class SampledHeights(Indenter):
         return cls(np.column_stack([across.ravel(), along.ravel(), heights.ravel()]), interpolation)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest given one, (n,) [m]. Raises CaseError if the rows are no grid."""
+        """Return the height above the lowest given one, (n,) [m]. Raises CaseError if the rows are no grid."""
         try:
             return _interpolate(self.rows, self.interpolation, x, y)
         except ValueError as error:
@@ -101,13 +103,13 @@ class SampledHeights(Indenter):
 
     @property
     def pointwise(self) -> bool:
-        """Whether there is nothing between the rows."""
+        """True if heights are not interpolated between nodes."""
         return self.interpolation == "nodes"
 
 
 @lru_cache(maxsize=4)
 def _read(file: str, _changed: int) -> Array:
-    """Rows of a file, kept until it changes."""
+    """Return rows of a file, kept until it changes."""
     if file.lower().endswith(".npy"):
         with open(file, "rb") as raw:
             rows = np.lib.format.read_array(raw, allow_pickle=False)
@@ -148,7 +150,7 @@ def _interpolate(rows: Array, interpolation: Interpolation, x: Array, y: Array) 
 
 
 def _grid(rows: Array) -> tuple[Array, Array, Array]:
-    """Axes (nx,), (ny,) and heights (nx, ny) of rows that form a full rectangular grid."""
+    """Return the axes (nx,), (ny,) and heights (nx, ny) of rows that form a full rectangular grid."""
     (xs, i), (ys, j) = _axis(rows[:, 0]), _axis(rows[:, 1])
     if len(rows) != len(xs) * len(ys) or len(np.unique(i * len(ys) + j)) != len(rows) or min(len(xs), len(ys)) < 2:
         raise ValueError(
@@ -161,7 +163,7 @@ def _grid(rows: Array) -> tuple[Array, Array, Array]:
 
 
 def _axis(values: Array) -> tuple[Array, Indices]:
-    """Different values in rising order, and the number of each given value among them."""
+    """Return the different values in rising order, and the number of each given value among them."""
     order = np.argsort(values)
     ordered = values[order]
     new = np.diff(ordered, prepend=-np.inf) > SAME * np.ptp(values)
@@ -171,7 +173,7 @@ def _axis(values: Array) -> tuple[Array, Indices]:
 
 
 def _at_nodes(rows: Array, at: Array) -> Array:
-    """Heights of the rows at the same places, inf where there is none."""
+    """Return the heights of the rows at the same places, inf where there is none."""
     extent = np.ptp(rows[:, :2], axis=0).max()
     distance, row = scipy.spatial.cKDTree(rows[:, :2]).query(at)
     return np.where(distance <= SAME * extent, rows[row, 2] - rows[:, 2].min(), np.inf)

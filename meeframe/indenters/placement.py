@@ -1,4 +1,4 @@
-"""Where an indenter stands, and the initial gap between it and the contact zone."""
+"""Placement of an indenter, and the initial gap between it and the contact zone."""
 
 import math
 from dataclasses import dataclass
@@ -61,11 +61,12 @@ class Placement:
         return turn
 
     def lowest(self, points: Array) -> Array:
-        """Where the lowest point stands, just touching a contact zone of points (n, 3), (3,) along base's rows [m]."""
+        """Return where the lowest point stands, just touching a contact zone of points (n, 3), (3,) along base's rows
+        [m]."""
         return np.array([self.x, self.y, np.max(points @ self.base[2])])
 
     def reference(self, points: Array) -> Array:
-        """The same point in global axes, (3,) [m]."""
+        """Return the same point in global axes, (3,) [m]."""
         reference: Array = self.lowest(points) @ self.base
         return reference
 
@@ -73,7 +74,7 @@ class Placement:
 def initial_gap(
     indenter: Indenter, zone: ContactZone, placement: Placement | None = None, approach: float = 0.0
 ) -> Array:
-    """Distance from each point of the zone to the indenter's surface along the outward normal, (n,) [m].
+    """Return the distance from each point of the zone to the indenter's surface along the outward normal, (n,) [m].
 
     Negative where they overlap, inf where the normal meets no surface of the indenter. approach: displacement of the
     indenter against its axis [m]. On a flat zone with the indenter upright this is height(x, y) - approach.
@@ -99,7 +100,8 @@ def initial_gap(
 
 
 def _meet(indenter: Indenter, start: Array, along: Array) -> tuple[Array, Flags]:
-    """Where rays from below (n, 3), not level, first meet the surface: signed distance (n,), and whether it is settled.
+    """Return where rays from below (n, 3), not level, first meet the surface: signed distance (n,), and whether it is
+    settled.
 
     Newton's method on level(s) = z - height(x, y) from the level of the lowest point, where level <= 0. For a convex
     indenter level is concave along the ray, so that the steps never pass the first meeting, and where level stops
@@ -129,7 +131,7 @@ def _meet(indenter: Indenter, start: Array, along: Array) -> tuple[Array, Flags]
 
 
 def _meets_ahead(indenter: Indenter, start: Array, along: Array, distance: Array, reach: float) -> Flags:
-    """Whether the rays get above the surface within reach beyond a distance, by samples."""
+    """Return whether the rays get above the surface within reach beyond a distance, by samples."""
     met = np.zeros(len(start), bool)
     for further in np.linspace(0, reach, SAMPLES + 1)[1:]:
         at = start + (distance + further)[:, None] * along
@@ -138,7 +140,7 @@ def _meets_ahead(indenter: Indenter, start: Array, along: Array, distance: Array
 
 
 def _slope(indenter: Indenter, at: Array, along: Array, reach: float) -> Array:
-    """Change of height per length of ray, by central differences; 0 beside an edge."""
+    """Return the change of height per length of ray, by central differences; 0 beside an edge."""
     ahead = indenter.height(*(at[:, :2] + reach * along[:, :2]).T)
     behind = indenter.height(*(at[:, :2] - reach * along[:, :2]).T)
     known = np.isfinite(ahead) & np.isfinite(behind)
@@ -146,7 +148,7 @@ def _slope(indenter: Indenter, at: Array, along: Array, reach: float) -> Array:
 
 
 def _about(axis: int, angle: float) -> Array:
-    """Right-handed rotation about a coordinate axis, (3, 3)."""
+    """Return the right-handed rotation about a coordinate axis, (3, 3)."""
     j, k = (axis + 1) % 3, (axis + 2) % 3
     rotation = np.eye(3)
     rotation[j, j] = rotation[k, k] = math.cos(angle)

@@ -30,7 +30,7 @@ class Sphere(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest point, (n,) [m]."""
+        """Return the height above the lowest point, (n,) [m]."""
         return _round(np.hypot(x, y), self.radius, self.profile)
 
 
@@ -49,7 +49,7 @@ class Paraboloid(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest point, (n,) [m]."""
+        """Return the height above the lowest point, (n,) [m]."""
         return x**2 / (2 * self.radius_x) + y**2 / (2 * self.radius_y)
 
 
@@ -67,7 +67,7 @@ class FlatPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """0 on the end face, inf beside it, (n,) [m]."""
+        """Return 0 on the end face, inf beside it, (n,) [m]."""
         return np.where(np.hypot(x, y) <= self.radius * ON_THE_EDGE, 0.0, np.inf)
 
 
@@ -86,7 +86,7 @@ class RectangularPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """0 on the end face, inf beside it, (n,) [m]."""
+        """Return 0 on the end face, inf beside it, (n,) [m]."""
         within = (np.abs(x) <= self.half_width_x * ON_THE_EDGE) & (np.abs(y) <= self.half_width_y * ON_THE_EDGE)
         return np.where(within, 0.0, np.inf)
 
@@ -105,7 +105,7 @@ class Cone(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """r tan(angle), (n,) [m]."""
+        """Return r tan(angle), (n,) [m]."""
         rise: Array = np.hypot(x, y) * math.tan(self.angle)
         return rise
 
@@ -128,14 +128,14 @@ class Cylinder(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest line, (n,) [m]."""
+        """Return the height above the lowest line, (n,) [m]."""
         cos, sin = math.cos(self.direction), math.sin(self.direction)
         rise = _round(np.abs(cos * y - sin * x), self.radius, self.profile)
         return np.where(np.abs(cos * x + sin * y) <= self.half_length * ON_THE_EDGE, rise, np.inf)
 
 
 def _round(r: Array, radius: float, profile: Profile) -> Array:
-    """Height at distance r >= 0 from the lowest point of a circle."""
+    """Return the height at distance r >= 0 from the lowest point of a circle."""
     if profile == "parabolic":
         return r**2 / (2 * radius)
     depth = np.sqrt(np.maximum(radius**2 - r**2, 0.0))

@@ -41,7 +41,7 @@ class ContactLaw(ABC):
 
     @abstractmethod
     def project(self, trial: Array) -> Array:
-        """Admissible traction of a trial one, (n, 3) from (n, 3) [Pa]: a projection in the law's own metric.
+        """Return the admissible traction of a trial one, (n, 3) from (n, 3) [Pa]: a projection in the law's own metric.
 
         Columns (t.e1, t.e2, t.nu) in the local frame; t.nu <= 0 in compression. The third column of the trial may be
         inf where there is no indenter above; the traction is then zero. Where `resolve` says more, any set of tractions
@@ -50,14 +50,15 @@ class ContactLaw(ABC):
 
     @abstractmethod
     def tangential_scaling(self) -> Array:
-        """Dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
+        """Return the dimensionless factor (2, 2) on the tangential gap, symmetric, eigenvalues in [0, 1].
 
         It belongs to the metric of `project` (docs/theory.md, Set and metric): M^2 / max(mu)^2 of orthotropic friction.
         Zero where the law admits no tangential traction.
         """
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Traction of the law for a trial one made with steps r, (n, 3) from (n, 3) [Pa]; `project` by default.
+        """Return the traction of the law for a trial one made with steps r, (n, 3) from (n, 3) [Pa]; `project` by
+        default.
 
         gap: (n, 3) [m], with which the trial was made, its last column inf where there is no indenter above;
         r: normal and tangential [Pa/m]. A law that lets the gap take values G(t), monotone in the traction t, gives the
@@ -67,7 +68,7 @@ class ContactLaw(ABC):
         return self.project(trial)
 
     def adhesion(self, gap: Array) -> Array:
-        """Attraction across the gap, (n,) >= 0 [Pa], for normal gaps (n,) [m]; none by default.
+        """Return the attraction across the gap, (n,) >= 0 [Pa], for normal gaps (n,) [m]; none by default.
 
         Those of overlapping surfaces count as zero, at inf it is zero. It adds to the normal traction of the contact:
         what `project`, `resolve` and conductivities are given is the traction less the attraction, and what they return
@@ -76,11 +77,12 @@ class ContactLaw(ABC):
         return np.zeros_like(gap)
 
     def initial_gap(self, points: Array) -> Array:
-        """What the interface adds to the gap of the undeformed bodies, (n,) [m], at points (n, 3); none by default."""
+        """Return what the interface adds to the gap of the undeformed bodies, (n,) [m], at points (n, 3); none by
+        default."""
         return np.zeros(len(points))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> "ContactLaw":
-        """The law during one increment; by default itself.
+        """Return the law during one increment; by default itself.
 
         slip_path: (n,) length of the way that each node has slipped in contact before the increment [m]; the slip in it
         is the tangential gap; duration: of the increment [s], None if the load step says none.
@@ -88,7 +90,8 @@ class ContactLaw(ABC):
         return self
 
     def tangent(self, trial: Array) -> Array:
-        """An element of the generalised derivative of `project`, (n, 3, 3), rows of the traction, for trials (n, 3).
+        """Return an element of the generalised derivative of `project`, (n, 3, 3), rows of the traction, for trials
+        (n, 3).
 
         By central differences; a law that knows its derivative may say so. Zero where the trial is not finite.
         """
@@ -97,7 +100,7 @@ class ContactLaw(ABC):
         return _differences(self.project, trial, _DIFFERENCE * np.where(size > 0.0, size, 1.0), finite)
 
     def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
-        """Elements of the generalised derivatives of `resolve` by the trial and by the gap, (n, 3, 3) each.
+        """Return the elements of the generalised derivatives of `resolve` by the trial and by the gap, (n, 3, 3) each.
 
         That of `project` and zero where the law has no `resolve` of its own, else by central differences; a law that
         knows its derivatives may say so. Zero where the trial is not finite.
@@ -121,7 +124,8 @@ class ContactLaw(ABC):
 
 
 def _differences(function: Callable[[Array], Array], at: Array, width: Array, finite: NDArray[np.bool_]) -> Array:
-    """Central differences (n, 3, 3) of a function of (n, 3), of widths (n,); zero where `at` is not finite (n,)."""
+    """Return the central differences (n, 3, 3) of a function of (n, 3), of widths (n,); zero where `at` is not finite
+    (n,)."""
     here = np.where(finite[:, None], at, 0.0)
     derivative = np.empty((len(at), 3, 3))
     for column, axis in enumerate(np.eye(3)):
@@ -140,7 +144,7 @@ class ConductivityLaw(ABC):
 
     @abstractmethod
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa >= 0, (n,), at n nodes of the interface; 0 insulates, inf conducts perfectly.
+        """Return kappa >= 0, (n,), at n nodes of the interface; 0 insulates, inf conducts perfectly.
 
         normal_traction: (n,) of the contact [Pa], <= 0 in compression; gap: (n,) >= 0 [m], zero in contact; drop: (n,)
         potential - potential_o [V] or [A]. Units of kappa: F/m^2 for the electric law, H/m^2 for the magnetic one.
@@ -150,13 +154,13 @@ class ConductivityLaw(ABC):
 
 
 def contact_conductivity(law: ConductivityLaw, normal_traction: Array) -> Array:
-    """kappa (n,) of surfaces in contact, without a drop, under normal tractions (n,) [Pa]."""
+    """Return kappa (n,) of surfaces in contact, without a drop, under normal tractions (n,) [Pa]."""
     nothing = np.zeros_like(normal_traction)
     return law.conductivity(normal_traction, nothing, nothing)
 
 
 def conducts(law: ConductivityLaw) -> bool:
-    """Whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
+    """Return whether a law conducts anywhere: in contact, or across a gap or under a drop if it follows them."""
     if (contact_conductivity(law, PRESSURES) > 0.0).any():
         return True
     if not law.across_gap:
@@ -169,7 +173,7 @@ def conducts(law: ConductivityLaw) -> bool:
 
 
 def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLengths) -> Array:
-    """traction + r * (tangential_scaling . gap_tau, gap_nu) less the attraction, (n, 3) [Pa]."""
+    """Return traction + r * (tangential_scaling . gap_tau, gap_nu) less the attraction, (n, 3) [Pa]."""
     trial, scaling = np.empty_like(traction), law.tangential_scaling()
     trial[:, :2] = traction[:, :2] + r[1] * (gap[:, :2] @ scaling) if scaling.any() else traction[:, :2]
     trial[:, 2] = contact_traction(law, traction[:, 2], gap[:, 2]) + r[0] * gap[:, 2]
@@ -177,27 +181,29 @@ def augmented_traction(law: ContactLaw, traction: Array, gap: Array, r: StepLeng
 
 
 def contact_traction(law: ContactLaw, normal_traction: Array, gap: Array) -> Array:
-    """Normal traction (n,) [Pa] of the contact alone: t.nu (n,) less the attraction at normal gaps (n,) [m]."""
+    """Return the normal traction (n,) [Pa] of the contact alone: t.nu (n,) less the attraction at normal gaps (n,)
+    [m]."""
     return normal_traction - attraction(law, gap) if attracts(law) else normal_traction
 
 
 def attraction(law: ContactLaw, gap: Array) -> Array:
-    """That of the law, (n,) [Pa], at normal gaps (n,) [m], also where surfaces overlap."""
+    """Return the attraction of the law, (n,) [Pa], at normal gaps (n,) [m], also where surfaces overlap."""
     return law.adhesion(np.maximum(gap, 0.0)) if attracts(law) else np.zeros_like(gap)
 
 
 def attracts(law: ContactLaw) -> bool:
-    """Whether the law has any attraction."""
+    """Return whether the law has any attraction."""
     return type(law).adhesion is not ContactLaw.adhesion
 
 
 def is_pure_projection(law: ContactLaw) -> bool:
-    """Whether tractions are what the law's projection makes of them, whatever the gap is."""
+    """Return whether tractions are what the law's projection makes of them, whatever the gap is."""
     return type(law).resolve is ContactLaw.resolve and not attracts(law)
 
 
 def attraction_slope(law: ContactLaw, gap: Array) -> Array:
-    """Derivative (n,) [Pa/m] of the attraction by the normal gap (n,) [m], by central differences; 0 where <= 0."""
+    """Return the derivative (n,) [Pa/m] of the attraction by the normal gap (n,) [m], by central differences; 0 where
+    <= 0."""
     apart = np.isfinite(gap) & (gap > 0.0)
     here = np.where(apart, gap, 1.0)
     change = law.adhesion(here * (1.0 + _DIFFERENCE)) - law.adhesion(here * (1.0 - _DIFFERENCE))
@@ -207,7 +213,7 @@ def attraction_slope(law: ContactLaw, gap: Array) -> Array:
 def traction_tangents(
     law: ContactLaw, trial: Array, gap: Array, r: StepLengths, untouched: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
-    """Derivatives (n, 3, 3) of `fixed_point_map` with its augmented traction by the traction and by the gap.
+    """Return the derivatives (n, 3, 3) of `fixed_point_map` with its augmented traction by the traction and by the gap.
 
     untouched: nodes (n,) whose contact bears nothing, whatever the trial says.
     """
@@ -235,7 +241,8 @@ def traction_tangents(
 
 
 def fixed_point_map(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> Array:
-    """Traction (n, 3) [Pa] of the law for an augmented one (n, 3): the map whose fixed points are the solutions."""
+    """Return the traction (n, 3) [Pa] of the law for an augmented one (n, 3): the map whose fixed points are the
+    solutions."""
     traction = law.resolve(trial, gap, r)
     if attracts(law):
         traction = traction.copy()

@@ -15,10 +15,10 @@ _CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, 
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """No flux through the contact: kappa = 0."""
+    """Insulating contact without flux: kappa = 0."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Zero, (n,)."""
+        """Return zero, (n,)."""
         return np.zeros_like(normal_traction)
 
 
@@ -37,5 +37,5 @@ class StepConductivity(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa where normal_traction < 0, else 0, (n,)."""
+        """Return kappa where normal_traction < 0, else 0, (n,)."""
         return np.where(normal_traction < 0.0, self.kappa, 0.0)

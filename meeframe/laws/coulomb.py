@@ -30,15 +30,15 @@ class IsotropicCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu |p_nu|, (n, 3) [Pa]."""
         return _radial_return(trial, np.array([self.mu, self.mu]))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if mu is zero."""
+        """Return the identity; zero if mu is zero."""
         return _scaling(np.array([self.mu, self.mu]))
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu, self.mu]), np.eye(2))
 
 
@@ -70,7 +70,7 @@ class OrthotropicCoulomb(ContactLaw):
             )
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
         axes = self._axes()
         principal = np.column_stack([trial[:, :2] @ axes.T, trial[:, 2]])
         traction = _radial_return(principal, np.array([self.mu1, self.mu2]))
@@ -78,31 +78,31 @@ class OrthotropicCoulomb(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
+        """Return M^2 / max(mu)^2 turned by the angle; see _scaling for coefficients that are zero or infinite."""
         axes = self._axes()
         scaling: Array = axes.T @ _scaling(np.array([self.mu1, self.mu2])) @ axes
         return scaling
 
     def tangent(self, trial: Array) -> Array:
-        """That of the radial return, (n, 3, 3)."""
+        """Return the derivative of the radial return, (n, 3, 3)."""
         return _radial_tangent(trial, np.array([self.mu1, self.mu2]), self._axes())
 
     def _axes(self) -> Array:
-        """Principal directions as rows, (2, 2)."""
+        """Return the principal directions as rows, (2, 2)."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array([[c, s], [-s, c]])
 
 
 def _scaling(mu: Array) -> Array:
-    """diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any scaling will
-    then do, and one is the fastest."""
+    """Return diag(mu^2) / max(mu)^2. An infinite coefficient leaves its direction free and the two decoupled: any
+    scaling will then do, and one is the fastest."""
     largest = mu[np.isfinite(mu)].max(initial=0.0)
     factors = np.where(np.isinf(mu), 1.0, 0.0 if largest == 0.0 else (mu / (largest or 1.0)) ** 2)
     return np.diag(factors)
 
 
 def _radial_return(trial: Array, mu: Array) -> Array:
-    """Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
+    """Return the Eqs. (11) and (16) in principal directions, (n, 3); mu (2,) in [0, inf]."""
     traction = np.zeros_like(trial)
     pressure = -np.minimum(trial[:, 2], 0.0)
     traction[:, 2] = -pressure
@@ -117,7 +117,7 @@ def _radial_return(trial: Array, mu: Array) -> Array:
 
 
 def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
-    """Derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along axes (2, 2), one a row.
+    """Return the derivative (n, 3, 3) of the radial return by the trial (n, 3); mu (2,) along axes (2, 2), one a row.
 
     On the limit that of stick is taken, at zero normal trial that of open contact.
     """
@@ -138,7 +138,8 @@ def _radial_tangent(trial: Array, mu: Array, axes: Array) -> Array:
 
 
 def _slip(trial: Array, contact_fraction: NDArray[np.bool_], reduce: Array) -> tuple[Array, Array]:
-    """Factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial, zero in stick.
+    """Return the factors (n,) of the radial return of trials (n, 3), and unit vectors (2, n) along reduce @ trial,
+    zero in stick.
 
     Components before nodes, here and in what follows: numpy is much faster along the longer axis.
     """

@@ -1,4 +1,4 @@
-"""What makes material constants acceptable: finite, symmetric (eq. 8), positive definite."""
+"""Checks of material constants: finite, symmetric (eq. 8), positive definite."""
 
 import numpy as np
 
@@ -19,20 +19,32 @@ _SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off
 
 
 def called(material: str) -> str:
-    """A material in words, by its name if it has one."""
+    """Return a noun phrase for a material, with its name if it has one."""
     return f"material {material!r}" if material else "the material"
 
 
 def component_name(symbol: str, index: tuple[int, ...]) -> str:
-    """Name of a component as in the paper's tables, of 0-based indices: ('c', (0, 0, 1, 1)) is 'c_1122'."""
+    """Return the paper's name of a component from 0-based indices: ('c', (0, 0, 1, 1)) is 'c_1122'."""
     return f"{symbol}_{''.join(str(i + 1) for i in index)}"
 
 
 def checked_tensor(material: str, symbol: str, values: Array) -> Array:
-    """Read-only tensor with the exact symmetries of eq. (8).
+    """Return a read-only tensor with the exact symmetries of eq. (8).
 
-    symbol: 'c', 'e', 'q', 'eps', 'lambda' or 'mu'. Raises MaterialError, naming the component, if the shape is wrong,
-    an entry is not finite, or a symmetry is violated beyond round-off.
+    Parameters
+    ----------
+    material : str
+        Name of the material, for messages.
+    symbol : {'c', 'e', 'q', 'eps', 'lambda', 'mu'}
+        Symbol of the tensor.
+    values : Array
+        Components in SI units.
+
+    Raises
+    ------
+    MaterialError
+        If the shape is wrong, an entry is not finite, or a symmetry is violated beyond round-off; the message names the
+        component.
     """
     tensor = np.array(values, dtype=float)
     dimensions = len(_SYMMETRIES[symbol][0][1])
@@ -93,7 +105,9 @@ def check_elastic(material: str, elastic: Array) -> None:
 def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) -> None:
     """Refuse a block [[eps, lambda], [lambda, mu]] that is not positive definite.
 
-    Its eigenvalues are taken with eps and mu scaled to order one, since in SI units they lie ten decades apart. The
+    Notes
+    -----
+    The eigenvalues are taken with eps and mu scaled to order one, since in SI units they lie ten decades apart. The
     error gives the eigenvalue, scaled and in SI, and the components at fault.
     """
     for symbol, tensor, unit in (("eps", eps, "F/m"), ("mu", mu, "N s^2/C^2")):

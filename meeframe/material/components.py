@@ -14,7 +14,7 @@ from meeframe.material.symmetry import Component, symmetry_class
 from meeframe.material.voigt import PAIRS, coupling_matrix, elastic_matrix, voigt_index
 
 UNITS: Final = {"c": "Pa", "e": "C/m^2", "q": "N/(A*m)", "eps": "F/m", "lambda": "s/m", "mu": "N*s^2/C^2"}
-"""SI unit of the components of each symbol."""
+"""SI units of the components, by symbol."""
 
 _NAME: Final = re.compile(r"(c|epsilon|eps|e|q|lambda|mu)_?([0-9]+)")
 _VACUUM: Final = {"eps": VACUUM_PERMITTIVITY, "mu": VACUUM_PERMEABILITY}
@@ -22,10 +22,15 @@ _AGREEMENT: Final = 1e-12  # two names of one component may differ by the roundi
 
 
 def parse_component(name: str) -> Component:
-    """The component that a name stands for, indices in any order that eq. (8) makes equivalent.
+    """Return the component that a name stands for.
 
-    Full indices (c_1122, e_113 with the electric or magnetic index first, eps_13) or Voigt ones (c_12, e_15), with or
-    without the underscore. Raises MaterialError for any other name.
+    Indices may come in any order that eq. (8) makes equivalent: full ones (c_1122, e_113 with the electric or magnetic
+    index first, eps_13) or Voigt ones (c_12, e_15), with or without the underscore.
+
+    Raises
+    ------
+    MaterialError
+        For any other name.
     """
     match = _NAME.fullmatch(name)
     if match is None:
@@ -43,7 +48,7 @@ def parse_component(name: str) -> Component:
 
 
 def component_label(component: Component) -> str:
-    """Name of a component with full indices, as the paper prints it."""
+    """Return the name of a component with full indices, as the paper prints it."""
     symbol, first, second = component
     if symbol not in ("c", "e", "q"):
         return f"{symbol}_{first}{second}"
@@ -54,12 +59,30 @@ def component_label(component: Component) -> str:
 def material_from_components(
     name: str, components: Mapping[str, float], symmetry: str = "triclinic", source: str = ""
 ) -> Material:
-    """A material from named components in SI units.
+    """Make a material from named components in SI units.
 
-    symmetry: 'triclinic' (components that are not given are zero), 'orthotropic' (class mm2), 'transversely-isotropic'
-    (class 6mm, about x3), 'cubic' or 'isotropic'; the last four supply the dependent components, want all independent
-    elastic ones, and refuse those that do not exist in them. If no component of eps, or of mu, is given it is that of
-    vacuum. Raises MaterialError for unknown names, contradictions, missing components and inadmissible materials.
+    Parameters
+    ----------
+    name : str
+        Name of the material.
+    components : mapping of str to float
+        Components by name (see `parse_component`), in SI units.
+    symmetry : {'triclinic', 'orthotropic', 'transversely-isotropic', 'cubic', 'isotropic'}
+        Symmetry class. With 'triclinic', components that are not given are zero. The others (orthotropic is class mm2,
+        transversely isotropic class 6mm about x3) supply the dependent components, need all independent elastic ones,
+        and refuse components that do not exist in them.
+    source : str
+        Where the constants come from.
+
+    Returns
+    -------
+    Material
+        The material. If no component of eps, or of mu, is given, that of vacuum is used.
+
+    Raises
+    ------
+    MaterialError
+        For unknown names, contradictions, missing components and inadmissible materials.
     """
     try:
         given = _collect(components)
@@ -74,7 +97,7 @@ def material_from_components(
 
 
 def material_components(material: Material) -> dict[str, float]:
-    """Components of a material that are not zero, by name, SI units, each once."""
+    """Return the components of a material that are not zero, by name, in SI units, each once."""
     matrices = {
         "c": elastic_matrix(material.elastic),
         "e": coupling_matrix(material.piezoelectric),

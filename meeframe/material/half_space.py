@@ -1,9 +1,10 @@
-"""Surface compliance of a half space, by the integral formalism of Barnett and Lothe: no eigenvectors, no degeneracy.
+"""Surface compliance of a half space by the integral formalism of Barnett and Lothe.
 
-A half space with outward unit normal nu carries the extended surface traction t^ exp(i k m.x), with m a unit vector in
-the surface and k > 0. Its surface moves by u^ exp(i k m.x), u^ = Y(m) t^ / k, where Y is Hermitian and does not depend
-on k. In space, 1/k is 1/(2 pi |x|): for an axisymmetric material the point-source response between normal traction,
-electric and magnetic flux is u_J(x) = xi_JK t_K / |x|, xi = Y / (2 pi).
+The formalism needs no eigenvectors and has no degenerate cases. A half space with outward unit normal nu carries the
+extended surface traction t^ exp(i k m.x), with m a unit vector in the surface and k > 0. Its surface moves by
+u^ exp(i k m.x), u^ = Y(m) t^ / k, where Y is Hermitian and does not depend on k. In space, 1/k is 1/(2 pi |x|): for an
+axisymmetric material the point-source response between normal traction, electric and magnetic flux is
+u_J(x) = xi_JK t_K / |x|, xi = Y / (2 pi).
 Source: Barnett and Lothe, Phys. Norvegica 7 (1973) 13; Ting, Anisotropic Elasticity (1996), chapters 6 and 7.
 """
 
@@ -20,12 +21,27 @@ _AXISYMMETRIC = 1e-9  # relative, in scaled fields
 
 
 def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLike) -> NDArray[np.complex128]:
-    """Return the surface compliance Y(m), (n, fields, fields), Hermitian, SI units, global axes, with u^ = Y t^ / k.
+    """Compute the surface compliance Y(m) of a half space, with u^ = Y t^ / k.
 
-    stiffness: C_iJKm (3, fields, fields, 3) in SI units; normal: outward normal (3,); directions: (n, 3), of which the
-    component in the surface counts. Raises MaterialError if a vector is zero or a direction is normal to the surface,
-    if the integrals do not converge (a material on the verge of inadmissibility), or if too much is lost in round-off
-    (one that is all but incompressible).
+    Parameters
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
+    normal : array_like
+        Outward normal, (3,).
+    directions : array_like
+        Wave directions, (n, 3), of which the component in the surface counts.
+
+    Returns
+    -------
+    ndarray of complex
+        Y(m), (n, fields, fields), Hermitian, in SI units and global axes.
+
+    Raises
+    ------
+    MaterialError
+        If a vector is zero or a direction is normal to the surface, if the integrals do not converge (a material on the
+        verge of inadmissibility), or if too many digits are lost to round-off (a nearly incompressible material).
     """
     nu, tangents = _frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
@@ -56,12 +72,26 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
 
 
 def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> Array:
-    """Return the point-source response xi_JK of (normal displacement, phi, psi) to (normal traction, q, s), SI units.
+    """Compute the point-source response xi_JK of (normal displacement, phi, psi) to (normal traction, q, s).
 
-    (1 + scalars, 1 + scalars), if there are other scalar fields.
+    On the surface, u_J(x) = xi_JK t_K / |x| in SI units, with xi_11 > 0, xi_22 < 0 and xi_33 < 0.
 
-    u_J(x) = xi_JK t_K / |x| on the surface with outward normal (3,), by default x3. xi_11 > 0, xi_22 < 0, xi_33 < 0.
-    Raises MaterialError if the response depends on direction.
+    Parameters
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
+    normal : array_like
+        Outward normal, (3,).
+
+    Returns
+    -------
+    Array
+        xi, (1 + scalars, 1 + scalars).
+
+    Raises
+    ------
+    MaterialError
+        If the response depends on direction.
     """
     nu = _unit(normal)
     helper = np.eye(3)[np.abs(nu).argmin()]
@@ -101,7 +131,7 @@ def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
 
 
 def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Return tensors S and L, (n, fields, fields) each, for planes of tangent and inward normal.
+    """Return S and L, (n, fields, fields) each, for planes of tangent and inward normal.
 
     By the trapezoidal rule over pi.
     """

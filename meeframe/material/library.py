@@ -14,14 +14,19 @@ from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
 from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
 from meeframe.material.material import Material
-from meeframe.material.tables import check_keys, inline_material, quantity, read_material, turned
+from meeframe.material.tables import check_keys, inline_material, quantity, read_material, rotate_by_table
 
 
 @dataclass(frozen=True)
 class LibraryEntry:
     """One material of the library.
 
-    make: called with its options in SI units; options: their names and units; all but required have defaults.
+    Attributes
+    ----------
+    make : callable
+        Function that takes the options in SI units and returns the material.
+    options : mapping
+        Names and units of the options. All but the required ones have defaults.
     """
 
     name: str
@@ -33,26 +38,39 @@ class LibraryEntry:
 
 
 def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
-    """The orthotropic material of the paper's Table 3.
+    """Return the orthotropic material of the paper's Table 3.
 
-    magnetoelectric_scale: what the printed lambda_11, lambda_22, lambda_33 = 0.60, 0.80, 0.10 are multiples of [s/m].
+    Parameters
+    ----------
+    magnetoelectric_scale : float
+        Factor [s/m] on the printed lambda_11, lambda_22, lambda_33 = 0.60, 0.80, 0.10.
+
+    Raises
+    ------
+    MaterialError
+        From 2.69e-8 s/m on, where the block [[eps, lambda], [lambda, mu]] ceases to be positive definite.
+
+    Notes
+    -----
     The printed unit would make the material inadmissible; the power of ten is lost, and 1e-8 s/m agrees best with the
-    paper's results (docs/theory.md, Half space). Raises MaterialError from 2.69e-8 s/m on, where the block
-    [[eps, lambda], [lambda, mu]] ceases to be positive definite.
+    paper's results (docs/theory.md, Half space).
     """
     printed = np.diag([0.60, 0.80, 0.10])
     return replace(_from_data("orthotropic-mee"), magnetoelectric=magnetoelectric_scale * printed)
 
 
 def library() -> tuple[LibraryEntry, ...]:
-    """All entries."""
+    """Return all entries of the library."""
     return (*(_data_entry(name) for name in _DATA), _ISOTROPIC)
 
 
 def library_material(name: str, **options: float) -> Material:
-    """A material of the library by name, with its options in SI units.
+    """Return a material of the library by name, with its options in SI units.
 
-    Raises MaterialError that lists the names, or the options, for an unknown one.
+    Raises
+    ------
+    MaterialError
+        For an unknown name or option; the message lists those that exist.
     """
     entry = _entry(name)
     check_keys(options, set(entry.options), f"material {name!r}")
@@ -65,15 +83,22 @@ def library_material(name: str, **options: float) -> Material:
 def material_from_table(
     table: Mapping[str, Any], directory: Path = Path(), scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
 ) -> Material:
-    """The material of a case file's [material] table, which is one of
+    """Return the material of a case file's [material] table.
 
-    - {name = "...", its options}: from the library;
+    The table is one of
+
+    - {name = "...", its options}: a material of the library;
     - {components = {...}, symmetry, name, source}: see meeframe.material.tables.inline_material;
-    - {file = "..."}: a material file, its path relative to directory;
+    - {file = "..."}: a material file, its path relative to `directory`;
 
-    each with rotation = {...} if wanted, and with the coefficients of further scalar fields: one number, or three rows
-    of three. scalar_fields: those that a table may have. Quantities are texts such as '226 GPa' or SI numbers. Raises
-    MaterialError naming key, value and what is allowed.
+    each with an optional rotation = {...} and the coefficients of further scalar fields: one number, or three rows of
+    three. Quantities are texts such as '226 GPa' or SI numbers. scalar_fields: the further fields that a table may
+    have.
+
+    Raises
+    ------
+    MaterialError
+        If the table is not acceptable; the message names key, value and what is allowed.
     """  # fmt: skip
     given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
     if given:
@@ -81,7 +106,7 @@ def material_from_table(
         material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
         for field, value in given.items():
             material = material.with_field(field, _coefficient(field, value))
-        return turned(material, rest)
+        return rotate_by_table(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
         raise MaterialError("a material needs one of name (from the library), components or file")
@@ -89,7 +114,7 @@ def material_from_table(
         return inline_material(table)
     if "file" in table:
         check_keys(table, {"file", "rotation"}, "material")
-        return turned(read_material(directory / str(table["file"])), table)
+        return rotate_by_table(read_material(directory / str(table["file"])), table)
     entry = _entry(table["name"])
     check_keys(table, {"name", "rotation", *entry.options}, f"material {entry.name!r}")
     options = {
@@ -97,7 +122,7 @@ def material_from_table(
         for key, unit in entry.options.items()
         if key in table
     }
-    return turned(library_material(entry.name, **options), table)
+    return rotate_by_table(library_material(entry.name, **options), table)
 
 
 def _coefficient(field: ScalarField, value: Any) -> Array | float:

@@ -20,15 +20,34 @@ VACUUM_PERMEABILITY = 1.25663706212e-6
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), SI units, checked when it is made.
+    """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), in SI units, checked when it is made.
 
-    elastic: c_ijkl (3, 3, 3, 3) [Pa]; piezoelectric: e_kij (3, 3, 3) [C/m^2]; piezomagnetic: q_kij (3, 3, 3) [N/(A m)],
-    both with the electric or magnetic index first; permittivity: eps_kl (3, 3) [F/m]; magnetoelectric: lambda_kl (3, 3)
-    [s/m]; permeability: mu_kl (3, 3) [N s^2/C^2]; decoupled: further scalar fields, not coupled to the others, each
-    with its coefficient (3, 3) in SI units. The arrays are read-only.
+    Attributes
+    ----------
+    elastic : Array
+        c_ijkl, (3, 3, 3, 3) [Pa].
+    piezoelectric : Array
+        e_kij, (3, 3, 3) [C/m^2], electric index first.
+    piezomagnetic : Array
+        q_kij, (3, 3, 3) [N/(A m)], magnetic index first.
+    permittivity : Array
+        eps_kl, (3, 3) [F/m].
+    magnetoelectric : Array
+        lambda_kl, (3, 3) [s/m].
+    permeability : Array
+        mu_kl, (3, 3) [N s^2/C^2].
+    decoupled : tuple of (ScalarField, Array)
+        Further scalar fields, not coupled to the others, each with its coefficient (3, 3) in SI units.
 
-    Raises MaterialError if an entry is not finite, a symmetry of eq. (8) is violated, or c or the block
-    [[eps, lambda], [lambda, mu]] or a further coefficient is not positive definite.
+    Raises
+    ------
+    MaterialError
+        If an entry is not finite, a symmetry of eq. (8) is violated, or c, the block [[eps, lambda], [lambda, mu]]
+        or a further coefficient is not positive definite.
+
+    Notes
+    -----
+    The arrays are read-only.
     """
 
     name: str
@@ -61,9 +80,25 @@ class Material:
         permeability: ArrayLike,
         source: str = "",
     ) -> "Material":
-        """A material from Voigt matrices in SI units: c (6, 6), e and q (3, 6), eps, lambda and mu (3, 3).
+        """Make a material from Voigt matrices in SI units, in the order 11, 22, 33, 23, 13, 12.
 
-        Voigt order 11, 22, 33, 23, 13, 12. Raises MaterialError as Material does.
+        Parameters
+        ----------
+        name : str
+            Name of the material.
+        elastic : array_like
+            c, (6, 6) [Pa].
+        piezoelectric, piezomagnetic : array_like
+            e [C/m^2] and q [N/(A m)], (3, 6) each.
+        permittivity, magnetoelectric, permeability : array_like
+            eps [F/m], lambda [s/m] and mu [N s^2/C^2], (3, 3) each.
+        source : str
+            Where the constants come from.
+
+        Raises
+        ------
+        MaterialError
+            As `Material` does.
         """
         c, e, q = (np.asarray(matrix, dtype=float) for matrix in (elastic, piezoelectric, piezomagnetic))
         for symbol, matrix, shape in (("c", c, (6, 6)), ("e", e, (3, 6)), ("q", q, (3, 6))):
@@ -83,9 +118,23 @@ class Material:
         name: str = "isotropic",
         source: str = "",
     ) -> "Material":
-        """An isotropic uncoupled material: Young's modulus > 0 [Pa], Poisson's ratio in (-1, 1/2), eps, mu > 0.
+        """Make an isotropic uncoupled material.
 
-        Raises MaterialError if a constant is out of bounds.
+        Parameters
+        ----------
+        young_modulus : float
+            Young's modulus > 0 [Pa].
+        poisson_ratio : float
+            Poisson's ratio in (-1, 1/2).
+        permittivity, permeability : float
+            Isotropic eps > 0 [F/m] and mu > 0 [N s^2/C^2], by default those of vacuum.
+        name, source : str
+            Name of the material and where its constants come from.
+
+        Raises
+        ------
+        MaterialError
+            If a constant is out of bounds.
         """
         if not (0.0 < young_modulus < np.inf):
             raise MaterialError(f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite")
@@ -130,13 +179,18 @@ class Material:
 
     @cached_property
     def scaling(self) -> FieldScaling:
-        """The field scaling of this material."""
+        """Field scaling that suits this material."""
         return FieldScaling.of(self.stiffness)
 
     def rotated(self, rotation: ArrayLike) -> "Material":
-        """The material turned by a rotation R, (3, 3): the columns of R are its axes in the global frame.
+        """Return the material rotated by a matrix R, (3, 3), whose columns are its axes in the global frame.
 
-        Tensors transform as T'_ij = R_ia R_jb T_ab. Raises MaterialError unless R is proper orthogonal.
+        Tensors transform as T'_ij = R_ia R_jb T_ab.
+
+        Raises
+        ------
+        MaterialError
+            Unless R is proper orthogonal.
         """
         r = checked_rotation(rotation)
         return Material(
@@ -160,14 +214,23 @@ SYMBOLS = {
     "magnetoelectric": "lambda",
     "permeability": "mu",
 }
-"""Fields of Material and the symbols of their components in the paper."""
+"""Fields of `Material` and the symbols of their components in the paper."""
 
 
 def mixture(first: Material, second: Material, fraction: float) -> Material:
-    """Rule of mixture: constants fraction * first + (1 - fraction) * second (paper, section 7.1).
+    """Mix two materials by the rule of mixture: fraction * first + (1 - fraction) * second (paper, section 7.1).
 
-    fraction: volume fraction of the first material, in [0, 1]. Raises MaterialError if it is outside, or if the
-    materials have other fields.
+    Parameters
+    ----------
+    first, second : Material
+        The constituents.
+    fraction : float
+        Volume fraction of the first one, in [0, 1].
+
+    Raises
+    ------
+    MaterialError
+        If the fraction is outside [0, 1], or the materials have other scalar fields.
     """
     if first.fields != second.fields:
         raise MaterialError(f"materials {first.name!r} and {second.name!r} have other scalar fields; allowed: the same")

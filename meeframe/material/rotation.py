@@ -11,7 +11,7 @@ _TOLERANCE = 1e-8
 
 
 def checked_rotation(matrix: ArrayLike) -> Array:
-    """The matrix (3, 3), if it is proper orthogonal. Raises MaterialError if not, with what is wrong."""
+    """Return the matrix (3, 3) if it is proper orthogonal; raise MaterialError that says what is wrong if it is not."""
     rotation = np.asarray(matrix, dtype=float)
     if rotation.shape != (3, 3) or not np.isfinite(rotation).all():
         raise MaterialError(f"a rotation is a finite (3, 3) matrix, got {rotation.tolist()}")
@@ -24,9 +24,12 @@ def checked_rotation(matrix: ArrayLike) -> Array:
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Rotation matrix (3, 3) about an axis (3,) by an angle [rad], right-handed.
+    """Return the right-handed rotation matrix (3, 3) about an axis (3,) by an angle [rad].
 
-    Raises MaterialError if either is not finite, or the axis zero.
+    Raises
+    ------
+    MaterialError
+        If either is not finite, or the axis is zero.
     """
     direction = np.asarray(axis, dtype=float)
     length = np.linalg.norm(direction)
@@ -40,10 +43,19 @@ def rotation_about(axis: ArrayLike, angle: float) -> Array:
 
 
 def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
-    """Rotation matrix (3, 3) of Euler angles (3,) [rad].
+    """Return the rotation matrix (3, 3) of Euler angles.
 
-    sequence: as in scipy, capitals about the turning axes, small letters about the fixed ones: 'ZXZ' (Bunge), 'xyz'.
-    Raises MaterialError if an angle is not finite, or for any other sequence.
+    Parameters
+    ----------
+    angles : array_like
+        Euler angles, (3,) [rad].
+    sequence : str
+        Axes as in scipy: capitals for rotating axes, small letters for fixed ones: 'ZXZ' (Bunge), 'xyz'.
+
+    Raises
+    ------
+    MaterialError
+        If an angle is not finite or the sequence is unknown.
     """
     values = np.asarray(angles, dtype=float)
     valid = len(sequence) == 3 and (set(sequence) <= set("XYZ") or set(sequence) <= set("xyz"))

@@ -6,11 +6,22 @@ from meeframe.fields import Array
 
 
 def stroh_eigenvalues(forms: Array) -> Array:
-    """Return the roots p of det(Q + p (R + R^T) + p^2 T) with positive imaginary part (eq. 46), (n, fields) complex.
+    """Compute the roots p of det(Q + p (R + R^T) + p^2 T) with positive imaginary part (eq. 46).
 
-    forms: (n, 3, fields, fields), Q, R + R^T and T of scaled stiffnesses. They are the eigenvalues of the companion
-    matrix of the quadratic polynomial (eq. 44) rather than the roots of its determinant, which loses far more digits at
-    multiple roots.
+    Parameters
+    ----------
+    forms : Array
+        Q, R + R^T and T of scaled stiffnesses, (n, 3, fields, fields).
+
+    Returns
+    -------
+    Array
+        Roots, (n, fields), complex.
+
+    Notes
+    -----
+    The roots are the eigenvalues of the companion matrix of the quadratic polynomial (eq. 44). Roots of its determinant
+    would lose far more digits where they are multiple.
     """
     size = forms.shape[-1]
     companion = np.zeros((len(forms), 2 * size, 2 * size))

@@ -1,4 +1,4 @@
-"""Material symmetry classes: which components exist, which are equal, and which follow from others."""
+"""Material symmetry classes: existing, equal and dependent components."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Final
 from meeframe.common.errors import MaterialError
 
 Component = tuple[str, int, int]
-"""Symbol and two 1-based indices: Voigt, Voigt for c; field, Voigt for e and q; plain for eps, lambda and mu."""
+"""Symbol and two 1-based indices: two Voigt indices for c; field and Voigt for e and q; plain for eps, lambda, mu."""
 
 Label = Callable[[Component], str]
 
@@ -18,9 +18,14 @@ _AGREEMENT: Final = 1e-9  # relative; tied components may differ by the rounding
 class SymmetryClass:
     """Components of one symmetry class, in the frame of its axes.
 
-    elastic, coupling, second_order: groups of equal components of c; of e and q; of eps, lambda and mu. A group is a
-    text of index pairs, '11 22'. shear: elastic component that equals (c_11 - c_12)/2, if any. complete_tables: whether
-    components of c, eps and mu that are neither given nor implied are missed, or are zero.
+    Attributes
+    ----------
+    elastic, coupling, second_order : tuple of str
+        Groups of equal components of c; of e and q; of eps, lambda and mu. A group is a text of index pairs, '11 22'.
+    shear : str
+        Elastic component that equals (c_11 - c_12)/2, if any.
+    complete_tables : bool
+        If true, every independent component of c, eps and mu must be given; if false, those not given are zero.
     """
 
     name: str
@@ -31,9 +36,12 @@ class SymmetryClass:
     complete_tables: bool = True
 
     def complete(self, given: dict[Component, float], label: Label) -> dict[Component, float]:
-        """All components, from the independent ones.
+        """Return all components, from the independent ones.
 
-        Raises MaterialError if components contradict the class, do not exist in it, or are missing.
+        Raises
+        ------
+        MaterialError
+            If components contradict the class, do not exist in it, or are missing.
         """
         values = {component: value for component, value in given.items() if value != 0.0}
         known = {component for group in self._groups() for component in group}
@@ -74,7 +82,7 @@ class SymmetryClass:
         values.update(dict.fromkeys(group, given[first]))
 
     def _relate(self, values: dict[Component, float], label: Label) -> None:
-        """Fill in whichever of c_11, c_12 and the shear stiffness is missing; check if none is."""
+        """Fill in whichever of c_11, c_12 and the shear stiffness is missing; check them if none is."""
         groups = {group[0]: group for group in self._groups() if group[0][0] == "c"}
         tied = {member: group for group in groups.values() for member in group}
         axial, cross, shear = ("c", 1, 1), ("c", 1, 2), _component("c", self.shear or "")
@@ -122,7 +130,7 @@ _CLASSES: Final = (
 
 
 def symmetry_class(name: str) -> SymmetryClass:
-    """The class of a name. Raises MaterialError that lists the names if there is none."""
+    """Return a symmetry class by name; raise MaterialError that lists the names if there is none."""
     for candidate in _CLASSES:
         if candidate.name == name:
             return candidate

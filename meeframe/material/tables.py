@@ -20,11 +20,16 @@ _INLINE_KEYS = {"name", "source", "symmetry", "components", "rotation"}
 
 
 def inline_material(table: Mapping[str, Any]) -> Material:
-    """A material from a table of components.
+    """Make a material from a table of components.
 
-    Keys: components (table of named components, texts with units such as '226 GPa' or SI numbers), and if wanted name,
-    source, symmetry (see material_from_components) and rotation (see rotation_from_table). Raises MaterialError naming
-    key, value and what is allowed.
+    The keys are `components` (a table of named components, texts with units such as '226 GPa' or SI numbers) and,
+    optionally, `name`, `source`, `symmetry` (see `material_from_components`) and `rotation` (see
+    `rotation_from_table`).
+
+    Raises
+    ------
+    MaterialError
+        If the table is not acceptable; the message names key, value and what is allowed.
     """
     check_keys(table, _INLINE_KEYS, "material")
     name = _text(table, "name", "")
@@ -38,19 +43,22 @@ def inline_material(table: Mapping[str, Any]) -> Material:
         for key, value in components.items()
     }
     material = material_from_components(name, values, _text(table, "symmetry", "triclinic"), _text(table, "source", ""))
-    return turned(material, table)
+    return rotate_by_table(material, table)
 
 
 def material_table(material: Material) -> dict[str, Any]:
-    """The table of a material, SI numbers: inline_material(material_table(m)) equals m to the last digit."""
+    """Return the table of a material in SI numbers: inline_material(material_table(m)) equals m to the last digit."""
     head = {"name": material.name, "source": material.source, "symmetry": "triclinic"}
     return {**head, "components": material_components(material)}
 
 
 def read_material(path: Path) -> Material:
-    """A material from a TOML file that holds the table of inline_material.
+    """Read a material from a TOML file that holds the table of `inline_material`.
 
-    Raises MaterialError, naming the file, if it cannot be read or its table is not acceptable.
+    Raises
+    ------
+    MaterialError
+        If the file cannot be read or its table is not acceptable; the message names the file.
     """
     try:
         _, table = read_toml(path)
@@ -63,7 +71,7 @@ def read_material(path: Path) -> Material:
 
 
 def write_material(material: Material, path: Path) -> None:
-    """Write a material file; raises MaterialError if it exists or cannot be written."""
+    """Write a material file; raise MaterialError if it exists or cannot be written."""
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(toml_text(material_table(material)))
@@ -71,17 +79,22 @@ def write_material(material: Material, path: Path) -> None:
         raise MaterialError(f"material file {path}: {error.strerror or error}") from None
 
 
-def turned(material: Material, table: Mapping[str, Any]) -> Material:
-    """The material, rotated as the table's entry 'rotation' says, if it has one."""
+def rotate_by_table(material: Material, table: Mapping[str, Any]) -> Material:
+    """Return the material rotated by the table's entry 'rotation', if it has one."""
     if "rotation" not in table:
         return material
     return material.rotated(rotation_from_table(table["rotation"]))
 
 
 def rotation_from_table(table: Any) -> Array:
-    """Rotation matrix (3, 3) of {axis, angle}, {euler, sequence} or {matrix}; angles '30 deg' or radians.
+    """Return the rotation matrix (3, 3) of {axis, angle}, {euler, sequence} or {matrix}.
 
-    Raises MaterialError if the table is none of these.
+    Angles are texts such as '30 deg' or radians.
+
+    Raises
+    ------
+    MaterialError
+        If the table is none of these.
     """
     forms = {"axis": {"axis", "angle"}, "euler": {"euler", "sequence"}, "matrix": {"matrix"}}
     if not isinstance(table, Mapping) or len(found := forms.keys() & table.keys()) != 1:
@@ -99,7 +112,7 @@ def rotation_from_table(table: Any) -> Array:
 
 
 def quantity(key: str, value: Any, unit: str) -> float:
-    """A number in a unit, from a text such as '226 GPa' or an SI number; else a MaterialError that names the key."""
+    """Return a number in a unit, from a text such as '226 GPa' or an SI number; raise MaterialError naming the key."""
     try:
         return float(Quantity(unit).convert(value))
     except ValueError as error:

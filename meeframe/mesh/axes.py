@@ -19,7 +19,7 @@ ON_AXIS: Final = 1e-9
 
 @dataclass(frozen=True)
 class FrictionAxes:
-    """Where the local axis e1, from which a contact law measures its angle, points on the contact zone.
+    """Direction of the local axis e1 on the contact zone, from which a contact law measures its angle.
 
     Either direction: one vector in global axes, the same everywhere, of which e1 is the projection on the tangent
     plane; or around: an axis in global axes through `centre` [m], from which e1 points away. Lengths of the vectors do
@@ -43,7 +43,8 @@ class FrictionAxes:
             raise CaseError(f"FrictionAxes: centre = {self.centre!r} has no meaning without around")
 
     def directions(self, points: Array) -> Array:
-        """Direction of e1 at points (n, 3) [m], (n, 3) in global axes, not normalised; zero on the axis `around`."""
+        """Return the direction of e1 at points (n, 3) [m], (n, 3) in global axes, not normalised; zero on the axis
+        `around`."""
         if self.direction is not None:
             return np.tile(_unit(self.direction), (len(points), 1))
         assert self.around is not None

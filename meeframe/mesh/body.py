@@ -42,7 +42,7 @@ class Body:
 
 
 def check_conditions(body: Body) -> None:
-    """Check that every condition is complete, names a face group beside the contact zone, and contradicts no other.
+    """Check that conditions are complete, outside the contact zone, and do not repeat each other.
 
     Raises MeshError for an unknown face group, else CaseError.
     """

@@ -1,4 +1,4 @@
-"""Is a mesh the closed, outward oriented boundary of a body? What is wrong where, in words."""
+"""Checks that a mesh is the closed, outward oriented boundary of a body, with messages that say what is wrong where."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ LARGEST = 1e60  # coordinates [m] of which areas and volumes are numbers
 
 
 def check_mesh(mesh: SurfaceMesh) -> None:
-    """Raises MeshError, saying what, how many and where, unless the mesh is a valid boundary.
+    """Raise MeshError, saying what, how many and where, unless the mesh is a valid boundary.
 
     In this order: numbers in range, finite points, no unused point, no repeated node, no duplicate points, no
     degenerate or folded element, closed and manifold, consistently oriented, conforming at mid-sides, outward. The
@@ -48,7 +48,8 @@ def check_mesh(mesh: SurfaceMesh) -> None:
 
 
 def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
-    """The mesh with every closed surface that is inside out flipped. Raises MeshError if not closed or inconsistent."""
+    """Return the mesh with every closed surface that is inside out flipped. Raises MeshError if not closed or
+    inconsistent."""
     _check_numbers(mesh)
     _check_edges(mesh, find_edges(mesh))
     parts, inverted = _inverted_parts(mesh)
@@ -62,7 +63,8 @@ def orient_outward(mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
-    """The mesh with points closer than tolerance [m] (or linked by such) merged into the first, unused ones dropped.
+    """Return the mesh with points closer than tolerance [m] (or linked by such) merged into the first, unused ones
+    dropped.
 
     Raises MeshError if that would collapse an element.
     """
@@ -82,7 +84,7 @@ def merge_points(mesh: SurfaceMesh, tolerance: float) -> SurfaceMesh:
 
 
 def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
-    """The mesh without points that no element uses. Raises MeshError if numbers are out of range."""
+    """Return the mesh without points that no element uses. Raises MeshError if numbers are out of range."""
     _check_numbers(mesh)
     used = _used(mesh)
     number = np.cumsum(used) - 1
@@ -91,7 +93,7 @@ def drop_unused(mesh: SurfaceMesh) -> SurfaceMesh:
 
 
 def _used(mesh: SurfaceMesh) -> Flags:
-    """Whether an element uses each point, (p,)."""
+    """Return whether an element uses each point, (p,)."""
     used = np.zeros(len(mesh.points), bool)
     for block in mesh.blocks:
         used[block.connectivity] = True
@@ -105,7 +107,7 @@ def _refuse(what: str, places: Array, thing: str) -> None:
 
 
 def _middles(mesh: SurfaceMesh) -> Array:
-    """Mean of the nodes of each element, (n_elements, 3)."""
+    """Return the mean of the nodes of each element, (n_elements, 3)."""
     return np.concatenate([mesh.points[b.connectivity].mean(axis=1) for b in mesh.blocks])
 
 
@@ -165,7 +167,7 @@ def _check_repeats(mesh: SurfaceMesh) -> None:
 
 
 def _check_elements(mesh: SurfaceMesh) -> None:
-    """The Jacobian keeps its sign: at nodes and Gauss points the normal stays within a right angle of the mean one."""
+    """Check the Jacobian's sign: at nodes and Gauss points the normal is within a right angle of the mean normal."""
     for block in mesh.blocks:
         xi, weights = gauss_rule(block.element.reference, 3)
         inside = normal_vectors(mesh.points, block.element, block.connectivity, xi)
@@ -219,7 +221,8 @@ def _check_plane(mesh: SurfaceMesh) -> None:
 
 
 def _inverted_parts(mesh: SurfaceMesh) -> tuple[Indices, Flags]:
-    """Closed surface that each element belongs to, (n_elements,), and whether each surface is inside out, (parts,).
+    """Return the closed surface that each element belongs to, (n_elements,), and whether each surface is inside out,
+    (parts,).
 
     A surface inside an odd number of others bounds a cavity: its elements must look inwards.
     """

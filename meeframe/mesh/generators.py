@@ -21,7 +21,7 @@ WholePair = int | tuple[int, int]
 
 @dataclass(frozen=True)
 class Grading:
-    """How the elements of a block grow away from the contact zone.
+    """Growth of the elements of a block away from the contact zone.
 
     first_ring: width of the first ring of elements around the contact zone over the element size inside it; 1 (the
     default) continues the zone with square elements, larger values spread a given number of rings more evenly. The
@@ -47,7 +47,7 @@ def block_mesh(
     element: SurfaceElement,
     grading: Grading | None = None,
 ) -> SurfaceMesh:
-    """Block with a fine contact zone in the middle of its top face (paper, section 7.1 and Fig. 2).
+    """Return the block with a fine contact zone in the middle of its top face (paper, section 7.1 and Fig. 2).
 
     The block is 2 half_width wide and `height` high [m]; its top face lies in x3 = 0, its base in x3 = -height, centred
     on the x3 axis. The contact zone, contact_width wide, has `divisions` equal elements a side; `rings` rings of
@@ -74,7 +74,8 @@ def block_mesh(
 def _top(
     half: tuple[float, float], contact: tuple[float, float], cells: tuple[int, int], rings: int, grading: Grading
 ) -> tuple[Array, Array]:
-    """Points of the contact zone, (nx + 1, ny + 1, 3), and of the loops around it, (rings, 2 nx + 2 ny, 3)."""
+    """Return the points of the contact zone, (nx + 1, ny + 1, 3), and of the loops around it, (rings, 2 nx + 2 ny,
+    3)."""
     for name, counts in (("divisions", cells), ("rings", (rings,))):
         require(name, counts, at_least=1)
     top = grid_points((contact[0] / 2, contact[1] / 2), cells, 0.0)
@@ -101,7 +102,7 @@ def half_space_mesh(
     element: SurfaceElement,
     grading: Grading | None = None,
 ) -> SurfaceMesh:
-    """The top face of `block_mesh` alone, a part of the plane x3 = 0 that bounds the half space x3 < 0.
+    """Return the top face of `block_mesh` alone, a part of the plane x3 = 0 that bounds the half space x3 < 0.
 
     Face groups 'contact' and 'top'. Raises MeshError.
     """
@@ -114,7 +115,8 @@ def half_space_mesh(
 def box_mesh(
     sizes: tuple[float, float, float], divisions: tuple[int, int, int], element: SurfaceElement
 ) -> SurfaceMesh:
-    """Box centred at the origin with equal divisions along each edge. Face groups: BOX_GROUPS. Raises MeshError."""
+    """Return the box centred at the origin with equal divisions along each edge. Face groups: BOX_GROUPS. Raises
+    MeshError."""
     require("sizes", sizes)
     require("divisions", divisions, at_least=1)
     half, cells = (sizes[0] / 2, sizes[1] / 2), (divisions[0], divisions[1])
@@ -126,7 +128,8 @@ def box_mesh(
 
 
 def sphere_mesh(radius: float, divisions: int, element: SurfaceElement) -> SurfaceMesh:
-    """Sphere about the origin: a cube of divisions^2 cells a face, equal in angle, blown up; group 'surface'.
+    """Return the sphere about the origin: a cube of divisions^2 cells a face, equal in angle, blown up; group
+    'surface'.
 
     All nodes, those between the corners included, lie on the sphere to round-off. Raises MeshError.
     """
@@ -139,7 +142,7 @@ def sphere_mesh(radius: float, divisions: int, element: SurfaceElement) -> Surfa
 
 
 def geometric_fractions(total: float, count: int, first: float) -> Array:
-    """Positions in (0, 1] after each of `count` widths that sum to total, geometric from `first` on.
+    """Return the positions in (0, 1] after each of `count` widths that sum to total, geometric from `first` on.
 
     Widths never shrink outwards: where `first` is too wide for that they are equal.
     """

@@ -1,4 +1,4 @@
-"""From surfaces of straight four-sided cells to meshes of any element type."""
+"""Meshes of any element type from surfaces of straight four-sided cells."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -30,7 +30,7 @@ class QuadSurface:
 
 
 def with_element(surface: QuadSurface, element: SurfaceElement) -> SurfaceMesh:
-    """Mesh of one element type on a surface of cells.
+    """Return the mesh of one element type on a surface of cells.
 
     Corner points keep their numbers; further nodes follow, placed by bilinear (quadrilateral) or linear (triangle)
     interpolation of the corners and shared between neighbours. Triangles split each cell along alternating diagonals,
@@ -45,7 +45,7 @@ def with_element(surface: QuadSurface, element: SurfaceElement) -> SurfaceMesh:
 
 
 def corner_weights(element: SurfaceElement) -> Array:
-    """Weights of the corners in the straight position of each node, (n, corners), rows sum to one."""
+    """Return the weights of the corners in the straight position of each node, (n, corners), rows sum to one."""
     x, y = np.asarray(element.nodes, float).T
     if element.reference == "triangle":
         return np.stack([1 - x - y, x, y], axis=1)
@@ -55,14 +55,15 @@ def corner_weights(element: SurfaceElement) -> Array:
 
 
 def _split(quads: Indices, parity: Indices) -> Indices:
-    """Two triangles per cell, (2e, 3), along the diagonal 0-2 where parity is 0, 1-3 where it is 1."""
+    """Return two triangles per cell, (2e, 3), along the diagonal 0-2 where parity is 0, 1-3 where it is 1."""
     straight = quads[:, [[0, 1, 2], [0, 2, 3]]]
     crossed = quads[:, [[0, 1, 3], [1, 2, 3]]]
     return np.where((parity == 0)[:, None, None], straight, crossed).reshape(-1, 3)
 
 
 def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array, Indices]:
-    """Points (corners first) and connectivity; nodes with the same weights on the same corners are one point."""
+    """Return the points (corners first) and connectivity; nodes with the same weights on the same corners are one
+    point."""
     if np.array_equal(weights, np.eye(corners.shape[1])):
         return points, corners
     connectivity = np.empty((len(corners), len(weights)), np.int64)
@@ -83,26 +84,27 @@ def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array
 
 
 def symmetric_spacing(half_width: float, divisions: int) -> Array:
-    """Equal spacing of [-half_width, half_width], (divisions + 1,), antisymmetric to the last bit."""
+    """Return the equal spacing of [-half_width, half_width], (divisions + 1,), antisymmetric to the last bit."""
     steps: Array = half_width * (np.arange(-divisions, divisions + 1, 2) / divisions)
     return steps
 
 
 def grid_points(half_widths: tuple[float, float], divisions: tuple[int, int], height: float) -> Array:
-    """Points of a horizontal rectangle centred on the x3 axis, (nx + 1, ny + 1, 3)."""
+    """Return the points of a horizontal rectangle centred on the x3 axis, (nx + 1, ny + 1, 3)."""
     x, y = (symmetric_spacing(a, n) for a, n in zip(half_widths, divisions, strict=True))
     return np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).astype(float)
 
 
 def border(grid: NDArray[Entry]) -> NDArray[Entry]:
-    """Entries on the border of a grid (nx + 1, ny + 1, ...), (2 nx + 2 ny, ...), counter-clockwise from [0, 0]."""
+    """Return the entries on the border of a grid (nx + 1, ny + 1, ...), (2 nx + 2 ny, ...), counter-clockwise from [0,
+    0]."""
     return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
 
 
 def prism(
     top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int], names: tuple[str, ...]
 ) -> QuadSurface:
-    """Closed surface of a top grid, strips of cells between successive loops around it, and a base grid.
+    """Return the closed surface of a top grid, strips of cells between successive loops around it, and a base grid.
 
     top, base: (nx + 1, ny + 1, 3) seen from above; loops: (k, 2 nx + 2 ny, 3) counter-clockwise from above, the last
     of which is the border of the base; groups: of the top, of the strips (k, 2 nx + 2 ny), of the base.
@@ -146,24 +148,24 @@ def framed(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurface:
 
 
 def _loop_numbers(numbers: Indices, loops: Array) -> Indices:
-    """Numbers of the points of loops (k, m, 3), which follow those of a grid."""
+    """Return the numbers of the points of loops (k, m, 3), which follow those of a grid."""
     return numbers.size + np.arange(len(loops) * loops.shape[1]).reshape(-1, loops.shape[1])
 
 
 def _strips(loops: Indices) -> Indices:
-    """Cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
+    """Return the cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
     here, there = loops[:-1], loops[1:]
     return np.stack([here, there, np.roll(there, -1, 1), np.roll(here, -1, 1)], axis=-1).reshape(-1, 4)
 
 
 def _chequer(rows: int, columns: int) -> Indices:
-    """Parities of rows x columns cells, one row after another."""
+    """Return the parities of rows x columns cells, one row after another."""
     parity: Indices = np.add.outer(np.arange(rows), np.arange(columns)).ravel() % 2
     return parity
 
 
 def _cells(numbers: Indices) -> Indices:
-    """Cells of a grid of point numbers, counter-clockwise from above, (nx ny, 4)."""
+    """Return the cells of a grid of point numbers, counter-clockwise from above, (nx ny, 4)."""
     cells = np.empty((numbers.shape[0] - 1, numbers.shape[1] - 1, 4), np.int64)
     for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
         cells[:, :, k] = corner
@@ -171,13 +173,13 @@ def _cells(numbers: Indices) -> Indices:
 
 
 def side_of_border(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -> Indices:
-    """Value for each cell of a strip: sides are those of y-, x+, y+, x-, in the order of `border`."""
+    """Return the value for each cell of a strip: sides are those of y-, x+, y+, x-, in the order of `border`."""
     nx, ny = divisions
     return np.repeat(np.asarray(sides), [nx, ny, nx, ny])
 
 
 def require(name: str, values: tuple[float, ...], *, at_least: float | None = None) -> None:
-    """Raises MeshError unless all values are finite and positive (or whole numbers of at least `at_least`)."""
+    """Raise MeshError unless all values are finite and positive (or whole numbers of at least `at_least`)."""
     for value in values:
         if at_least is None and not (np.isfinite(value) and value > 0):
             raise MeshError(f"{name} = {value!r}: must be a finite positive number")

@@ -16,7 +16,7 @@ ORDER = 6  # Gauss points per direction: exact for the volume under any element 
 
 @lru_cache(maxsize=32)
 def gauss_rule(reference: Reference, n: int) -> tuple[Array, Array]:
-    """Points (n^2, 2) and weights (n^2,) of the product Gauss rule on a reference domain.
+    """Return the points (n^2, 2) and weights (n^2,) of the product Gauss rule on a reference domain.
 
     Quadrilateral: exact to degree 2n - 1 in each direction. Triangle (collapsed square): exact to total degree 2n - 2.
     """
@@ -33,7 +33,7 @@ def gauss_rule(reference: Reference, n: int) -> tuple[Array, Array]:
 
 
 def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices, xi: Array) -> Array:
-    """Normals at reference points xi (m, 2) of each element, as long as the surface Jacobian: (e, m, 3)."""
+    """Return the normals at reference points xi (m, 2) of each element, as long as the surface Jacobian: (e, m, 3)."""
     tangents = np.tensordot(points[connectivity], shape_derivatives(element, xi), axes=(1, 1))  # (e, 3, m, 2)
     along, across = tangents[..., 0], tangents[..., 1]
     normals = np.empty((len(connectivity), len(xi), 3))
@@ -44,7 +44,7 @@ def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices
 
 
 def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDArray[np.bool_]:
-    """Elements (e,) that are affine images of the reference domain, to AFFINE of their size."""
+    """Return the elements (e,) that are affine images of the reference domain, to AFFINE of their size."""
     basis = np.column_stack([np.ones(len(element.nodes)), element.nodes])
     bending = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
     nodes = points[connectivity]
@@ -53,7 +53,7 @@ def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDA
 
 
 def area(mesh: SurfaceMesh, group: str | None = None) -> float:
-    """Area [m^2] of the mesh or of one face group. Raises MeshError if there is no such group."""
+    """Return the area [m^2] of the mesh or of one face group. Raises MeshError if there is no such group."""
     index = None if group is None else mesh.group(group)
     total = 0.0
     for block in mesh.blocks:
@@ -65,12 +65,13 @@ def area(mesh: SurfaceMesh, group: str | None = None) -> float:
 
 
 def volume(mesh: SurfaceMesh) -> float:
-    """Enclosed volume [m^3] by the divergence theorem, int x.n dS / 3; negative if the mesh is inside out."""
+    """Return the enclosed volume [m^3] by the divergence theorem, int x.n dS / 3; negative if the mesh is inside
+    out."""
     return float(volume_shares(mesh, mesh.points.mean(axis=0)).sum())
 
 
 def volume_shares(mesh: SurfaceMesh, origin: Array) -> Array:
-    """int (x - origin).n dS / 3 of each element, (n_elements,) [m^3], block after block."""
+    """Return int (x - origin).n dS / 3 of each element, (n_elements,) [m^3], block after block."""
     shares = [np.empty(0)]
     for block in mesh.blocks:
         xi, weights = gauss_rule(block.element.reference, ORDER)
@@ -82,12 +83,13 @@ def volume_shares(mesh: SurfaceMesh, origin: Array) -> Array:
 
 
 def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
-    """Corner nodes of cells (meshio's types, as in Zone), (e, 3 or 4) for each block."""
+    """Return the corner nodes of cells (meshio's types, as in Zone), (e, 3 or 4) for each block."""
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 
 
 def vector_areas(points: Array) -> Array:
-    """Integrals of the normal (e, 3) over polygons of straight sides between points (e, m, 3), plane or not."""
+    """Return the integrals of the normal (e, 3) over polygons of straight sides between points (e, m, 3), plane or
+    not."""
     centred = points - points.mean(axis=1, keepdims=True)
     areas: Array = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1) / 2.0
     return areas

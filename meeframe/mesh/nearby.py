@@ -15,7 +15,8 @@ _PASSES: Final = 50
 
 
 def close_pairs(points: Array, distance: float) -> Indices:
-    """Pairs of points (p, 3) not farther apart than a distance [m], which few are: (k, 2), the lower number first.
+    """Return the pairs of points (p, 3) not farther apart than a distance [m], which few are: (k, 2), the lower number
+    first.
 
     They are close along any direction too: sorted along one, candidates are next to each other. Quicker than a tree,
     and than loading one, unless many points line up across it.

@@ -13,7 +13,8 @@ from meeframe.mesh.topology import corner_count, find_edges
 
 @memoize_by_identity
 def connected_surfaces(mesh: SurfaceMesh) -> tuple[Indices, NDArray[np.bool_]]:
-    """Surface that each element belongs to, (n_elements,), and whether surface i lies inside surface j, (s, s).
+    """Return the surface that each element belongs to, (n_elements,), and whether surface i lies inside surface j, (s,
+    s).
 
     Elements that share edges are of one surface. What lies inside an open surface has no meaning.
     """
@@ -37,7 +38,8 @@ def connected_surfaces(mesh: SurfaceMesh) -> tuple[Indices, NDArray[np.bool_]]:
 
 
 def body_parts(mesh: SurfaceMesh) -> Indices:
-    """Separate part of the body that each point bounds, (p,), counting from 0; a cavity is of the part around it."""
+    """Return the separate part of the body that each point bounds, (p,), counting from 0; a cavity is of the part
+    around it."""
     surface, inside = connected_surfaces(mesh)
     depth = inside.sum(axis=1)
     around = np.argmax(inside & (depth == depth[:, None] - 1), axis=1)
@@ -50,7 +52,7 @@ def body_parts(mesh: SurfaceMesh) -> Indices:
 
 
 def _corner_triangles(mesh: SurfaceMesh) -> tuple[Array, Indices]:
-    """Elements as flat triangles of corners, (t, 3, 3), and the element that each comes from, (t,)."""
+    """Return the elements as flat triangles of corners, (t, 3, 3), and the element that each comes from, (t,)."""
     triangles, owner, first = [], [], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))
@@ -62,7 +64,8 @@ def _corner_triangles(mesh: SurfaceMesh) -> tuple[Array, Indices]:
 
 
 def _solid_angles(triangles: Array) -> Array:
-    """Signed solid angle of each triangle (t, 3, 3) seen from the origin (van Oosterom and Strackee, 1983)."""
+    """Return the signed solid angle of each triangle (t, 3, 3) seen from the origin (van Oosterom and Strackee,
+    1983)."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ti,ti->t", a, np.cross(b, c))

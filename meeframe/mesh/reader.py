@@ -35,7 +35,7 @@ def read_mesh(
     group_data: str | None = None,
     reorient: bool = False,
 ) -> SurfaceMesh:
-    """The checked surface mesh in any file that meshio reads; formats with mixed element types too.
+    """Return the checked surface mesh in any file that meshio reads; formats with mixed element types too.
 
     elements: the element types to choose from, by their meshio_type. length_unit: metres per unit of the file.
     merge_tolerance: merge points closer than this [m]; None refuses coinciding points. group_data: name of a cell array
@@ -60,7 +60,7 @@ def read_mesh(
 
 
 def read_any(file: Path) -> Any:
-    """meshio's mesh of a file; its printing and its exits become errors. Raises MeshError."""
+    """Return meshio's mesh of a file; its printing and its exits become errors. Raises MeshError."""
     import meshio  # a quarter of a second to start: only for those who read files
 
     try:
@@ -83,7 +83,7 @@ class _Source(io.FileIO):
     beyond = 0
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """As of any file. Raises EOFError."""
+        """Read as from any file; raise EOFError after too many reads at the end of the file."""
         count = super().readinto(buffer)
         self.beyond = 0 if count else self.beyond + 1
         if self.beyond > _PATIENCE:
@@ -92,14 +92,14 @@ class _Source(io.FileIO):
 
 
 def _open(path: str, mode: str = "r") -> IO[Any]:
-    """In place of the built-in function, for reading."""
+    """Open a file for reading, in place of the built-in function."""
     source = io.BufferedReader(_Source(path))
     return source if "b" in mode else io.TextIOWrapper(source)
 
 
 @contextlib.contextmanager
 def _ends(meshio: Any) -> Iterator[None]:
-    """meshio opens files that end."""
+    """Return meshio opens files that end."""
     meshio._files.open = _open
     try:
         yield
@@ -138,7 +138,7 @@ def _numbers(labels: list[str], names: tuple[str, ...]) -> Indices:
 
 
 def _labels(data: Any, kept: list[int], group_data: str | None) -> list[list[str]]:
-    """Face group of each element of the kept cell blocks."""
+    """Return the face group of each element of the kept cell blocks."""
     if group_data is not None:
         if group_data not in data.cell_data:
             found = ", ".join(data.cell_data) or "none"

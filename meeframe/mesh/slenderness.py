@@ -30,7 +30,7 @@ class Slender:
 
 
 def slender_parts(body: Body, ratio: float) -> tuple[Slender, ...]:
-    """Where a body that check_mesh lets pass is longer than `ratio` times its thickness: the worst of each part.
+    """Return where a body that check_mesh lets pass is longer than `ratio` times its thickness: the worst of each part.
 
     Planes at right angles to the axes, and at 45 degrees to two of them, cut off what lies beyond. For bending along
     each axis in the plane its length is the height over the plane, or, if less, the distance of its farthest point from
@@ -56,7 +56,8 @@ def slender_parts(body: Body, ratio: float) -> tuple[Slender, ...]:
 
 
 def bending_warnings(body: Body, ratio: float = RATIO, advice: str = "") -> tuple[str, ...]:
-    """What boundary elements by collocation have to say of a body's slender parts: where, how slender, what to do.
+    """Return what boundary elements by collocation have to say of a body's slender parts: where, how slender, what to
+    do.
 
     ratio: parts longer than that times their thickness, or LINEAR_RATIO with linear elements, are slender; advice: what
     to try first.
@@ -72,7 +73,7 @@ def bending_warnings(body: Body, ratio: float = RATIO, advice: str = "") -> tupl
 
 
 def _worst(triangles: Array, points: Array, held: NDArray[np.bool_], ratio: float) -> Slender | None:
-    """The longest for its thickness of all pieces of a part, if it is longer than `ratio` times that.
+    """Return the longest for its thickness of all pieces of a part, if it is longer than `ratio` times that.
 
     triangles: (t, 3, 3), its surface; held: displacements that are prescribed at its points (p, 3).
     """
@@ -100,13 +101,14 @@ def _worst(triangles: Array, points: Array, held: NDArray[np.bool_], ratio: floa
 
 
 def _across(axis: int) -> Array:
-    """Unit vectors at right angles to an axis, every 45 degrees, (8, 3)."""
+    """Return the unit vectors at right angles to an axis, every 45 degrees, (8, 3)."""
     angles = np.arange(8) * (np.pi / 4.0)
     return np.insert(np.column_stack([np.cos(angles), np.sin(angles)]), axis, 0.0, axis=1)
 
 
 def _cut_off(heights: Array, rises: Array, widths: Array) -> tuple[Array, Array, Array]:
-    """Planes at equal distances from the lowest point, and volume and area of what lies above each, (LEVELS,) each.
+    """Return the planes at equal distances from the lowest point, and volume and area of what lies above each,
+    (LEVELS,) each.
 
     heights: of the corners of each triangle, (t, 3); rises: its area times its normal along the heights; widths: its
     area, as it is to be counted. A closed surface needs no lid: the volume above is int (z - level) n_z dS.
@@ -117,7 +119,7 @@ def _cut_off(heights: Array, rises: Array, widths: Array) -> tuple[Array, Array,
     first, last = np.searchsorted(levels, low, "right"), np.searchsorted(levels, high, "left")
 
     def whole(weights: Array) -> Array:
-        """Of all triangles that lie above each level."""
+        """Return the sum over all triangles that lie above each level."""
         total: Array = np.bincount(first, weights, LEVELS + 1)[:0:-1].cumsum()[::-1]
         return total
 
@@ -137,7 +139,7 @@ def _cut_off(heights: Array, rises: Array, widths: Array) -> tuple[Array, Array,
 
 
 def _nearest(points: Array, others: Array) -> Array:
-    """Distance of each point from the nearest of the others."""
+    """Return the distance of each point from the nearest of the others."""
     from scipy.spatial import cKDTree
 
     distances: Array = cKDTree(others).query(points)[0]
@@ -145,7 +147,8 @@ def _nearest(points: Array, others: Array) -> Array:
 
 
 def _triangles(mesh: SurfaceMesh) -> tuple[Array, Indices]:
-    """Elements as flat triangles, those with curved sides as several, (t, 3, 3), and a point of each one's element."""
+    """Return the elements as flat triangles, those with curved sides as several, (t, 3, 3), and a point of each one's
+    element."""
     triangles, points = [], []
     for block in mesh.blocks:
         n = 1 if len(block.element.nodes) == corner_count(block.element) else 2

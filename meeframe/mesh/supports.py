@@ -1,4 +1,4 @@
-"""Do prescribed values hold a body, and every separate part of it?"""
+"""Check that prescribed values hold a body and every separate part of it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ Flags = NDArray[np.bool_]
 
 
 def check_supports(body: Body) -> None:
-    """Raises CaseError unless prescribed values fix the rigid motions and potentials of every separate part.
+    """Raise CaseError unless prescribed values fix the rigid motions and potentials of every separate part.
 
     Loads on the contact zone fix nothing. The fields of a semi-infinite body vanish at infinity: it needs no supports.
     """
@@ -44,7 +44,8 @@ def _check_part(points: Array, fixed: Flags, fields: FieldSet, name: str) -> Non
 
 
 def _rank(points: Array, fixed: Flags) -> int:
-    """Number of the rigid motions a + w x (x - centre) / size that displacements fixed at points (p, 3) prevent.
+    """Return the number of the rigid motions a + w x (x - centre) / size that displacements fixed at points (p, 3)
+    prevent.
 
     Centre and size are those of the supports, however small they are beside the body. What of the supports is thinner
     than about 1e-6 of their size counts as a line or plane, as coordinates read in single precision are no better: a

@@ -41,13 +41,13 @@ class SurfaceMesh:
         return sum(len(block.connectivity) for block in self.blocks)
 
     def group(self, name: str) -> int:
-        """Index of a face group; raises MeshError that lists the groups if there is none of that name."""
+        """Return the index of a face group; raises MeshError that lists the groups if there is none of that name."""
         if name not in self.group_names:
             raise MeshError(f"no face group {name!r} in the mesh; it has {', '.join(self.group_names)}")
         return self.group_names.index(name)
 
     def group_points(self, name: str) -> Indices:
-        """Sorted numbers of the points that elements of a face group touch."""
+        """Return the sorted numbers of the points that elements of a face group touch."""
         index = self.group(name)
         touched = [block.connectivity[block.groups == index].ravel() for block in self.blocks]
         return np.unique(np.concatenate(touched))

@@ -1,4 +1,4 @@
-"""Which elements share which edges."""
+"""Mesh edges that elements share."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,7 +13,7 @@ from meeframe.mesh.surface import SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """All edges of all elements, one row per element and edge, block after block.
+    """Mesh edges of all elements, one row per element and edge, block after block.
 
     ends: (k, 2) corner numbers in the element's sense; between: (k, m) point numbers inside the edge in the sense from
     the smaller to the larger end, padded with -1; elements: (k,) element numbers over all blocks; number: (k,) the same
@@ -27,12 +27,12 @@ class Edges:
 
 
 def corner_count(element: SurfaceElement) -> int:
-    """Corners of an element; they come first among its nodes."""
+    """Return the corners of an element; they come first among its nodes."""
     return 3 if element.reference == "triangle" else 4
 
 
 def edge_nodes(element: SurfaceElement) -> list[Indices]:
-    """Local node numbers along each edge, from one corner to the next, counter-clockwise."""
+    """Return the local node numbers along each edge, from one corner to the next, counter-clockwise."""
     n = corner_count(element)
     nodes = np.asarray(element.nodes, float)
     edges = []
@@ -46,7 +46,7 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
 
 @memoize_by_identity
 def find_edges(mesh: SurfaceMesh) -> Edges:
-    """The edges of a mesh whose connectivity is within range."""
+    """Return the mesh edges of a mesh whose connectivity is in range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))
@@ -68,7 +68,7 @@ def find_edges(mesh: SurfaceMesh) -> Edges:
 
 
 def reflection(element: SurfaceElement) -> Indices:
-    """Node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
+    """Return the node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
     swapped = np.asarray(element.nodes, float)[:, ::-1]
     distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
     order: Indices = distance.argmin(axis=1).astype(np.int64)
@@ -76,7 +76,8 @@ def reflection(element: SurfaceElement) -> Indices:
 
 
 def outer_polygon(mesh: SurfaceMesh) -> Indices:
-    """Sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to node."""
+    """Return the sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to
+    node."""
     edges = find_edges(mesh)
     open_edges = np.flatnonzero(np.bincount(edges.number)[edges.number] == 1)
     sides = []

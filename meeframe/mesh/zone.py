@@ -32,7 +32,7 @@ class ContactZone:
 
 
 def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
-    """Contact zone of a face group.
+    """Return the contact zone of a face group.
 
     Normals at points are means over the zone's elements alone, weighted by their areas. Raises MeshError if there is no
     such group, it has no elements, or it turns a sharp edge.
@@ -67,14 +67,14 @@ def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 
 def check_contact_zone(mesh: SurfaceMesh, group: str) -> None:
-    """Raises MeshError unless the group exists, has elements, leaves some of the surface free and is smooth."""
+    """Raise MeshError unless the group exists, has elements, leaves some of the surface free and is smooth."""
     zone_frames(mesh, group)
     if sum(len(block.connectivity) for block in _zone_blocks(mesh, group)) == mesh.n_elements:
         raise MeshError(f"contact zone {group!r}: it is the whole surface, so that nothing holds the body")
 
 
 def frames_of(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
-    """Right-handed orthonormal frames (n, 3, 3), rows e1, e2, nu, for unit normals (n, 3).
+    """Return the right-handed orthonormal frames (n, 3, 3), rows e1, e2, nu, for unit normals (n, 3).
 
     e1 is as close to first_axis as the tangent plane allows; where the normal is nearly parallel to that axis it
     follows the next axis in cyclic order instead.
@@ -98,7 +98,8 @@ def _zone_blocks(mesh: SurfaceMesh, group: str) -> list[ElementBlock]:
 
 
 def _shape_integrals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
-    """int N_a dS over each element, (e, n): the Jacobian of an element without curvature and warp is constant."""
+    """Return int N_a dS over each element, (e, n): the Jacobian of an element without curvature and warp is
+    constant."""
     xi, weights = gauss_rule(block.element.reference, ORDER)
     shapes = shape_functions(block.element, xi)
     jacobians = np.linalg.norm(normal_vectors(mesh.points, block.element, block.connectivity, xi[:1]), axis=-1)
@@ -117,7 +118,7 @@ def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
 
 
 def _check_smooth(normals: list[Array], zone: ContactZone, group: str) -> None:
-    """normals: (e, n, 3) at the nodes of the elements of each block."""
+    """Refuse a zone with sharp mesh edges; normals: (e, n, 3) at the nodes of the elements of each block."""
     for own, (_, local) in zip(normals, zone.cells, strict=True):
         cosines = np.einsum("eni,eni->en", own, zone.frames[local, 2])
         sharp = np.unique(local[cosines < STEEPEST])

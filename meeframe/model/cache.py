@@ -23,8 +23,8 @@ from meeframe.plugin.sources import LOCAL, faults_of_plugins
 from meeframe.results.systems import read_kept, read_system, write_kept, write_system
 from meeframe.system.reduced import Formulation, Progress, ReducedSystem, kept_of, silent
 
-_ROOMS: Final = ("case", "core", "elements", "formulations", "fundamental", "geometry", "kernels", "materials")
-_CONTACT_ROOMS: Final = ("laws", "solvers")
+_ROOMS: Final = ("common", "elements", "fields", "formulations", "greens", "material", "mesh", "model", "system")
+_CONTACT_ROOMS: Final = ("contact", "indenters", "laws", "solvers")
 _NOTES: Final = ("title", "text", "output")
 """What a case says beside what determines its result."""
 _LIBRARIES: Final = ("numpy", "scipy", "numba")

@@ -1,4 +1,4 @@
-"""What meeframe itself registers, through the same hooks as everybody else."""
+"""Registration of the built-in laws, elements, formulations and solvers, through the same hooks as plugins."""
 
 from collections.abc import Iterable
 
@@ -23,7 +23,7 @@ _JOHNSON = "Johnson, Contact Mechanics (1985)"
 
 @hookimpl
 def meeframe_fundamental_solutions() -> Iterable[Record[FundamentalSolution]]:
-    """Fundamental solutions of appendix B."""
+    """Return the fundamental solutions of appendix B."""
     return [
         Record("tabulated", Tabulated, "polynomials on the sphere of directions; the default", _BARNETT),
         Record("residue", Residue, "explicit, Stroh eigenvalues of any multiplicity", f"{_PAPER}, eqs. 43-54"),
@@ -34,7 +34,7 @@ def meeframe_fundamental_solutions() -> Iterable[Record[FundamentalSolution]]:
 
 @hookimpl
 def meeframe_elements() -> Iterable[Record[SurfaceElement]]:
-    """Lagrange elements."""
+    """Return the Lagrange elements."""
     lagrange = "Zienkiewicz & Taylor, The Finite Element Method"
     return [
         Record("quad4", Quad4, "quadrilateral, bilinear", lagrange),
@@ -47,13 +47,13 @@ def meeframe_elements() -> Iterable[Record[SurfaceElement]]:
 
 @hookimpl
 def meeframe_formulations() -> Iterable[Record[Formulation]]:
-    """Boundary elements."""
+    """Return the boundary elements."""
     return [Record("dense-bem", DenseBEM, "collocation, one dense matrix", f"{_PAPER}, eqs. 19-26")]
 
 
 @hookimpl
 def meeframe_contact_laws() -> Iterable[Record[ContactLaw]]:
-    """Contact without and with Coulomb friction."""
+    """Return the contact without and with Coulomb friction."""
     return [
         Record("signorini", Signorini, "unilateral contact without friction", f"{_PAPER}, eqs. 10, 11"),
         Record("isotropic-coulomb", IsotropicCoulomb, "unilateral contact, Coulomb friction", f"{_PAPER}, eqs. 11-16"),
@@ -68,7 +68,7 @@ def meeframe_contact_laws() -> Iterable[Record[ContactLaw]]:
 
 @hookimpl
 def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
-    """Insulation, and conduction in contact."""
+    """Return the insulation, and conduction in contact."""
     return [
         Record("insulating", Insulating, "no flux through the contact", f"{_PAPER}, section 7.1 (EMII)"),
         Record("step", StepConductivity, "kappa under pressure; inf conducts perfectly", f"{_PAPER}, eqs. 17, 18"),
@@ -77,7 +77,7 @@ def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
 
 @hookimpl
 def meeframe_solvers() -> Iterable[Record[Solver]]:
-    """Iterations on the contact problem."""
+    """Return the iterations on the contact problem."""
     return [
         Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32"),
         Record(
@@ -97,7 +97,7 @@ def meeframe_solvers() -> Iterable[Record[Solver]]:
 
 @hookimpl
 def meeframe_indenters() -> Iterable[Record[Indenter]]:
-    """Shapes of rigid indenters."""
+    """Return the shapes of rigid indenters."""
     return [
         Record("sphere", Sphere, "sphere or, by default, its paraboloid", f"{_JOHNSON}, section 3.4"),
         Record("paraboloid", Paraboloid, "paraboloid of two radii", f"{_JOHNSON}, section 4.2"),

@@ -1,4 +1,4 @@
-"""What the parameters of a registered thing are, for people: names, units, what is allowed, defaults."""
+"""Descriptions of the parameters of registered things: names, units, allowed values, defaults."""
 
 import dataclasses
 import inspect
@@ -28,7 +28,8 @@ class Parameter:
 
 
 def find(registry: Registry, name: str) -> list[Entry]:
-    """Everything of a name, of whatever kind. Raises PluginError that lists near and allowed names if there is none."""
+    """Return all entries of a name, of any kind; raise PluginError that lists similar and allowed names if there is
+    none."""
     found = [entry for entry in registry.entries if entry.record.name == name]
     if not found:
         names = sorted({entry.record.name for entry in registry.entries})
@@ -38,7 +39,7 @@ def find(registry: Registry, name: str) -> list[Entry]:
 
 
 def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
-    """The keys that a case file may give; none if the factory is no dataclass."""
+    """Return the keys that a case file may give; none if the factory is no dataclass."""
     factory = entry.record.factory
     if not (isinstance(factory, type) and dataclasses.is_dataclass(factory)):
         return []
@@ -48,7 +49,7 @@ def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
 
 
 def documentation(entry: Entry) -> str:
-    """The docstring of the factory, "" if it has none of its own."""
+    """Return the docstring of the factory, "" if it has none of its own."""
     factory = entry.record.factory
     text = inspect.cleandoc(getattr(factory, "__doc__", None) or "")
     generated = f"{getattr(factory, '__name__', '')}("
@@ -87,7 +88,7 @@ def _allowed_part(hint: Any) -> str:
 
 
 def _bounds(marks: Iterable[Any]) -> list[str]:
-    """Bounds of pydantic's Field or of annotated-types."""
+    """Return the bounds of pydantic's Field or of annotated-types."""
     plain = [inner for mark in marks for inner in getattr(mark, "metadata", (mark,))]
     return [f"{sign} {getattr(mark, name):g}" for mark in plain for name, sign in _SIGNS.items() if hasattr(mark, name)]
 

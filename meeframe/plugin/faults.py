@@ -1,4 +1,4 @@
-"""What is wrong with a record that a hook returns: found before anything uses it."""
+"""Checks of the records that hooks return, before anything uses them."""
 
 import inspect
 import re
@@ -16,7 +16,7 @@ NAME_RULE: Final = "small letters, digits and hyphens, beginning with a letter: 
 
 
 def fault(kind: str, contract: type, record: Any) -> str:
-    """What is wrong with what a hook of a kind returned, or ''. contract: the abstract class of the kind."""
+    """Return what is wrong with what a hook of a kind returned, or ''. contract: the abstract class of the kind."""
     if not isinstance(record, Record):
         return f"a hook returns records, not {record!r}"
     if not (isinstance(record.name, str) and NAME.fullmatch(record.name)):
@@ -30,7 +30,7 @@ def fault(kind: str, contract: type, record: Any) -> str:
 
 
 def _fault_of_class(contract: type, factory: Any) -> str:
-    """What keeps a factory from being a class of a contract, or ''."""
+    """Return what keeps a factory from being a class of a contract, or ''."""
     if not isinstance(factory, type):
         return f"its factory is {factory!r}; allowed: a class"
     if not issubclass(factory, contract):
@@ -57,7 +57,8 @@ def _asks() -> str:
 
 
 def _takes(factory: type, name: str, arguments: Sequence[inspect.Parameter]) -> bool:
-    """Whether a method can be called with a contract's arguments, by position, each where the contract has it."""
+    """Return whether a method can be called with a contract's arguments, by position, each where the contract has
+    it."""
     method = inspect.getattr_static(factory, name)
     if isinstance(method, property) or not callable(getattr(factory, name)):
         return False

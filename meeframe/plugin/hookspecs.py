@@ -39,28 +39,28 @@ class HookSpecs:
 
     @hookspec
     def meeframe_fundamental_solutions(self) -> Iterable[Record[FundamentalSolution]]:  # type: ignore[empty-body]
-        """Fundamental solutions (contract: meeframe.greens.base)."""
+        """Return the fundamental solutions (contract: meeframe.greens.base)."""
 
     @hookspec
     def meeframe_elements(self) -> Iterable[Record[SurfaceElement]]:  # type: ignore[empty-body]
-        """Surface elements (contract: meeframe.elements.base)."""
+        """Return the surface elements (contract: meeframe.elements.base)."""
 
     @hookspec
     def meeframe_formulations(self) -> Iterable[Record[Formulation]]:  # type: ignore[empty-body]
-        """Formulations (contract: meeframe.system.reduced)."""
+        """Return the formulations (contract: meeframe.system.reduced)."""
 
     @hookspec
     def meeframe_contact_laws(self) -> Iterable[Record[ContactLaw]]:  # type: ignore[empty-body]
-        """Normal and tangential contact laws (contract: meeframe.laws.base)."""
+        """Return the normal and tangential contact laws (contract: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
-        """Electric and magnetic conductivity laws (contract: meeframe.laws.base)."""
+        """Return the electric and magnetic conductivity laws (contract: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]
-        """Contact solvers (contract: meeframe.contact.problem)."""
+        """Return the contact solvers (contract: meeframe.contact.problem)."""
 
     @hookspec
     def meeframe_indenters(self) -> Iterable[Record[Indenter]]:  # type: ignore[empty-body]
-        """Indenter shapes (contract: meeframe.indenters.base)."""
+        """Return the indenter shapes (contract: meeframe.indenters.base)."""

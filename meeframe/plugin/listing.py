@@ -1,4 +1,4 @@
-"""What is registered, for the terminal: the list of everything, and a page on each thing."""
+"""Terminal pages of registered things: the list of everything, and a page on each."""
 
 from collections.abc import Collection, Iterator
 
@@ -13,7 +13,7 @@ from meeframe.plugin.registry import Entry, Kind, Registry
 
 
 def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> RenderableType:
-    """By kind, a line for each name with what it is and, unless meeframe has it of itself, who provides it."""
+    """Return the list of names by kind, one line each with its summary and, for plugins, its provider."""
     width = max((len(entry.record.name) for entry in registry.entries), default=0)
     parts: list[RenderableType] = []
     for kind in kinds:
@@ -28,7 +28,7 @@ def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> Re
 
 
 def plugin_page(registry: Registry, name: str) -> RenderableType:
-    """Everything of a name: what it is, its parameters, its documentation with formula and source.
+    """Return the page of a name: summary, parameters, documentation with formula and source.
 
     Raises PluginError if there is nothing of that name.
     """

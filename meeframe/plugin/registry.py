@@ -53,7 +53,7 @@ CONTRACTS: Final[Mapping[type, Kind]] = {
 
 
 def contract_of(kind: Kind) -> type:
-    """The abstract class of a kind."""
+    """Return the abstract class of a kind."""
     return next(contract for contract, its_kind in CONTRACTS.items() if its_kind is kind)
 
 
@@ -68,7 +68,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Registry:
-    """What is registered, and the plugins that failed. Made by `load` or `from_plugins`.
+    """Everything that is registered, and the plugins that failed. Made by `load` or `from_plugins`.
 
     folder: where relative paths in tables start; unit: those of keys whose dimension depends on where they are used,
     with blanks between; scalar_fields: further ones that materials may have.
@@ -82,7 +82,7 @@ class Registry:
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":
-        """Registry of plugins (modules or objects with hook implementations).
+        """Return the registry of plugins (modules or objects with hook implementations).
 
         Plugins that fail are recorded as broken. Raises PluginError if two of them register the same name.
         """
@@ -97,22 +97,23 @@ class Registry:
 
     @property
     def providers(self) -> tuple[Provider, ...]:
-        """Whoever registered something, each once."""
+        """Providers that registered something, each once."""
         return tuple(dict.fromkeys(entry.provider for entry in self.entries))
 
     def names(self, kind: Kind) -> tuple[str, ...]:
-        """Sorted names of a kind."""
+        """Return the sorted names of a kind."""
         return tuple(sorted(entry.record.name for entry in self.entries if entry.kind is kind))
 
     def get(self, kind: Kind, name: str) -> Record[Any]:
-        """The record of a name; raises PluginError that lists the choices (and broken plugins) if there is none."""
+        """Return the record of a name; raises PluginError that lists the choices (and broken plugins) if there is
+        none."""
         for entry in self.entries:
             if entry.kind is kind and entry.record.name == name:
                 return entry.record
         raise PluginError(f"unknown {kind} {name!r}; {self._choices(kind, name)}")
 
     def create(self, kind: Kind, table: Any, other_keys: tuple[str, ...] = ()) -> Any:
-        """The object that a case file describes by a table {name = ..., key = ...} or by its name alone.
+        """Return the object that a case file describes by a table {name = ..., key = ...} or by its name alone.
 
         Objects of the kind itself pass through. other_keys: as of meeframe.plugin.validation.build. Raises TableError
         with located problems.
@@ -137,7 +138,7 @@ class Registry:
         return build(record.factory, options, self._convert, other_keys, self.unit)
 
     def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
-        """How tables give a value of a type that pydantic does not know: a contract, or a path."""
+        """Return how tables give a value of a type that pydantic does not know: a contract, or a path."""
         if hint is Path:
             return lambda value: self.folder / value if isinstance(value, str) else value
         kind = CONTRACTS.get(hint) if isinstance(hint, type) else None
@@ -149,7 +150,7 @@ class Registry:
 
 
 def _hooks(plugin: object) -> Any:
-    """The hooks of one plugin, on a manager of its own so that it cannot touch the others.
+    """Return the hooks of one plugin, on a manager of its own so that it cannot touch the others.
 
     Whatever the plugin does wrong comes out as an exception.
     """
@@ -163,7 +164,7 @@ def _hooks(plugin: object) -> Any:
 
 
 def _check_names(manager: pluggy.PluginManager) -> None:
-    """Raises PluginError for an implementation of a hook that there is not."""
+    """Raise PluginError for an implementation of a hook that there is not."""
     try:
         manager.check_pending()
     except pluggy.PluginValidationError as error:
@@ -173,7 +174,7 @@ def _check_names(manager: pluggy.PluginManager) -> None:
 
 
 def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Broken]]:
-    """What a plugin registers, and what of it is broken; the one does not keep the other from being used."""
+    """Return what a plugin registers, and what of it is broken; the one does not keep the other from being used."""
     file = getattr(plugin, "__file__", None)
     entries: list[Entry] = []
     broken: list[Broken] = []
@@ -209,7 +210,8 @@ def _refuse_duplicates(entries: list[Entry]) -> None:
 
 
 def load(*files: Path) -> Registry:
-    """The registry of the built-ins, of installed plugins (entry points of the group 'meeframe') and of local files.
+    """Return the registry of the built-ins, of installed plugins (entry points of the group 'meeframe') and of local
+    files.
 
     Installed plugins that fail are recorded as broken; whoever names a file wants it: raises PluginError that names the
     file, the line and the cause if a file fails, and if two plugins register the same name.

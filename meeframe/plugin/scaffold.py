@@ -20,7 +20,7 @@ _LAYER: Final = {"approach": "1 um", "translation": "0.2 um"}
 
 
 def kind_called(text: str) -> Kind:
-    """The kind that a command line calls contact-law. Raises PluginError that lists the kinds."""
+    """Return the kind that a command line calls contact-law. Raises PluginError that lists the kinds."""
     kinds = {kind.value.replace(" ", "-"): kind for kind in Kind}
     if text not in kinds:
         raise PluginError(f"unknown kind {text!r}; {choices(text, kinds)}")
@@ -60,7 +60,7 @@ def new_plugin(kind: Kind, name: str, registry: Registry, folder: Path | None = 
 
 
 def _words(kind: Kind, name: str) -> dict[str, str]:
-    """What stands in the templates for what."""
+    """Return what stands in the templates for what."""
     return {
         "kind": kind.value,
         "name": name,

@@ -1,4 +1,4 @@
-"""Where plugins come from: installed distributions by their entry points, and local files that the user names."""
+"""Sources of plugins: installed distributions by their entry points, and local files that the user names."""
 
 import dataclasses
 import hashlib
@@ -28,7 +28,7 @@ _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
 @dataclass(frozen=True)
 class Provider:
-    """Who registers: name and version of the distribution; or path of a local file, version its SHA-256, shortened."""
+    """A provider of plugins: name and version of a distribution, or path and shortened SHA-256 of a local file."""
 
     name: str
     version: str
@@ -54,7 +54,7 @@ Plugins = tuple[list[tuple[Provider, object]], list[Broken]]
 
 
 def installed() -> Plugins:
-    """Plugins of all distributions with entry points of the group 'meeframe'; one that fails is broken."""
+    """Return the plugins of all distributions with entry points of the group 'meeframe'; one that fails is broken."""
     plugins: list[tuple[Provider, object]] = []
     broken: list[Broken] = []
     for point in metadata.entry_points(group=PROJECT):
@@ -71,7 +71,7 @@ def installed() -> Plugins:
 
 
 def load_file(path: Path) -> tuple[Provider, ModuleType]:
-    """The module of a local file, run now.
+    """Return the module of a local file, run now.
 
     Raises PluginError that names the file, the line and the cause if it cannot be read or fails.
     """
@@ -83,7 +83,7 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
 
 
 def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
-    """As load_file, of a file whose content is known, which need not be on this machine."""
+    """Load a plugin from source text, whose file need not be on this machine; otherwise as `load_file`."""
     name = source_name(path, source)
     module = ModuleType(name)
     module.__file__ = str(path.resolve())
@@ -98,12 +98,13 @@ def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
 
 
 def source_name(path: Path, source: bytes) -> str:
-    """Name of the module that a local file of this content becomes."""
+    """Return the name of the module that a local file of this content becomes."""
     return f"{LOCAL}{path.stem}_{hashlib.sha256(source).hexdigest()[:12]}"
 
 
 def local_files(record: object) -> dict[str, str]:
-    """Names and shortened SHA-256 of the local files whose classes a dataclass object is made of, at any depth."""
+    """Return the names and shortened SHA-256 of the local files whose classes a dataclass object is made of, at any
+    depth."""
     if isinstance(record, tuple | list):
         return {name: digest for item in record for name, digest in local_files(item).items()}
     if not dataclasses.is_dataclass(record):
@@ -118,13 +119,13 @@ def local_files(record: object) -> dict[str, str]:
 
 
 def file_fault(path: Path | str, cause: str, line: int | None) -> str:
-    """'plugin file laws.py, line 3: cause'."""
+    """Return 'plugin file laws.py, line 3: cause'."""
     return f"plugin file {path}{'' if line is None else f', line {line}'}: {cause}"
 
 
 @contextmanager
 def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
-    """Turns an exception that came through the code of a plugin into a PluginFault that names file, line and cause.
+    """Turn an exception that came through the code of a plugin into a PluginFault that names file, line and cause.
 
     The exception itself is its __cause__; the innermost frame is named too where it is not the plugin's. One in which
     no plugin had a part passes, as a defect of meeframe, and so does what a user can mend, and what the plugin's caller
@@ -145,13 +146,14 @@ def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
 
 
 def _of_plugin(frame: FrameType, packages: Set[str]) -> bool:
-    """Whether its code is a plugin's, of a local file or of one of these installed packages."""
+    """Return whether its code is a plugin's, of a local file or of one of these installed packages."""
     module = frame.f_globals.get("__name__", "")
     return module.startswith(LOCAL) or module.partition(".")[0] in packages
 
 
 def _of_caller(frame: FrameType, plugin: FrameType) -> bool:
-    """Whether its code is neither meeframe's, nor a library's, nor in the folder of a plugin, from which it came."""
+    """Return whether its code is neither meeframe's, nor a library's, nor in the folder of a plugin, from which it
+    came."""
     package = frame.f_globals.get("__name__", "").partition(".")[0]
     if package in sys.stdlib_module_names | OWN_PACKAGES | {PROJECT}:
         return False
@@ -161,12 +163,12 @@ def _of_caller(frame: FrameType, plugin: FrameType) -> bool:
 
 
 def _where(frame: FrameType, line: int) -> str:
-    """'laws.py, line 3, in project'."""
+    """Return 'laws.py, line 3, in project'."""
     return f"{frame.f_code.co_filename}, line {line}, in {frame.f_code.co_name}"
 
 
 def reason(error: BaseException) -> str:
-    """An exception in words."""
+    """Return an exception in words."""
     if isinstance(error, MeeframeError):
         return str(error)
     text = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}"
@@ -177,14 +179,14 @@ def reason(error: BaseException) -> str:
 
 
 def line_in(error: BaseException, file: str | None) -> int | None:
-    """The last line of a file through which an exception came, or where its syntax is wrong."""
+    """Return the last line of a file through which an exception came, or where its syntax is wrong."""
     if isinstance(error, SyntaxError) and error.filename == file:
         return error.lineno
     return next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == file), None)
 
 
 def _place(error: BaseException) -> str:
-    """'laws.py, line 3: ', where an import came to its end, or '' if that was in the import system."""
+    """Return 'laws.py, line 3: ', where an import came to its end, or '' if that was in the import system."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{Path(error.filename).name}, line {error.lineno}: "
     system = str(Path(importlib.__file__).parent)
@@ -193,7 +195,7 @@ def _place(error: BaseException) -> str:
 
 
 def _unmet(requirements: Iterable[str]) -> str:
-    """Which version of meeframe is required if it is not this one, else ''."""
+    """Return which version of meeframe is required if it is not this one, else ''."""
     version = metadata.version(PROJECT)
     for text in requirements:
         try:

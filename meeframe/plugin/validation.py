@@ -1,4 +1,4 @@
-"""From tables of a case file to objects, and from pydantic's errors to located messages."""
+"""Conversion of case-file tables to objects, and of pydantic's errors to located messages."""
 
 import dataclasses
 import difflib
@@ -54,11 +54,12 @@ class Problem:
     cause: BaseException | None = dataclasses.field(default=None, compare=False)
 
     def inside(self, *outer: str | int) -> "Problem":
-        """The same problem seen from an enclosing table."""
+        """Return the same problem seen from an enclosing table."""
         return replace(self, location=(*outer, *self.location))
 
     def quoting(self, tables: Mapping[str, Any]) -> "Problem":
-        """The same problem with the value that tables have in its place, as it was written there, if they have one."""
+        """Return the same problem with the value that tables have in its place, as it was written there, if they have
+        one."""
         value: Any = tables
         try:
             for key in self.location:
@@ -93,7 +94,7 @@ def build(
     other_keys: tuple[str, ...] = (),
     unit: str = "",
 ) -> Any:
-    """factory(**table) with every entry checked against the fields of the dataclass `factory`.
+    """Return factory(**table) with every entry checked against the fields of the dataclass `factory`.
 
     other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. unit: the only one taken
     by quantities that have it among others. Raises TableError.
@@ -129,7 +130,7 @@ def _model(factory: Callable[..., Any], converters: Converters, unit: str) -> ty
 
 
 def _settled(hint: Any, unit: str) -> Any:
-    """The hint with every quantity in it settled on a unit if that is one of its units."""
+    """Return the hint with every quantity in it settled on a unit if that is one of its units."""
     if get_origin(hint) is Annotated:
         marks = [mark.only(unit) if isinstance(mark, Quantity) else mark for mark in hint.__metadata__]
         return Annotated[(hint.__origin__, *marks)]
@@ -139,7 +140,7 @@ def _settled(hint: Any, unit: str) -> Any:
 
 
 def _strict(hint: Any, converters: Converters) -> Any:
-    """The hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
+    """Return the hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
     convert = converters(hint)
     if convert is not None:
         return Annotated[hint, BeforeValidator(convert)]
@@ -155,7 +156,8 @@ def _strict(hint: Any, converters: Converters) -> Any:
 
 
 def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
-    """Validator of a union that says in one text what all its parts allow; pydantic's own gives one error for each."""
+    """Return the validator of a union that says in one text what all its parts allow; pydantic's own gives one error
+    for each."""
     models = [
         create_model("Subsystem", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)
     ]
@@ -184,8 +186,8 @@ def _no_nan(value: Any) -> Any:
 
 
 def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tuple[str, ...] = ()) -> list[Problem]:
-    """Located problems of a pydantic error, those of nested tables included; unknown keys first, as they often are the
-    missing ones misspelt."""
+    """Return the located problems of a pydantic error, those of nested tables included; unknown keys first, as they
+    often are the missing ones misspelt."""
     items = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     # pydantic also calls a list too short if its entries are wrong
     wrong_lists = {item["loc"][: len(item["loc"]) - k] for item in items for k in range(1, len(item["loc"]))}
@@ -224,7 +226,8 @@ def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_
 
 
 def choices(name: str, names: Collection[str]) -> str:
-    """'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like one."""
+    """Return 'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like
+    one."""
     close = [other for other in names if str(name) in other.split("-")]
     close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
@@ -232,7 +235,7 @@ def choices(name: str, names: Collection[str]) -> str:
 
 
 def _hint_at(location: tuple[str | int, ...], model: type[BaseModel]) -> Any:
-    """What type a place in nested pydantic models has; None if they do not lead there."""
+    """Return what type a place in nested pydantic models has; None if they do not lead there."""
     hint: Any = model
     for key in location:
         if isinstance(key, str):

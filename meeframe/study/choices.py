@@ -1,4 +1,4 @@
-"""What a comparison varies: choices of the command line, and the case of each of their combinations."""
+"""Choices of a comparison from the command line, and the case of each of their combinations."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ class Choice:
 
     @classmethod
     def read(cls, option: str, text: str) -> "Choice":
-        """From the command line: a name, or an inline table of TOML. Raises CaseError."""
+        """Read a choice from the command line: a name, or an inline table of TOML. Raises CaseError."""
         if not text.strip().startswith("{"):
             return cls(text, text)
         try:
@@ -56,7 +56,8 @@ class Choice:
 
 
 def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]]:
-    """The choices of the options that have any, in the order of OPTIONS. Raises CaseError, also if there are none."""
+    """Return the choices of the options that have any, in the order of OPTIONS. Raises CaseError, also if there are
+    none."""
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
     for option, found in chosen.items():
         labels = [choice.label for choice in found]
@@ -81,7 +82,7 @@ class Combination:
 def combinations(
     file: Path, tables: Mapping[str, Any], chosen: Mapping[str, list[Choice]], registry: Registry
 ) -> list[Combination]:
-    """Every combination of choices with the tables of a case, at least one of which fits.
+    """Return every combination of choices with the tables of a case, at least one of which fits.
 
     Formulations that take no fundamental solution appear once, with NOTHING for it. Raises CaseError that names the
     file and the combination for unknown names in tables and if no combination fits, PluginError for other unknown ones.
@@ -131,14 +132,14 @@ def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], r
 
 
 def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The tables in which the formulations of a case are, one for each body."""
+    """Return the tables in which the formulations of a case are, one for each body."""
     second_body = tables.get("second_body")
     return dict(zip(_BODIES, [tables, *([second_body] if isinstance(second_body, dict) else [])], strict=False))
 
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """That of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and for a key that is
-    neither a body nor, without a name, one of the default formulation."""
+    """Enter the formulation of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and
+    for a key that is neither a body nor, without a name, one of the default formulation."""
     bodies = bodies_of(tables)
     each: dict[str, Any] = dict.fromkeys(bodies, value)
     if isinstance(value, Mapping) and not value.keys().isdisjoint(_BODIES):
@@ -156,7 +157,7 @@ def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], r
 
 
 def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> bool:
-    """That of the formulation of a body; false if it takes none."""
+    """Enter the fundamental solution of the formulation of a body; return False if it takes none."""
     formulation = _table(body.get("formulation", DEFAULT_FORMULATION))
     name = formulation.get("name", DEFAULT_FORMULATION)
     takes = isinstance(name, str) and _SOLUTION in _keys(Kind.FORMULATION, name, registry)
@@ -167,7 +168,7 @@ def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], regist
 
 
 def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """That of both fields, or of each in a table that stands for the case's."""
+    """Enter the conductivity law of both fields, or of each in a table that replaces the case's."""
     if isinstance(value, Mapping) and "name" not in value:
         tables["conductivity"] = dict(value)
         return
@@ -177,7 +178,8 @@ def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], 
 
 
 def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: Registry) -> dict[str, Any]:
-    """The table of a choice: a name takes those keys present that it has. Raises PluginError if it is unknown."""
+    """Return the table of a choice: a name takes those keys present that it has. Raises PluginError if it is
+    unknown."""
     if not isinstance(value, str):
         return dict(value)
     keys = _keys(kind, value, registry)
@@ -185,7 +187,7 @@ def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: 
 
 
 def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
-    """Keys of the table of what is registered under a name."""
+    """Return the keys of the table of what is registered under a name."""
     factory = registry.get(kind, name).factory
     records = [factory, StoppingCriteria] if kind is Kind.SOLVER else [factory]
     return {
@@ -194,7 +196,7 @@ def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
 
 
 def _table(value: Any) -> dict[str, Any]:
-    """A name, a table or nothing as a table."""
+    """Return a name, a table or nothing as a table."""
     if isinstance(value, str):
         return {"name": value}
     return dict(value) if isinstance(value, Mapping) else {}

@@ -68,7 +68,8 @@ def compare(
 
 
 def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
-    """The runs so far, after every increment and at the end of every run. model: any case, as to its zone and steps."""
+    """Return the runs so far, after every increment and at the end of every run. model: any case, as to its zone and
+    steps."""
     done: tuple[ComparedRun, ...] = ()
     shared = _Shared({})
     place = zone_frames(model.mesh, model.zone)
@@ -101,11 +102,11 @@ class _Shared:
     seconds: float = 0.0
 
     def of(self, body: tuple[Formulation, Body]) -> ReducedSystem:
-        """The system of a body with its formulation."""
+        """Return the system of a body with its formulation."""
         return self.systems[system_key(*body)]
 
     def next(self, case: Case, progress: Progress) -> "_Shared":
-        """Those of a case. Raises as meeframe.model.solve.reduce."""
+        """Return the reduced systems of a case. Raises as meeframe.model.solve.reduce."""
         keyed = {system_key(*body): body for body in bodies_of(case)}
         if keyed.keys() == self.systems.keys():
             return self
@@ -116,7 +117,7 @@ class _Shared:
 
 
 def _increments(run: ComparedRun, case: Case, system: ReducedSystem) -> Iterator[ComparedRun]:
-    """The run after every increment. Raises CaseError if a solver or law refuses it."""
+    """Return the run after every increment. Raises CaseError if a solver or law refuses it."""
     begin = time.perf_counter()
     for step in solve_steps(case, system, boundary=False):
         run = replace(run, steps=(*run.steps, step), seconds=run.seconds + time.perf_counter() - begin)

@@ -1,4 +1,4 @@
-"""What a study file may say: one frozen model for each table. Documented in docs/reproduce.md."""
+"""Schema of study files: one frozen model for each table. Documented in docs/reproduce.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -33,7 +33,7 @@ Text = Annotated[str, Strict(), Field(min_length=1), AfterValidator(_without_nul
 
 
 def key_parts(key: str) -> list[str | int]:
-    """The parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
+    """Return the parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
     found, position = [], 0
     while position < len(key):
         match = _PART.match(key, position)
@@ -45,7 +45,7 @@ def key_parts(key: str) -> list[str | int]:
 
 
 def checked_keys(changes: Changes) -> Changes:
-    """The changes, whose keys are such as may be. Raises ValueError."""
+    """Return the changes, whose keys are such as may be. Raises ValueError."""
     for key in changes:
         key_parts(key)
     return changes
@@ -55,7 +55,8 @@ CheckedChanges = Annotated[Changes, AfterValidator(checked_keys)]
 
 
 def words(value: Any) -> str:
-    """A value of a case file in one line: of a table its name and then its other keys, tables in it in brackets."""
+    """Return a value of a case file in one line: of a table its name and then its other keys, tables in it in
+    brackets."""
     if isinstance(value, Mapping):
         items = ((key, item) for key, item in value.items() if key != "name")
         rest = (f"{key}=({words(item)})" if isinstance(item, Mapping) else f"{key}={item}" for key, item in items)
@@ -64,7 +65,8 @@ def words(value: Any) -> str:
 
 
 def place_of(value: Any) -> float | None:
-    """Where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything else."""
+    """Return where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything
+    else."""
     if isinstance(value, str):
         with suppress(ValueError):
             return float(read_quantity(value).magnitude)
@@ -111,7 +113,7 @@ class PanelTable(Table):
         return self
 
     def all_runs(self) -> tuple[RunTable, ...]:
-        """Those of vary and values, then the others."""
+        """Return the runs of `vary` and `values`, then the others."""
         varied = (
             RunTable(label=words(value), set={self.vary: value}, value=place_of(value))
             for value in self.values
@@ -156,12 +158,12 @@ class StudyTable(Table):
         return self
 
     def shown(self, panel: PanelTable) -> dict[str, str | float]:
-        """The quantities of a panel and what they are divided by."""
+        """Return the quantities of a panel and the scales that divide them."""
         return self.quantities if panel.quantities is None else panel.quantities
 
 
 def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
-    """The checked study of a file, and the tables of its case file.
+    """Return the checked study of a file, and the tables of its case file.
 
     Raises CaseError with a line for each problem found.
     """
@@ -170,7 +172,7 @@ def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
 
 
 def checked(model: type[Model], file: Path) -> Model:
-    """The tables of a file as a model. Raises CaseError with a line for each problem found."""
+    """Return the tables of a file as a model. Raises CaseError with a line for each problem found."""
     _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
         raise CaseError(f"{file}: is a case file; allowed: a study, whose key `case` names one (docs/sweep.md)")
@@ -182,12 +184,12 @@ def checked(model: type[Model], file: Path) -> Model:
 
 
 def _brief(problem: Problem) -> Problem:
-    """The problem; of a whole study without the study, as its text names what is wrong in it."""
+    """Return the problem; of a whole study without the study, as its text names what is wrong in it."""
     return problem if problem.location else Problem((), problem.text)
 
 
 def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
-    """A copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
+    """Return a copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
 
     Raises TableError if a key leads into something that is no table or list, or past the end of a list.
     """

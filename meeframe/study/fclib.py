@@ -55,7 +55,7 @@ def export_increment(
 
 @dataclass(frozen=True)
 class SolvedFile:
-    """What became of a file's problem: status of the solver, and all in words."""
+    """Outcome of a file's problem: status of the solver, and a description in words."""
 
     status: Status
     summary: str
@@ -96,7 +96,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
 
 
 def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[LocalProblem, LocalSolution]:
-    """An increment of a case as a problem of FCLIB, and our solution of it.
+    """Return an increment of a case as a problem of FCLIB, and our solution of it.
 
     What was free to move, and what conducts, is held where the increment ended. Raises CaseError as `local_problem`.
     """
@@ -109,7 +109,7 @@ def exchanged(case: Case, system: ReducedSystem, step: StepResult) -> tuple[Loca
 
 
 def held_problem(case: Case, system: ReducedSystem, step: StepResult) -> ContactProblem:
-    """The contact problem of an increment with its indenter where it was found: nothing is free."""
+    """Return the contact problem of an increment with its indenter where it was found: nothing is free."""
     here = step.state
     translation = step.slip + here.displacement[:, :2]
     potentials = np.tile(step.loading.motion[N_RIGID:], (len(translation), 1))

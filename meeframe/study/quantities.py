@@ -28,7 +28,7 @@ def _pressure(_zone: Zone, step: StepResult) -> Array:
 
 
 def _tangential(zone: Zone, step: StepResult) -> Array:
-    """Along global x1, x2, (n, 2)."""
+    """Return components along global x1, x2, (n, 2)."""
     tangential: Array = np.einsum("na,nai->ni", step.traction[:, :2], zone.frames[:, :2, :2])
     return tangential
 
@@ -49,6 +49,7 @@ _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 
 
 def largest(quantity: str, zone: Zone, step: StepResult) -> float:
-    """What a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top pressure."""
+    """Return what a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top
+    pressure."""
     values = NODAL["pressure" if quantity in _TRACTIONS else quantity](zone, step)
     return float(values[np.abs(values).argmax()])

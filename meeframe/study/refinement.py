@@ -19,7 +19,7 @@ GROWTHS: Final = ("growth", "layer_growth")
 
 
 def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[str, Any]:
-    """The tables of a case whose elements all are `size` times as large, as far as whole numbers of them allow.
+    """Return the tables of a case with elements `size` times as large, as far as whole numbers of them allow.
 
     Of its meshes and formulations, in both bodies, by the keys COUNTS and GROWTHS, given or by default.
     Raises CaseError if a mesh is read from a file or the case continues a run, PluginError for an unknown formulation.
@@ -40,7 +40,8 @@ def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[
 
 
 def element_size(tables: Mapping[str, Any]) -> float:
-    """Width of the elements of the contact zone as part of the zone's, by `divisions`, geometric mean of both ways."""
+    """Return the width of the elements of the contact zone as part of the zone's, by `divisions`, geometric mean of
+    both ways."""
     divisions = tables["mesh"]["divisions"]
     counts = divisions if isinstance(divisions, list | tuple) else [divisions]
     return float(math.prod(counts) ** (-1.0 / len(counts)))

@@ -19,7 +19,7 @@ DPI: Final = 100
 
 
 def known_studies(folder: Path) -> dict[str, Path]:
-    """Study files by name, fig-05 being FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
+    """Return the study files by name, fig-05 being FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
     if not folder.is_dir():
         raise CaseError(f"folder of studies {folder} does not exist; name the one that holds them with --validation")
     found = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
@@ -29,7 +29,8 @@ def known_studies(folder: Path) -> dict[str, Path]:
 
 
 def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
-    """The files of the named studies, each once; `all` stands for all of them. Raises CaseError for an unknown name."""
+    """Return the files of the named studies, each once; `all` stands for all of them. Raises CaseError for an unknown
+    name."""
     for name in names:
         if name not in known and name != ALL:
             raise CaseError(f"unknown figure {name!r}; {choices(name, (*known, ALL))}")

@@ -1,4 +1,4 @@
-"""From a study file to its numbers: its runs solved by the engine of sweeps, on reduced systems that they share."""
+"""Numbers of a study file: its runs, solved by the engine of sweeps on reduced systems that they share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Runs:
     registry: Registry | None = None
 
     def point(self, label: str, *changes: Changes) -> Point:
-        """A run. Raises CaseError that names the study and the run if the changed case is not one."""
+        """Return a run. Raises CaseError that names the study and the run if the changed case is not one."""
         try:
             point = Point.of(label, changed(self.tables, *changes), self.folder, self.registry)
             problems = point.problems
@@ -53,7 +53,7 @@ class Runs:
         return point
 
     def of(self, study: StudyTable, panel: PanelTable) -> tuple[dict[str, Point], list[Point]]:
-        """References of a panel by name, and its runs."""
+        """Return the references of a panel by name, and its runs."""
         names = dict.fromkeys(name for name in study.shown(panel).values() if isinstance(name, str))
         references = {name: self.point(f"{panel.title}, {name}", panel.set, study.references[name]) for name in names}
         runs = [self.point(f"{panel.title}, {run.label}", panel.set, run.set) for run in panel.all_runs()]
@@ -68,7 +68,7 @@ def solve_study(
     pool: Pool | None = None,
     store: Path | None = None,
 ) -> Study:
-    """The study of a file, solved; cache: folder of reduced systems, see meeframe.model.cache.
+    """Return the study of a file, solved; cache: folder of reduced systems, see meeframe.model.cache.
 
     pool: where runs are solved, by default in this process; store: folder in which finished runs are kept and found
     again. Progress counts runs, each once however many panels show it. Runs that do not converge raise nothing: the

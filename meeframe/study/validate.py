@@ -57,7 +57,7 @@ class ValidationCase:
 
 
 def known_cases(folder: Path) -> dict[str, Path]:
-    """Case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
+    """Return the case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
     if not folder.is_dir():
         raise CaseError(f"folder of cases {folder} does not exist; name the one that holds them with --validation")
     found = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
@@ -121,7 +121,7 @@ def _clear(out: Path) -> None:
 
 
 def _left(found: Validation, out: Path) -> str:
-    """What an interruption leaves."""
+    """Return what an interruption leaves."""
     done = f"{len(found.cases)} of {found.planned} cases finished"
     written = [str(out / name) for name in (NUMBERS_FILE, REPORT_FILE) if (out / name).exists()]
     return f"{done}; what was found so far is in {' and '.join(written)}" if written else f"{done}; nothing was written"
@@ -132,7 +132,7 @@ def _with(validation: Validation, case: CaseReport) -> Validation:
 
 
 def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
-    """The report of a case after every item, and at its end."""
+    """Return the report of a case after every item, and at its end."""
     report = CaseReport(folder.name, folder.name, "")
     begin = time.perf_counter()
     try:
@@ -159,7 +159,7 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
 
 
 def _import(file: Path) -> ModuleType:
-    """A module by its path, under a name of its own."""
+    """Return a module by its path, under a name of its own."""
     with _importable(file.parent.resolve()):
         name = f"meeframe_validation_{file.parent.name}"
         spec = importlib.util.spec_from_file_location(name, file)
@@ -173,7 +173,7 @@ def _import(file: Path) -> ModuleType:
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """Lets a module import those of its folder and of the one above by their plain names, for as long as this takes.
+    """Let a module import those of its folder and of the one above by their plain names, for as long as this takes.
 
     Every case may have a study.py: modules of these names are set aside before, and no trace is left after.
     """
@@ -192,7 +192,7 @@ def _importable(folder: Path) -> Iterator[None]:
 
 
 def _versions() -> dict[str, str]:
-    """Of the software that the numbers depend on: libraries, providers of plugins, judges."""
+    """Return the versions of the software that the numbers depend on: libraries, plugins, reference codes."""
     found = {"python": platform.python_version()}
     found |= {provider.name: provider.version for provider in plugins.load().providers}
     for name in _LIBRARIES:

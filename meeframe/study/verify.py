@@ -1,4 +1,4 @@
-"""One case by all formulations that take it, on several meshes: do they agree within their own errors?"""
+"""One case by all formulations that take it, on several meshes, compared within their own errors."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -67,7 +67,7 @@ class Meshes:
             raise CaseError(f"order = {self.order:g}: allowed: 0.5 to 4")
 
     def sizes(self) -> Iterator[float]:
-        """Of the elements, over those of the case, falling to 1."""
+        """Return the element sizes relative to those of the case, falling to 1."""
         return (self.factor**level for level in reversed(range(self.levels)))
 
 
@@ -136,7 +136,8 @@ def verify(
 def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
 ) -> tuple[list[Planned], dict[str, str]]:
-    """All runs of a verification, those on the coarsest mesh first, and why formulations refuse one of their cases.
+    """Return all runs of a verification, those on the coarsest mesh first, and why formulations refuse one of their
+    cases.
 
     Raises CaseError if the meshes cannot be coarsened or two of them are one.
     """
@@ -162,14 +163,15 @@ def planned_runs(
 
 
 def _case(file: Path, tables: Mapping[str, Any], choice: Choice, size: float, registry: Registry) -> Case:
-    """The case with a formulation on a coarser mesh. Raises as case_from_tables and meeframe.study.refinement."""
+    """Return the case with a formulation on a coarser mesh. Raises as case_from_tables and
+    meeframe.study.refinement."""
     changed = coarser(tables, 1.0, registry)
     enter(changed, "formulation", choice.value, registry)
     return case_from_tables(coarser(changed, size, registry), registry, file.parent)
 
 
 def _solved(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
-    """A run and what it gives, or why a solver, law or formulation refuses it."""
+    """Solve one run and return its quantities, or why a solver, law or formulation refuses it."""
     found = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
     begin = time.perf_counter()
     try:
@@ -190,7 +192,7 @@ def _solved(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSys
 
 
 def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
-    """The totals of meeframe.study.quantities, moments, and motions found in place of prescribed resultants.
+    """Return the totals of meeframe.study.quantities, moments, and motions found in place of prescribed resultants.
 
     Without what was prescribed. See Measured.
     """
@@ -210,7 +212,8 @@ def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
 
 
 def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
-    """What totals would be without cancellation: forces of the moduli of tractions, potentials of tractions alone."""
+    """Return what totals would be without cancellation: forces of the moduli of tractions, potentials of tractions
+    alone."""
     load = step.state.load
     moduli = np.column_stack([np.linalg.norm(step.traction, axis=1), np.abs(step.fluxes)])
     force, charge, flux = (float(total) for total in system.weights @ moduli)
@@ -228,7 +231,7 @@ def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
 
 
 def _free_motions(step: StepResult) -> dict[str, float]:
-    """Motions whose resultants were prescribed, by name, with their components."""
+    """Return the motions whose resultants were prescribed, by name, with their components."""
     found: dict[str, float] = {}
     for key in step.loading.prescribed:
         place = COLUMNS[key]
@@ -241,7 +244,7 @@ def _free_motions(step: StepResult) -> dict[str, float]:
 
 
 def _area_in_doubt(zone: Zone, area: float) -> float:
-    """How far a disc's area may be off that is counted by elements of this zone.
+    """Return how far a disc's area may be off that is counted by elements of this zone.
 
     Each of the N = P/h elements that its outline P crosses counts with an error spread over its area, h^2 sqrt(N/12)
     for all of them if they were independent; symmetric grids scatter more: h^2 sqrt(N).

@@ -9,14 +9,15 @@ from meeframe.system.reduced import NodalFields
 
 
 def cell_centres(side: float, cells: int) -> tuple[Array, Array]:
-    """Coordinates (n,) [m] of the centres of cells x cells cells on |x|, |y| < side/2, x running fastest."""
+    """Return the coordinates (n,) [m] of the centres of cells x cells cells on |x|, |y| < side/2, x running fastest."""
     centres = (np.arange(cells) + 0.5) * (side / cells) - side / 2
     x, y = (grid.ravel() for grid in np.meshgrid(centres, centres))
     return x, y
 
 
 def cell_system(matrix: Array, side: float, offset: Array | None = None) -> DenseSystem:
-    """Reduced system of a compliance (n, 5, n, 5) between densities on the cells and displacements at their centres.
+    """Return the reduced system of a compliance (n, 5, n, 5) between densities on the cells and displacements at their
+    centres.
 
     side: of the square [m]; offset: (n, 5) as in ReducedSystem, zero if not given.
     """

@@ -35,11 +35,11 @@ class Shape(ABC):
 
     @abstractmethod
     def contact_radius(self, approach: float) -> float:
-        """Radius a [m] at which an uncharged indenter has no edge singularity."""
+        """Return the radius a [m] at which an uncharged indenter has no edge singularity."""
 
     @abstractmethod
     def flat_part(self, a: float) -> float:
-        """Approach [m] that is used up by the bounded density; the rest acts like a flat punch."""
+        """Return the approach [m] that is used up by the bounded density; the rest acts like a flat punch."""
 
     @abstractmethod
     def density(self, r: Array, a: float) -> Array:
@@ -47,11 +47,11 @@ class Shape(ABC):
 
     @abstractmethod
     def potential(self, r: Array, a: float) -> Array:
-        """Integral of density/|x - y| over the disc, for all r >= 0."""
+        """Return the integral of density/|x - y| over the disc, for all r >= 0."""
 
     @abstractmethod
     def total(self, a: float) -> float:
-        """Integral of the density over the disc."""
+        """Return the integral of the density over the disc."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class FlatPunch(Shape):
     radius: float
 
     def contact_radius(self, approach: float) -> float:
-        """The punch's radius."""
+        """Return the punch's radius."""
         return self.radius
 
     def flat_part(self, a: float) -> float:
@@ -69,15 +69,15 @@ class FlatPunch(Shape):
         return 0.0
 
     def density(self, r: Array, a: float) -> Array:
-        """Zero."""
+        """Return the zero."""
         return np.zeros_like(r)
 
     def potential(self, r: Array, a: float) -> Array:
-        """Zero."""
+        """Return the zero."""
         return np.zeros_like(r)
 
     def total(self, a: float) -> float:
-        """Zero."""
+        """Return the zero."""
         return 0.0
 
 
@@ -88,25 +88,25 @@ class Sphere(Shape):
     radius: float
 
     def contact_radius(self, approach: float) -> float:
-        """sqrt(R g)."""
+        """Return sqrt(R g)."""
         return float(np.sqrt(self.radius * approach))
 
     def flat_part(self, a: float) -> float:
-        """a^2/R."""
+        """Return a^2/R."""
         return a**2 / self.radius
 
     def density(self, r: Array, a: float) -> Array:
-        """2 sqrt(a^2 - r^2)/(pi^2 R)."""
+        """Return 2 sqrt(a^2 - r^2)/(pi^2 R)."""
         return 2.0 * np.sqrt(a**2 - r**2) / (np.pi**2 * self.radius)
 
     def potential(self, r: Array, a: float) -> Array:
-        """(2 a^2 - r^2)/(2 R) inside, continued outside."""
+        """Return (2 a^2 - r^2)/(2 R) inside, continued outside."""
         angle = _contact_angle(r, a)
         outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
         return ((2.0 * a**2 - r**2) * angle + a * outside) / (np.pi * self.radius)
 
     def total(self, a: float) -> float:
-        """4 a^3/(3 pi R)."""
+        """Return 4 a^3/(3 pi R)."""
         return 4.0 * a**3 / (3.0 * np.pi * self.radius)
 
 
@@ -117,26 +117,26 @@ class Cone(Shape):
     angle: float
 
     def contact_radius(self, approach: float) -> float:
-        """2 g/(pi tan(angle))."""
+        """Return 2 g/(pi tan(angle))."""
         return 2.0 * approach / (np.pi * float(np.tan(self.angle)))
 
     def flat_part(self, a: float) -> float:
-        """pi a tan(angle)/2."""
+        """Return pi a tan(angle)/2."""
         return np.pi * a * float(np.tan(self.angle)) / 2.0
 
     def density(self, r: Array, a: float) -> Array:
-        """tan(angle) arcosh(a/r)/(2 pi), infinite at the tip."""
+        """Return tan(angle) arcosh(a/r)/(2 pi), infinite at the tip."""
         with np.errstate(divide="ignore"):
             spike: Array = float(np.tan(self.angle)) * np.arccosh(a / r) / (2.0 * np.pi)
         return spike
 
     def potential(self, r: Array, a: float) -> Array:
-        """tan(angle) (pi a/2 - r) inside, continued outside."""
+        """Return tan(angle) (pi a/2 - r) inside, continued outside."""
         outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
         return float(np.tan(self.angle)) * (a * _contact_angle(r, a) + outside - r)
 
     def total(self, a: float) -> float:
-        """a^2 tan(angle)/2."""
+        """Return a^2 tan(angle)/2."""
         return a**2 * float(np.tan(self.angle)) / 2.0
 
 
@@ -176,27 +176,27 @@ class Indentation:
         return self._total(_MAGNETIC)
 
     def pressure(self, r: Array) -> Array:
-        """Contact pressure p = -t3 >= 0 [Pa], zero outside the contact."""
+        """Return the contact pressure p = -t3 >= 0 [Pa], zero outside the contact."""
         return -self._density(r)[:, _NORMAL]
 
     def electric_flux(self, r: Array) -> Array:
-        """Outward electric flux q = D.nu [C/m^2], zero outside the contact."""
+        """Return the outward electric flux q = D.nu [C/m^2], zero outside the contact."""
         return self._density(r)[:, _ELECTRIC]
 
     def magnetic_flux_density(self, r: Array) -> Array:
-        """Outward magnetic flux density s = B.nu [Wb/m^2], zero outside the contact."""
+        """Return the outward magnetic flux density s = B.nu [Wb/m^2], zero outside the contact."""
         return self._density(r)[:, _MAGNETIC]
 
     def displacement(self, r: Array) -> Array:
-        """Normal surface displacement u3 [m], negative where the surface is pressed in."""
+        """Return the normal surface displacement u3 [m], negative where the surface is pressed in."""
         return self._values(r)[:, _NORMAL]
 
     def electric_potential(self, r: Array) -> Array:
-        """Electric potential phi of the surface [V]."""
+        """Return the electric potential phi of the surface [V]."""
         return self._values(r)[:, _ELECTRIC]
 
     def magnetic_potential(self, r: Array) -> Array:
-        """Magnetic potential psi of the surface [A]."""
+        """Return the magnetic potential psi of the surface [A]."""
         return self._values(r)[:, _MAGNETIC]
 
     def _total(self, field: int) -> float:
@@ -230,7 +230,7 @@ def indent(
     electric_potential: float | None = None,
     magnetic_potential: float | None = None,
 ) -> Indentation:
-    """Indentation by a rigid shape, approach [m] > 0.
+    """Return the indentation by a rigid shape, approach [m] > 0.
 
     xi: (3, 3) point-source response in SI units; electric_potential [V], magnetic_potential [A]: those of a conducting
     indenter, None where it insulates (EMII: None, None). Raises MeeframeError if the potentials push the indenter off.
@@ -255,13 +255,13 @@ def indent(
 
 
 def _inverse(matrix: Array) -> Array:
-    """Inverse of a block of xi, whose diagonal spans twenty decades."""
+    """Return the inverse of a block of xi, whose diagonal spans twenty decades."""
     scale = np.abs(np.diag(matrix)) ** -0.5
     inverse: Array = scale[:, None] * np.linalg.inv(scale[:, None] * matrix * scale) * scale
     return inverse
 
 
 def _contact_angle(r: Array, a: float) -> Array:
-    """asin(a/r) outside the contact, pi/2 inside."""
+    """Return asin(a/r) outside the contact, pi/2 inside."""
     angle: Array = np.arcsin(a / np.maximum(r, a))
     return angle

@@ -52,7 +52,7 @@ class Maugis:
         return float(2.0 * self.stress * (self.radius / (np.pi * self.work * self._stiffness**2)) ** (1.0 / 3.0))
 
     def at(self, contact_radius: float) -> tuple[float, float, float]:
-        """(outer radius of the attraction [m], force [N], approach [m]) at a contact radius > 0 [m]."""
+        """Return (outer radius of the attraction [m], force [N], approach [m]) at a contact radius > 0 [m]."""
         lam, a = self.transition, contact_radius / self.contact_unit
 
         def opening(m: float) -> float:
@@ -76,7 +76,8 @@ class Maugis:
 
 
 def bradley_force(work: float, radius: float, distance: float, range_: float) -> float:
-    """Force [N] between rigid paraboloid and plane at a distance >= 0 [m], for sigma = 2 w / z_0 (1 + g / z_0)^-3.
+    """Return the force [N] between rigid paraboloid and plane at a distance >= 0 [m], for sigma = 2 w / z_0 (1 + g /
+    z_0)^-3.
 
     range_: z_0 [m]. Source: Derjaguin's approximation, 2 pi R times the work from the distance to infinity.
     """
@@ -84,7 +85,8 @@ def bradley_force(work: float, radius: float, distance: float, range_: float) ->
 
 
 def hertz_gap(r: Array, contact_radius: float, radius: float) -> Array:
-    """Gap (n,) [m] outside of a Hertzian contact at r >= contact_radius [m] (Johnson (1985), section 4.2)."""
+    """Return the gap (n,) [m] outside of a Hertzian contact at r >= contact_radius [m] (Johnson (1985), section
+    4.2)."""
     m = np.maximum(np.asarray(r, float) / contact_radius, 1.0)
     root = np.sqrt(m * m - 1.0)
     return np.asarray(contact_radius**2 / (np.pi * radius) * (root + (m * m - 2.0) * np.arctan(root)))
@@ -107,7 +109,8 @@ def weak_attraction(sigma: Callable[[Array], Array], contact_radius: float, radi
 
 
 def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSystem:
-    """cells x cells square cells on 0 < x, y < half_side [m] of a half space loaded symmetrically about both axes.
+    """Return cells x cells square cells on 0 < x, y < half_side [m] of a half space loaded symmetrically about both
+    axes.
 
     Normal response of modulus E* [Pa]; other fields answer to nothing but themselves. Weights are those of all four
     quarters.

@@ -23,17 +23,18 @@ _FAR: Final = 40.0
 
 
 def shear_modulus(young: float, poisson: float) -> float:
-    """G [Pa]."""
+    """Return G [Pa]."""
     return young / (2.0 * (1.0 + poisson))
 
 
 def contact_modulus(young: float, poisson: float) -> float:
-    """E* [Pa] of the body under a rigid indenter."""
+    """Return E* [Pa] of the body under a rigid indenter."""
     return young / (1.0 - poisson**2)
 
 
 def bonding_factor(poisson: float) -> float:
-    """c = (1 - nu) ln(3 - 4 nu)/(1 - 2 nu), load of a bonded flat punch over that of a frictionless one; 1 at nu = 1/2.
+    """Return c = (1 - nu) ln(3 - 4 nu)/(1 - 2 nu), load of a bonded flat punch over that of a frictionless one; 1 at
+    nu = 1/2.
 
     poisson in (-1, 1/2]. Written as x coth(x), tanh(x) = (1 - 2 nu)/(2 (1 - nu)), which has no 0/0 in between.
     """
@@ -42,7 +43,7 @@ def bonding_factor(poisson: float) -> float:
 
 
 def _half_logarithm(poisson: float) -> float:
-    """ln(3 - 4 nu)/2, that is pi theta in Spence's notation."""
+    """Return ln(3 - 4 nu)/2, that is pi theta in Spence's notation."""
     return 0.5 * float(np.log1p(2.0 - 4.0 * poisson))
 
 
@@ -72,7 +73,7 @@ class HertzContact:
         return 3.0 * self.force / (2.0 * np.pi * self.contact_radius**2)
 
     def pressure(self, r: Array) -> Array:
-        """p_0 sqrt(1 - r^2/a^2) [Pa], zero outside the contact."""
+        """Return p_0 sqrt(1 - r^2/a^2) [Pa], zero outside the contact."""
         return self.peak_pressure * _dome(r, self.contact_radius)
 
 
@@ -102,33 +103,37 @@ class PartialSlip:
         return 3.0 * self.limit_force * (2.0 - self.hertz.poisson) / (16.0 * shear * self.hertz.contact_radius)
 
     def displacement(self, force: float) -> float:
-        """Of the indenter [m] at first loading to a tangential force [N] >= 0 (Johnson, eq. 7.42)."""
+        """Return the indenter's displacement [m] at first loading to a tangential force [N] >= 0 (Johnson, eq.
+        7.42)."""
         return self.limit_displacement * float(1.0 - (1.0 - self._share(force, self.limit_force)) ** (2 / 3))
 
     def force(self, displacement: float) -> float:
-        """Tangential force [N] at first loading to a displacement [m] >= 0."""
+        """Return the tangential force [N] at first loading to a displacement [m] >= 0."""
         return self.limit_force * float(1.0 - (1.0 - self._share(displacement, self.limit_displacement)) ** 1.5)
 
     def stick_radius(self, force: float) -> float:
-        """c = a (1 - Q/(mu P))^(1/3) [m] at first loading."""
+        """Return c = a (1 - Q/(mu P))^(1/3) [m] at first loading."""
         return self.hertz.contact_radius * float((1.0 - self._share(force, self.limit_force)) ** (1 / 3))
 
     def traction(self, r: Array, force: float) -> Array:
-        """Tangential traction [Pa] along the force at radii r (n,) [m], first loading."""
+        """Return the tangential traction [Pa] along the force at radii r (n,) [m], first loading."""
         a, c = self.hertz.contact_radius, self.stick_radius(force)
         return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
 
     def turned_force(self, displacement: float, turning: float) -> float:
-        """Tangential force [N] on the way back from the displacement `turning` [m] > 0, as far as -turning."""
+        """Return the tangential force [N] on the way back from the displacement `turning` [m] > 0, as far as
+        -turning."""
         return self.force(turning) - 2.0 * self.force((turning - displacement) / 2.0)
 
     def turned_traction(self, r: Array, displacement: float, turning: float) -> Array:
-        """Tangential traction [Pa] on the way back from the displacement `turning` [m] > 0, as far as -turning."""
+        """Return the tangential traction [Pa] on the way back from the displacement `turning` [m] > 0, as far as
+        -turning."""
         back = self.force((turning - displacement) / 2.0)
         return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, back)
 
     def loop_dissipation(self, force: float) -> float:
-        """Work of friction [J] in a full loop between the tangential forces -force and +force [N] (Johnson, 7.57)."""
+        """Return the work of friction [J] in a full loop between the tangential forces -force and +force [N] (Johnson,
+        7.57)."""
         share = self._share(force, self.limit_force)
         bracket = 1.0 - (1.0 - share) ** (5 / 3) - 5.0 / 6.0 * share * (1.0 + (1.0 - share) ** (2 / 3))
         return 4.8 * self.limit_force * self.limit_displacement * float(bracket)
@@ -170,26 +175,27 @@ class FullStick:
         return self.coefficient / (1.0 - p * moment)
 
     def contact_radius(self, approach: float) -> float:
-        """a [m] at an approach [m]."""
+        """Return a [m] at an approach [m]."""
         return float((approach / self.approach_factor) ** (1.0 / self.power))
 
     def stiffness(self, approach: float) -> float:
-        """dP/dg = 2 c E* a [N/m]."""
+        """Return dP/dg = 2 c E* a [N/m]."""
         modulus = bonding_factor(self.poisson) * contact_modulus(self.young, self.poisson)
         return 2.0 * modulus * self.contact_radius(approach)
 
     def force(self, approach: float) -> float:
-        """P [N]: the stiffness, which goes with g^(1/power), integrated over the approach [m]."""
+        """Return P [N]: the stiffness, which goes with g^(1/power), integrated over the approach [m]."""
         return self.stiffness(approach) * approach * self.power / (self.power + 1.0)
 
 
 def beside_bonded_punch(r: float, poisson: float) -> float:
-    """W(r), r >= 1: normal displacement beside a bonded flat punch of unit radius and displacement (see FullStick)."""
+    """Return W(r), r >= 1: normal displacement beside a bonded flat punch of unit radius and displacement (see
+    FullStick)."""
     return _bonded_transform(poisson, lambda _, rest: float((r**2 - 1.0 + rest) ** -0.5))
 
 
 def _bonded_transform(poisson: float, function: Callable[[float, float], float]) -> float:
-    """(2/pi) int_0^1 h(t) function(t, 1 - t^2) dt.
+    """Return (2/pi) int_0^1 h(t) function(t, 1 - t^2) dt.
 
     With t = tanh(x) the logarithm that oscillates at the edge becomes 2 x, and the integrand dies out with 1/cosh(x).
     """
@@ -228,22 +234,22 @@ class SphereTorsion:
         return 3.0 * np.pi / 16.0 * self.friction * self.hertz.force * self.hertz.contact_radius
 
     def twist(self, stick_share: float) -> float:
-        """(mu p_0/(2 G)) (K - E)(1 - k^2) [rad], k = c/a the share of the radius that sticks, in (0, 1]."""
+        """Return (mu p_0/(2 G)) (K - E)(1 - k^2) [rad], k = c/a the share of the radius that sticks, in (0, 1]."""
         return self._unit_twist * float(ellipkm1(stick_share**2) - ellipe(1.0 - stick_share**2))
 
     def stick_share(self, twist: float) -> float:
-        """k = c/a at a twist [rad] >= 0."""
+        """Return k = c/a at a twist [rad] >= 0."""
         return float(brentq(lambda k: self.twist(k) - twist, 1e-12, 1.0, xtol=1e-14))
 
     def torque(self, twist: float) -> float:
-        """Torque [N m] at a twist [rad] >= 0 from rest."""
+        """Return the torque [N m] at a twist [rad] >= 0 from rest."""
         if np.isinf(self.friction):
             return self.initial_stiffness * twist
         discs, _ = quad(lambda s: s**2 * ellipe(1.0 - s**2), self.stick_share(twist), 1.0, epsabs=0, epsrel=1e-11)
         return float(self.initial_stiffness * self._unit_twist * discs)
 
     def traction(self, r: Array, twist: float) -> Array:
-        """Traction [Pa] along the circles at radii r (n,) [m], zero outside the contact."""
+        """Return the traction [Pa] along the circles at radii r (n,) [m], zero outside the contact."""
         a = self.hertz.contact_radius
         k = self.stick_share(twist)
         found = self.friction * self.hertz.pressure(r)
@@ -266,7 +272,7 @@ class SphereTorsion:
 
 
 def _dome(r: Array, radius: float) -> Array:
-    """sqrt(1 - r^2/radius^2) inside, zero outside; zero for a radius of zero."""
+    """Return sqrt(1 - r^2/radius^2) inside, zero outside; zero for a radius of zero."""
     inside = np.asarray(r) < radius
     share = np.divide(r, radius, out=np.ones_like(r, dtype=float), where=inside)
     dome: Array = np.sqrt(1.0 - share**2)

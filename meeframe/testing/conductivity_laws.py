@@ -25,7 +25,7 @@ def check_conductivity_law(
     drop: float = 1e3,
     rectifies: bool = False,
 ) -> None:
-    """Frozen; conductivity is pure, local, >= 0 and not NaN, in contact and across any gap, the closed one included;
+    """Check that a law is frozen and its conductivity pure, local, >= 0 and not NaN, in contact and across any gap;
     continuous under pressure, in the gap and in the drop, so that it jumps at zero traction only; the same whatever the
     gap and the drop unless the law is `across_gap`, and then of a flux that does not fall while the drop grows
     (check_growing_flux); the same for both signs of the drop unless it `rectifies`.
@@ -65,7 +65,7 @@ def check_conductivity_law(
 def check_growing_flux(
     law: ConductivityLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6, drop: float = 1e3
 ) -> None:
-    """The flux kappa drop never falls while the drop grows: a drop is then found together with its conductivity."""
+    """Check that the flux kappa drop never falls while the drop grows, so that it determines the drop."""
     states = _states(np.random.default_rng(seed), (pressure, gap, drop))
     further = states * [1.0, 1.0, 1.01]
     kappa, beyond = _conductivity(law, states), _conductivity(law, further)
@@ -78,12 +78,13 @@ def _conductivity(law: ConductivityLaw, states: Array) -> Array:
 
 
 def _same(one: Array, other: Array) -> NDArray[np.bool_]:
-    """Where they are equal but for round-off, (n,): powers need not be the same number in arrays of other lengths."""
+    """Return where they are equal but for round-off, (n,): powers need not be the same number in arrays of other
+    lengths."""
     return np.isclose(one, other, rtol=ROUND_OFF, atol=0.0)
 
 
 def _states(random: np.random.Generator, units: tuple[float, float, float]) -> Array:
-    """(n, 3) tractions, gaps, drops: the first half in contact, the others apart; some with no gap or drop."""
+    """Return (n, 3) tractions, gaps, drops: the first half in contact, the others apart; some with no gap or drop."""
     size = 10.0 ** random.uniform(-6.0, 2.0, (2 * _SAMPLES, 3)) * units
     size[::7, _GAP] = 0.0
     size[::5, _DROP] = 0.0
@@ -95,7 +96,7 @@ def _states(random: np.random.Generator, units: tuple[float, float, float]) -> A
 
 
 def _check_jumps(law: ConductivityLaw, states: Array, column: int, unit: float) -> None:
-    """No jump along a line of tractions, gaps or drops, between whose points the others are those of random states."""
+    """Check that kappa has no jump along a line of tractions, gaps or drops, at random values of the others."""
     positive = unit * np.concatenate([[0.0], 10.0 ** np.linspace(-6.0, 2.0, _SAMPLES)])
     contact_fraction, apart = states[:_SAMPLES], states[_SAMPLES:]
     if column == _TRACTION:
@@ -109,7 +110,8 @@ def _check_jumps(law: ConductivityLaw, states: Array, column: int, unit: float) 
 
 
 def _check_line(law: ConductivityLaw, others: Array, column: int, line: Array) -> None:
-    """No jump between successive points (n + 1,) of a column; others: (n, 3). Halves intervals where kappa differs."""
+    """Check that there is no jump between points (n + 1,) of a column; others: (n, 3). Halves intervals where kappa
+    differs."""
     start, end = others.copy(), others.copy()
     start[:, column], end[:, column] = line[:-1], line[1:]
     finite = _conductivity(law, np.concatenate([start, end]))
@@ -117,7 +119,8 @@ def _check_line(law: ConductivityLaw, others: Array, column: int, line: Array) -
     typical = float(np.median(finite)) if finite.size else 1.0
 
     def transmissivity(states: Array) -> Array:
-        """Between a typical resistance and no other, one for perfect conduction."""
+        """Return a number between zero (insulating) and one (perfect conduction) on the scale of a typical
+        resistance."""
         return 1.0 / (1.0 + typical / np.maximum(_conductivity(law, states), _NOTHING * typical))
 
     start, end, jumps = steepest(transmissivity, start, end)

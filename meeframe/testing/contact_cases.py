@@ -32,7 +32,8 @@ _SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
 @cache
 def _wave_compliance(material: Material, cells: int) -> Array:
-    """Response (2c, 2c, 5, 5) at the cells of a period of 2c cells of unit side to a unit load on the first cell."""
+    """Return the response (2c, 2c, 5, 5) at the cells of a period of 2c cells of unit side to a unit load on the first
+    cell."""
     size = 2 * cells
     numbers = 2.0 * np.pi * np.fft.fftfreq(size)
     ky, kx = (grid.ravel() for grid in np.meshgrid(numbers, numbers, indexing="ij"))
@@ -48,7 +49,8 @@ def _wave_compliance(material: Material, cells: int) -> Array:
 
 
 def periodic_half_space(material: Material, side: float, cells: int) -> DenseSystem:
-    """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], one half of a period."""
+    """Return the reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], one half of a
+    period."""
     kernel = _wave_compliance(material, cells)
     h = side / cells
     row, column = (grid.ravel() for grid in np.meshgrid(range(cells), range(cells), indexing="ij"))
@@ -73,7 +75,7 @@ class SphereCase:
     potentials: tuple[float, float] = (0.0, 0.0)
 
     def problem(self) -> ContactProblem:
-        """The contact problem."""
+        """Return the contact problem."""
         system = periodic_half_space(self.material, 3.2 * np.sqrt(RADIUS * APPROACH), self.cells)
         x, y, _ = system.points.T
         n = len(x)

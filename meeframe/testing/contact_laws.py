@@ -22,8 +22,8 @@ def check_contact_law(
     duration: float = 1.0,
     extent: float = 1e-3,
 ) -> None:
-    """The whole contract of meeframe.laws.base.ContactLaw. Raises AssertionError that names what fails, where, and why
-    it matters.
+    """Check the whole contract of meeframe.laws.base.ContactLaw. Raises AssertionError that names what fails, where,
+    and why it matters.
 
     `project`: pure, admissible, idempotent and local; its tangential part non-expansive in the law's metric between
     trials of equal normal component (between others no friction is: the limit grows with the pressure).
@@ -55,7 +55,7 @@ def check_contact_law(
 
 
 def _check_equal(law: ContactLaw, reference: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """The two agree, and so do they during increments after short and long ways."""
+    """Check that two laws agree, also during increments after short and long slip paths."""
     points = units.extent * random.uniform(-1.0, 1.0, (SAMPLES, 3))
     close(law.initial_gap(points), reference.initial_gap(points), units.gap, f"initial_gap {_DIFFERS}")
     require(law.needs_duration == reference.needs_duration, f"needs_duration {_DIFFERS}", law.needs_duration)

@@ -57,9 +57,9 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 
 
 def check_solver(solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True) -> None:
-    """Frozen; pure; takes, by its own check, and converges on insulated, conducting and frictional indentation, across
-    a gap that conducts, between surfaces that are soft, attract each other and wear smooth by slip, under given motions
-    and under prescribed resultants, and to the right answer.
+    """Check that a solver is frozen and pure, and that it takes and solves insulated, conducting and frictional
+    indentation, across a gap that conducts, between surfaces that are soft, attract each other and wear smooth by
+    slip, under given motions and under prescribed resultants, and to the right answer.
 
     The insulated problem is compared with non-negative least squares; every state is judged by the residual and
     condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
@@ -82,7 +82,7 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
-    """Pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
+    """Return the pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
 
     The compliance is symmetric. Raises ValueError unless the system holds it as a matrix.
     """
@@ -99,8 +99,8 @@ def exact_pressure(problem: ContactProblem) -> Array:
 
 
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
-    """The same problem in other units: displacements and loads multiplied by factors (fields,), alike in the first
-    three.
+    """Return the same problem in other units: displacements and loads multiplied by factors (fields,), alike in the
+    first three.
 
     For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
     Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
@@ -139,7 +139,7 @@ def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: f
 
 
 def _rescaled_freedom(freedom: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
-    """The resultant is in units of the work of the fields that the freedom moves, which have to agree."""
+    """Return a prescribed resultant in the units of work of the fields that it moves, which have to agree."""
     work = (displacement * load)[freedom.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
         raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
@@ -155,7 +155,7 @@ def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution:
 def _check_drawn(
     solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, drawn: dict[str, Any]
 ) -> None:
-    """An indentation that hypothesis has drawn."""
+    """Check an indentation that hypothesis has drawn."""
     x, y, _ = system.points.T
     law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
     height = (x**2 + drawn["aspect"] * y**2) / 0.2
@@ -198,7 +198,7 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
 
 
 def _freedom(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
-    """The indenter moves along one field, so far that the total of that is as prescribed."""
+    """Return the indenter moves along one field, so far that the total of that is as prescribed."""
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction
     sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
@@ -208,7 +208,7 @@ def _freedom(weights: Array, field: int, direction: float, total: float) -> Pres
 def _solved(
     problem: ContactProblem, solver: Solver, limits: StoppingCriteria, name: str, start: ContactState | None = None
 ) -> ContactSolution:
-    """The solution of a problem, all conditions of which hold."""
+    """Return the solution of a problem, all conditions of which hold."""
     with _unchanged(problem, name):
         solution = solve(problem, solver, limits, start)
     found = violations(problem, solution.state)
@@ -223,7 +223,7 @@ def _solved(
 
 @contextmanager
 def _unchanged(problem: ContactProblem, name: str) -> Iterator[None]:
-    """Requires that the problem stays as it is."""
+    """Require that the problem stays as it is."""
     kept = {part: array.copy() for part, array in _arrays(problem).items()}
     yield
     changed = [part for part, array in _arrays(problem).items() if not np.array_equal(array, kept[part])]
@@ -244,7 +244,7 @@ def _arrays(problem: ContactProblem) -> dict[str, Array]:
 
 
 def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """Its own check lets the problem pass, and the one on a rigid body as which it is asked about a case file."""
+    """Check that the solver accepts the problem, and its preview on a rigid body, as for a case file."""
     assert isinstance(problem.system, DenseSystem)
     rigid = replace(problem, system=replace(problem.system, matrix=np.zeros_like(problem.system.matrix)))
     for asked, body in ((problem, ""), (rigid, " on a rigid body")):
@@ -255,7 +255,7 @@ def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
 
 
 def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """A step changes no argument; one from the same iterate leads to the same."""
+    """Check that a step changes no argument and that equal iterates lead to equal ones."""
     with np.errstate(all="ignore"), _unchanged(problem, name):
         before = solver.init(problem, None)
         kept = _copy_of(before)
@@ -270,7 +270,7 @@ def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
 def _check_start(
     solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
 ) -> None:
-    """A solution is taken up as it is."""
+    """Check that the solver accepts a solution as it is."""
     start = _copy_of(solution.state)
     with np.errstate(all="ignore"):
         solver.step(problem, solver.init(problem, start))
@@ -280,13 +280,13 @@ def _check_start(
 
 
 def _copy_of(record: Record) -> Record:
-    """A copy with arrays of its own."""
+    """Return a copy with arrays of its own."""
     copies: dict[str, Any] = {name: array.copy() for name, array in _parts(record).items()}
     return replace(record, **copies)
 
 
 def _same(one: Record, other: Record) -> bool:
-    """Whether the arrays of two records are equal."""
+    """Return whether the arrays of two records are equal."""
     return all(np.array_equal(array, _parts(other)[name], equal_nan=True) for name, array in _parts(one).items())
 
 

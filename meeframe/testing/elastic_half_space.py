@@ -16,7 +16,7 @@ from meeframe.testing.cells import cell_system
 
 
 def elastic_half_space(young: float, poisson: float, side: float, cells: int, goodman: bool = False) -> DenseSystem:
-    """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], nodes along x first.
+    """Return the reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], nodes along x first.
 
     young > 0 [Pa]; poisson in (-1, 1/2], 1/2 included: there normal and tangential loads do not know of each other;
     goodman: drop the normal displacement due to tangential loads and the tangential one due to normal loads (Goodman,
@@ -44,7 +44,8 @@ def elastic_half_space(young: float, poisson: float, side: float, cells: int, go
 
 
 def cell_response(young: float, poisson: float, x: Array, y: Array, half: float) -> Array:
-    """Displacement (..., 5) at points (x, y) [m] of the surface per unit load (..., 5) on |x'|, |y'| < half [m].
+    """Return the displacement (..., 5) at points (x, y) [m] of the surface per unit load (..., 5) on |x'|, |y'| < half
+    [m].
 
     Fields, loads and signs as in ReducedSystem with e1, e2, nu along x1, x2, x3: (..., field, load).
     """
@@ -67,7 +68,8 @@ def cell_response(young: float, poisson: float, x: Array, y: Array, half: float)
 
 
 def _cell_integrals(x: Array, y: Array, half: float) -> tuple[Array, Array, Array, Array, Array]:
-    """Integrals of 1/r, x^2/r^3, x y/r^3, x/r^2, y/r^2 over a square cell, of the vector from its points to (x, y).
+    """Return the integrals of 1/r, x^2/r^3, x y/r^3, x/r^2, y/r^2 over a square cell, of the vector from its points to
+    (x, y).
 
     Each is the sum over the corners, with alternating signs, of a function whose mixed derivative is the integrand.
     """

@@ -19,8 +19,8 @@ _SHARES = st.sampled_from([0.0, 1.0, 0.5, 0.25]) | st.floats(0.0, 1.0, allow_sub
 
 
 def check_element(element: SurfaceElement, seed: int = 0) -> None:
-    """All checks of this module, at random points and at simple ones that hypothesis looks for. Raises AssertionError
-    that names the property, the point and why it matters."""
+    """Check an element by all tests of this module, at random points and at simple ones that hypothesis finds. Raises
+    AssertionError that names the property, the point and why it matters."""
     with explained(element):
         check_nodes(element)
         check_points(element, reference_points(element, 20, seed))
@@ -30,7 +30,7 @@ def check_element(element: SurfaceElement, seed: int = 0) -> None:
 
 
 def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
-    """Random points of the reference domain, (count, 2): weighted means of its corners."""
+    """Return random points of the reference domain, (count, 2): weighted means of its corners."""
     corners = _CORNERS[element.reference]
     shares = np.random.default_rng(seed).dirichlet(np.ones(len(corners)), count)
     points: Array = shares @ corners
@@ -38,14 +38,14 @@ def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
 
 
 def _placed(element: SurfaceElement, first: float, second: float) -> Array:
-    """The point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
+    """Return the point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
     if element.reference == "triangle":
         return np.array([[first, second * (1.0 - first)]])
     return np.array([[2.0 * first - 1.0, 2.0 * second - 1.0]])
 
 
 def check_nodes(element: SurfaceElement) -> None:
-    """Names, corners first and counter-clockwise, nodes in the domain, whole exponents, equal and hashable objects."""
+    """Check names, corners (first and counter-clockwise), nodes in the domain, whole exponents, equality and hash."""
     require(bool(element.name), "the element has no name", element)
     require(bool(element.meshio_type), "no meshio cell type", element)
     nodes, exponents, corners = element.nodes, element.exponents, _CORNERS[element.reference]
@@ -70,13 +70,13 @@ def check_nodes(element: SurfaceElement) -> None:
 
 
 def check_points(element: SurfaceElement, points: Array) -> None:
-    """Values and derivatives at points (m, 2) of the reference domain."""
+    """Check values and derivatives at points (m, 2) of the reference domain."""
     check_interpolation(element, points)
     check_derivatives(element, points)
 
 
 def check_interpolation(element: SurfaceElement, points: Array) -> None:
-    """Shape functions add up to one; polynomials up to the element's order are reproduced."""
+    """Check that shape functions sum to one and reproduce polynomials up to the element's order."""
     nodes, values = element.nodes, shape_functions(element, points)
     total = values.sum(axis=1)
     each(np.abs(total - 1.0) <= _ROUND_OFF, "sum of shape functions", points, total)
@@ -90,7 +90,7 @@ def check_interpolation(element: SurfaceElement, points: Array) -> None:
 
 
 def check_derivatives(element: SurfaceElement, points: Array) -> None:
-    """Derivatives agree with central differences."""
+    """Check derivatives against central differences."""
     step = 1e-5
     derivatives = shape_derivatives(element, points)
     for axis in range(2):
@@ -101,7 +101,7 @@ def check_derivatives(element: SurfaceElement, points: Array) -> None:
 
 
 def check_traces(element: SurfaceElement) -> None:
-    """On a side only the nodes of that side count, so that neighbours fit together without gaps."""
+    """Check that only the nodes of a side contribute on it, so that neighbours fit without gaps."""
     corners = _CORNERS[element.reference]
     share = np.linspace(0.0, 1.0, 7)[:, None]
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -114,7 +114,7 @@ def check_traces(element: SurfaceElement) -> None:
 
 
 def check_orientation(element: SurfaceElement) -> None:
-    """Laid flat, counter-clockwise seen from above, the element has its normal upwards and its full area."""
+    """Check that an element laid flat, counter-clockwise from above, has its normal upwards and its full area."""
     flat = np.column_stack([element.nodes, np.zeros(len(element.nodes))])
     rule = tensor_rule(element, flat, 4)
     upwards = (np.abs(rule.normals - [0.0, 0.0, 1.0]) <= _ROUND_OFF).all(axis=1)

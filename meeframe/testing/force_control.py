@@ -35,7 +35,7 @@ SAME: Final = 1e-8
 
 
 def freedom(system: ReducedSystem, mode: Array, total: float, measure: Array | None = None) -> PrescribedResultant:
-    """The force or moment along a mode, or its outward charge or flux, is the total [N, N m, C, Wb].
+    """Return the force or moment along a mode, or its outward charge or flux, is the total [N, N m, C, Wb].
 
     mode: (5,) of every node or (n, 5); measure: as mode, of which the resultant is the weighted sum instead.
     """
@@ -53,7 +53,8 @@ def conducting_sphere(
     cells: int = 8,
     potentials: tuple[float, float] = (2e4, -15.0),
 ) -> ContactProblem:
-    """The sphere of SphereCase on the orthotropic medium; kappa in units of the inverse own response of a node."""
+    """Return the sphere of SphereCase on the orthotropic medium; kappa in units of the inverse own response of a
+    node."""
     medium = library_material("orthotropic-mee")
     case = SphereCase(medium, law, Insulating(), Insulating(), cells, drag, potentials=potentials)
     own = own_response(case.problem())[0]
@@ -62,7 +63,8 @@ def conducting_sphere(
 
 
 def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple[ContactProblem, Array]:
-    """A problem of SphereCase with the resultants of its solution instead of motions, and the motions to be found.
+    """Return a problem of SphereCase with the resultants of its solution instead of motions, and the motions to be
+    found.
 
     given: those that are set free, of 'approach', 'translation' and 'potentials'.
     """
@@ -88,7 +90,7 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
 def balanced_solution(
     problem: ContactProblem, solver: Solver, limits: StoppingCriteria = TIGHT, start: ContactState | None = None
 ) -> ContactSolution:
-    """The solution of a problem; AssertionError unless it has converged and has the prescribed resultants."""
+    """Return the solution of a problem; AssertionError unless it has converged and has the prescribed resultants."""
     solution = solve(problem, solver, limits, start)
     state = solution.state
     require(solution.status is Status.CONVERGED, f"{solver}: {solution.message}", solution.residual)
@@ -104,6 +106,6 @@ def balanced_solution(
 
 
 def check_same(state: ContactState, expected: ContactState) -> None:
-    """AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
+    """Raise AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
     off = np.abs(state.load - expected.load).max(axis=0)
     require((off <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", off)

@@ -29,8 +29,8 @@ def check_fundamental_solution(
     traction_tolerance: float = 1e-7,
     seed: int = 0,
 ) -> None:
-    """All checks of this module for one scaled stiffness C'_iJKm (3, 5, 5, 3), in random directions and in simple ones
-    that hypothesis looks for. Raises AssertionError that names the property, the offset and why it matters.
+    """Check one scaled stiffness C'_iJKm (3, 5, 5, 3) by all tests of this module, in random directions and in simple
+    ones that hypothesis looks for. Raises AssertionError that names the property, the offset and why it matters.
 
     Tolerances are relative to the largest entry of U and of T at a point.
     """
@@ -58,33 +58,33 @@ def check_fundamental_solution(
 
 
 def unit_vectors(random: np.random.Generator, count: int) -> Array:
-    """Random unit vectors, (count, 3)."""
+    """Return random unit vectors, (count, 3)."""
     vectors = random.normal(size=(count, 3))
     unit: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     return unit
 
 
 def relative_error(value: Array, reference: Array) -> float:
-    """Largest difference over the largest entry, taken point by point; the first axis numbers the points."""
+    """Return the largest difference over the largest entry, taken point by point; the first axis numbers the points."""
     return float(_errors(value, reference).max())
 
 
 def _errors(value: Array, reference: Array) -> Array:
-    """Largest difference over the largest entry at each point, (n,)."""
+    """Return the largest difference over the largest entry at each point, (n,)."""
     axes = tuple(range(1, value.ndim))
     errors: Array = np.abs(value - reference).max(axis=axes) / np.abs(reference).max(axis=axes)
     return errors
 
 
 def _agree(value: Array, reference: Array, tolerance: float, what: str, offset: Array) -> None:
-    """Requires errors within a tolerance; shows the offset (n, 3) with the largest and the error there."""
+    """Require errors within a tolerance; shows the offset (n, 3) with the largest and the error there."""
     errors = _errors(value, reference)
     worst = int(np.nan_to_num(errors, nan=np.inf).argmax())
     require(bool(errors[worst] <= tolerance), what, f"by {errors[worst]:.1e} at offset {offset[worst]}")
 
 
 def check_form(kernel: Kernel, offset: Array, normal: Array) -> None:
-    """Shapes, memory order, finite values; no points are allowed, and each point is independent of the others."""
+    """Check shapes, memory order, finite values, empty input, and that each point is independent of the others."""
     n = len(offset)
     u, t = kernel.evaluate(offset, normal)
     gradient = kernel.gradient(offset)
@@ -101,7 +101,7 @@ def check_form(kernel: Kernel, offset: Array, normal: Array) -> None:
 
 
 def check_symmetry(kernel: Kernel, offset: Array, normal: Array) -> None:
-    """U symmetric, even and homogeneous of degree -1; T and U,q odd and homogeneous of degree -2."""
+    """Check that U is symmetric, even and homogeneous of degree -1; T and U,q odd and homogeneous of degree -2."""
     u, t = kernel.evaluate(offset, normal)
     gradient = kernel.gradient(offset)
     _agree(u.transpose(0, 2, 1), u, 1e-13, "U is not symmetric", offset)
@@ -118,20 +118,20 @@ def check_symmetry(kernel: Kernel, offset: Array, normal: Array) -> None:
 
 
 def check_traction(kernel: Kernel, stiffness: Array, offset: Array, normal: Array) -> None:
-    """T_JK = C_iJMl U_MK,l nu_i (eq. 47)."""
+    """Check T_JK = C_iJMl U_MK,l nu_i (eq. 47)."""
     expected = np.einsum("ni,ijml,nmkl->njk", normal, stiffness, kernel.gradient(offset))
     _agree(kernel.evaluate(offset, normal)[1], expected, 1e-11, "T is not C : grad U . nu", offset)
 
 
 def check_gradient(kernel: Kernel, offset: Array) -> None:
-    """Central differences of U approach U,q with second order."""
+    """Check that central differences of U approach U,q with second order."""
     exact = kernel.gradient(offset)
     errors = [_central_difference(lambda x: kernel.evaluate(x, x)[0], offset, step) - exact for step in (0.02, 0.01)]
     _require_order(errors, offset, "differences of U do not approach U,q")
 
 
 def check_equilibrium(kernel: Kernel, stiffness: Array, offset: Array) -> None:
-    """C_iJKm U_KL,mi = 0: central differences of U,m approach it with second order."""
+    """Check C_iJKm U_KL,mi = 0, which central differences of U,m approach with second order."""
     residuals = []
     for step in (0.04, 0.02):
         second = _central_difference(kernel.gradient, offset, step)
@@ -140,7 +140,7 @@ def check_equilibrium(kernel: Kernel, stiffness: Array, offset: Array) -> None:
 
 
 def check_unit_flux(kernel: Kernel, tolerance: float) -> None:
-    """The integral of T over a sphere about the source is minus the identity."""
+    """Check that the integral of T over a sphere about the source is minus the identity."""
     heights, weights = np.polynomial.legendre.leggauss(64)
     angles = 2.0 * np.pi * np.arange(128) / 128
     radius = np.sqrt(1.0 - heights**2)[:, None]
@@ -157,7 +157,7 @@ def check_unit_flux(kernel: Kernel, tolerance: float) -> None:
 def check_agreement(
     kernel: Kernel, reference: Kernel, offset: Array, normal: Array, displacement: float, traction: float
 ) -> None:
-    """U and T equal those of a reference within tolerances."""
+    """Check that U and T equal those of a reference within tolerances."""
     names = ("U", "T")
     tolerances = (displacement, traction)
     pairs = zip(kernel.evaluate(offset, normal), reference.evaluate(offset, normal), strict=True)
@@ -166,13 +166,13 @@ def check_agreement(
 
 
 def _central_difference(function: Callable[[Array], Array], offset: Array, step: float) -> Array:
-    """Derivatives along the three axes, appended as the last axis."""
+    """Return the derivatives along the three axes, appended as the last axis."""
     steps = step * np.eye(3)
     return np.stack([(function(offset + h) - function(offset - h)) / (2.0 * step) for h in steps], axis=-1)
 
 
 def _require_order(errors: list[Array], offset: Array, what: str) -> None:
-    """Requires errors (n, ...) of two steps to fall with second order; shows the offset with the largest."""
+    """Require errors (n, ...) of two steps to fall with second order; shows the offset with the largest."""
     sizes = [np.sqrt((error.reshape(len(error), -1) ** 2).mean(axis=1)) for error in errors]
     total = [float(np.sqrt((size**2).mean())) for size in sizes]
     observed = np.log2(total[0] / total[1])

@@ -19,7 +19,7 @@ _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def half_space_system(xi: Array, side: float, cells: int, offset: Array | None = None) -> DenseSystem:
-    """Reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m].
+    """Return the reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m].
 
     xi: (5, 5) point-source response u_J = xi_JK t_K / r over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi),
     then without tangential response; offset: (n, 5) as in ReducedSystem, zero if not given.
@@ -41,7 +41,7 @@ def indentation_problem(
     potentials: tuple[float, float] = (0.0, 0.0),
     translation: tuple[float, float] = (0.0, 0.0),
 ) -> ContactProblem:
-    """An indenter of given height (n,) [m] above its lowest point, pressed in by the approach [m].
+    """Return an indenter of given height (n,) [m] above its lowest point, pressed in by the approach [m].
 
     conductivity: kappa of the electric and magnetic step law; potentials: of the indenter [V], [A]; translation [m].
     """
@@ -57,7 +57,7 @@ def indentation_problem(
 
 
 def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
-    """Integral of 1/distance over the square |x'|, |y'| < half, at points (x, y) of its plane [m]."""
+    """Return the integral of 1/distance over the square |x'|, |y'| < half, at points (x, y) of its plane [m]."""
     total = np.zeros(np.broadcast(x, y).shape)
     for sx in (1.0, -1.0):
         for sy in (1.0, -1.0):
@@ -67,6 +67,6 @@ def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
 
 
 def _arcsinh(b: Array, a: Array) -> Array:
-    """arcsinh(b/|a|), zero where its factor a is."""
+    """Return arcsinh(b/|a|), zero where its factor a is."""
     safe = np.where(a == 0.0, 1.0, np.abs(a))
     return np.where(a == 0.0, 0.0, np.arcsinh(b / safe))

@@ -14,7 +14,8 @@ _PLACES = st.sampled_from([0.0, 1.0, -1.0, 1e-9, -0.5]) | st.floats(-1.0, 1.0, a
 
 
 def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> None:
-    """Frozen; height is pure and local, >= 0 or inf, zero at its lowest point and unbounded nowhere else by NaN.
+    """Check that an indenter is frozen and its height pure and local, >= 0 or inf, never NaN, and zero at its lowest
+    point.
 
     size: half width of the square about the axis that is looked at [m]. Raises AssertionError.
     """
@@ -42,7 +43,7 @@ def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> Non
 
 
 def _check_height(indenter: Indenter, x: Array, y: Array) -> None:
-    """Heights at (n,) points are >= 0 or inf."""
+    """Check that heights at (n,) points are >= 0 or inf."""
     with np.errstate(all="ignore"):
         height = indenter.height(x, y)
     what = "height is negative or NaN, though approaches count from the lowest point"

@@ -28,15 +28,15 @@ class SoftAttractedContact(ContactLaw):
     pull: float = 0.0
 
     def project(self, trial: Array) -> Array:
-        """Coulomb's with the coefficient without slip, (n, 3) [Pa]."""
+        """Return the Coulomb's with the coefficient without slip, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
-        """That of Coulomb friction."""
+        """Return the scaling of Coulomb friction."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """The traction (n, 3) [Pa] of the springs, tangentially within mu |p_nu| of the slip."""
+        """Return the traction (n, 3) [Pa] of the springs, tangentially within mu |p_nu| of the slip."""
         slip = np.linalg.norm(gap[:, :2], axis=1) / self.closure
         share = 1.0 - (1.0 - _WEAKENED) * -np.expm1(-slip)
         softened = trial.copy()
@@ -47,11 +47,11 @@ class SoftAttractedContact(ContactLaw):
         return traction
 
     def adhesion(self, gap: Array) -> Array:
-        """pull pressure exp(-gap / closure), (n,) [Pa]."""
+        """Return pull pressure exp(-gap / closure), (n,) [Pa]."""
         return self.pull * self.pressure * np.exp(-np.maximum(gap, 0.0) / self.closure)
 
     def rescaled(self, length: float, pressure: float) -> Self:
-        """In other units, of which one of before has so many."""
+        """Return the law in other units, given how many of them make one of the old ones."""
         return replace(self, pressure=self.pressure * pressure, closure=self.closure * length)
 
 
@@ -70,11 +70,11 @@ class GapConductivity(ConductivityLaw):
     strength: float
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) at gaps (n,) and drops (n,)."""
+        """Return kappa (n,) at gaps (n,) and drops (n,)."""
         square = (drop / self.strength) ** 2
         return self.constant / (gap + self.residual) * (1.0 + square / (1.0 + square))
 
     def rescaled(self, length: float, potential: float, flux: float) -> Self:
-        """In other units, of which one of before has so many."""
+        """Return the law in other units, given how many of them make one of the old ones."""
         constant = self.constant * length * flux / potential
         return replace(self, constant=constant, residual=self.residual * length, strength=self.strength * potential)

@@ -15,8 +15,8 @@ _JUMP: Final = 1e-6
 
 
 def steepest(function: Callable[[Array], Array], start: Array, end: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Ends of what is left of intervals (n, ...) that are halved to where a function (n,) changes most, and whether it
-    jumps there (n,)."""
+    """Return the ends of what is left of intervals (n, ...) that are halved to where a function (n,) changes most, and
+    whether it jumps there (n,)."""
     before, after = function(start), function(end)
     for _ in range(_HALVINGS):
         middle = 0.5 * (start + end)

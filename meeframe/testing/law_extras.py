@@ -13,7 +13,8 @@ from meeframe.testing.requirements import each, pure, require
 
 
 def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """adhesion is pure, local, finite, >= 0, zero at infinity, that of contact where surfaces overlap, continuous."""
+    """Check that adhesion is pure, local, finite, >= 0, zero at infinity, that of contact in overlap, and
+    continuous."""
     gap = np.concatenate([[0.0], np.sort(units.gap * 10.0 ** random.uniform(-6.0, 4.0, SAMPLES)), [np.inf]])
     pull = pure(law.adhesion, gap, "adhesion")
     _check_numbers("adhesion", gap, pull, lambda some: law.adhesion(gap[some]), random)
@@ -27,14 +28,14 @@ def check_adhesion(law: ContactLaw, units: Units, random: np.random.Generator) -
 
 
 def check_initial_gap(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """initial_gap is pure, local and finite."""
+    """Check that initial_gap is pure, local and finite."""
     points = units.extent * random.uniform(-1.0, 1.0, (SAMPLES, 3))
     gap = pure(law.initial_gap, points, "initial_gap")
     _check_numbers("initial_gap", points, gap, lambda some: law.initial_gap(points[some]), random)
 
 
 def check_increments(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """for_increment gives contact laws, of which all holds that holds of the law; it is pure, local, and does not see a
+    """Check that for_increment gives contact laws with all properties of the law; it is pure, local, and does not see a
     duration that the law does not need."""
     own = type(law).for_increment is not ContactLaw.for_increment
     require(own or not law.needs_duration, "needs_duration, but for_increment makes nothing of it", law)
@@ -60,7 +61,7 @@ def _states(units: Units, random: np.random.Generator) -> tuple[Array, Array, tu
 def _check_increment(
     law: ContactLaw, path: Array, duration: float | None, units: Units, random: np.random.Generator
 ) -> None:
-    """One increment, all checks; the law that it came from stays as it was."""
+    """Check one increment in full, and that the original law is unchanged."""
     trial, gap, r = _states(units, random)
     before, kept = law.resolve(trial, gap, r).copy(), path.copy()
     during = law.for_increment(path, duration)
@@ -84,7 +85,7 @@ def _check_increment(
 def _check_numbers(
     name: str, given: Array, found: Array, of: Callable[[NDArray[np.int_]], Array], random: np.random.Generator
 ) -> None:
-    """One finite number for each node, that of the node alone."""
+    """Check that there is one finite number for each node, which depends on that node alone."""
     require(np.shape(found) == (len(given),), f"{name} has another shape than (n,)", np.shape(found))
     each(np.isfinite(found), f"{name} is not finite", given, found)
     some = random.permutation(len(given))[: len(given) // 3]

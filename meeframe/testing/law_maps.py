@@ -37,7 +37,7 @@ Subsystem = Callable[[NDArray[np.int_]], ContactLaw]
 
 @dataclass(frozen=True)
 class Units:
-    """What is typical for a law: pressure [Pa], gap [m], duration of an increment [s], half width of a surface [m]."""
+    """Typical values for a law: pressure [Pa], gap [m], duration of an increment [s], half width of a surface [m]."""
 
     pressure: float
     gap: float
@@ -45,7 +45,7 @@ class Units:
     extent: float = 1e-3
 
     def lengths(self) -> list[StepLengths]:
-        """Steps r [Pa/m] to try."""
+        """Return the steps r [Pa/m] to try."""
         return [
             (normal * self.pressure / self.gap, tangential * self.pressure / self.gap)
             for normal, tangential in _LENGTHS
@@ -53,7 +53,7 @@ class Units:
 
 
 def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random.Generator) -> None:
-    """All checks of this module, for SAMPLES nodes."""
+    """Check a law by all tests of this module, for SAMPLES nodes."""
     _check_scaling(law)
     trial = units.pressure * random.normal(size=(SAMPLES, 3))
     _check_project(law, part, trial, units.pressure, random)
@@ -68,7 +68,7 @@ def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random
 
 
 def _gaps(units: Units, random: np.random.Generator) -> Array:
-    """(n, 3) [m], some without slip, some overlapping, some closed."""
+    """Return (n, 3) [m], some without slip, some overlapping, some closed."""
     gap: Array = units.gap * random.normal(size=(SAMPLES, 3)) * 10.0 ** random.uniform(-3.0, 1.0, (SAMPLES, 1))
     gap[::5, :2] = 0.0
     gap[::7, 2] = 0.0
@@ -76,7 +76,7 @@ def _gaps(units: Units, random: np.random.Generator) -> Array:
 
 
 def without_indenter(states: Array) -> Array:
-    """The same trials or gaps (n, 3) where there is no indenter above."""
+    """Return the same trials or gaps (n, 3) where there is no indenter above."""
     return np.column_stack([states[:, :2], np.full(len(states), np.inf)])
 
 
@@ -110,7 +110,7 @@ def _check_resolve(
     units: Units,
     random: np.random.Generator,
 ) -> None:
-    """resolve is pure, local, finite, admissible, zero where open and without an indenter, its normal part monotone."""
+    """Check that resolve is pure, local, finite, admissible, zero where open, with a monotone normal part."""
     states = np.hstack([trial, gap])
     traction = pure(lambda given: law.resolve(given[:, :3], given[:, 3:], r), states, "resolve")
     _check_tractions("resolve", trial, traction)
@@ -139,7 +139,7 @@ def _check_scaling(law: ContactLaw) -> None:
 
 
 def metric(law: ContactLaw) -> Array:
-    """Root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
+    """Return the root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
     values, axes = np.linalg.eigh(law.tangential_scaling())
     inverse = np.where(values > ROUND_OFF, np.maximum(values, ROUND_OFF) ** -0.5, 0.0)
     root: Array = (axes * inverse) @ axes.T
@@ -147,14 +147,14 @@ def metric(law: ContactLaw) -> Array:
 
 
 def other_slips(trial: Array, pressure: float, random: np.random.Generator) -> Array:
-    """Trials (n, 3) with other tangential parts, near and far."""
+    """Return the trials (n, 3) with other tangential parts, near and far."""
     other = trial.copy()
     other[:, :2] += pressure * random.normal(size=(len(trial), 2)) * 10.0 ** random.uniform(-3, 1, (len(trial), 1))
     return other
 
 
 def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random: np.random.Generator) -> None:
-    """Tangential projection at one normal trial: no two tractions are farther apart than their trials."""
+    """Check that, at one normal trial, no two tangential tractions are farther apart than their trials."""
     other, root = other_slips(trial, pressure, random), metric(law)
     after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ root, axis=1)
     before = np.linalg.norm((trial - other)[:, :2] @ root, axis=1)
@@ -173,7 +173,8 @@ class Rest:
 
 
 def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float) -> Rest:
-    """Where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r gap/pressure."""
+    """Return where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r
+    gap/pressure."""
     angle = random.uniform(0.0, 2.0 * np.pi, SAMPLES)
     slip = units.gap * np.column_stack([np.cos(angle), np.sin(angle)])
     normal = -units.pressure * random.uniform(0.1, 1.0, SAMPLES)
@@ -197,7 +198,7 @@ def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float
 
 
 def _check_rests(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """Tractions at rest under slip work along it, whatever the step that leads there."""
+    """Check that tractions at rest under slip do work along it, whatever the step that leads there."""
     seed = int(random.integers(2**32))
     short, long = (rest(law, units, np.random.default_rng(seed), step) for step in STEPS)
     for found in (short, long):
@@ -210,7 +211,7 @@ def _check_rests(law: ContactLaw, units: Units, random: np.random.Generator) -> 
 
 
 def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> None:
-    """At a given gap a law says by t + r G = trial which gap G of its own belongs to t: the same for every r."""
+    """Check that t + r G = trial gives the same gap G of the law for t, for every step r."""
     lengths = units.lengths()
     for r in lengths:
         traction = law.resolve(trial, gap, r)
@@ -225,7 +226,7 @@ def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> Non
 
 
 def _check_tangent(law: ContactLaw, trial: Array) -> None:
-    """tangent against one-sided differences, where those agree."""
+    """Check tangent against one-sided differences, where those agree."""
     tangent = law.tangent(trial)
     require(tangent.shape == (len(trial), 3, 3), "tangent is not (n, 3, 3)", tangent.shape)
     beside = law.tangent(without_indenter(trial))
@@ -235,7 +236,7 @@ def _check_tangent(law: ContactLaw, trial: Array) -> None:
 
 
 def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> None:
-    """tangents against one-sided differences of resolve by the trial and by the gap."""
+    """Check tangents against one-sided differences of resolve by the trial and by the gap."""
     derivatives = law.tangents(trial, gap, r)
     beside = law.tangents(without_indenter(trial), without_indenter(gap), r)
     for derivative, nothing in zip(derivatives, beside, strict=True):
@@ -249,7 +250,7 @@ def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -
 def _check_derivative(
     function: Callable[[Array], Array], at: Array, derivative: Array, unit: float, what: str
 ) -> NDArray[np.bool_]:
-    """Requires a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
+    """Require a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
 
     unit: of the derivative, below which its size does not count.
     """

@@ -9,8 +9,9 @@ from meeframe.testing.requirements import ROUND_OFF, close, each, require
 
 
 def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None:
-    """project(a trial) = a project(trial) and resolve(a trial, gap, a r) = a resolve(trial, gap, r) for a > 0, as for a
-    law without a stress of its own; gap: a typical one [m]. Of an attraction, which is such a stress, nothing is asked.
+    """Check project(a trial) = a project(trial) and resolve(a trial, gap, a r) = a resolve(trial, gap, r) for a > 0,
+    as for a law without a stress of its own; gap: a typical one [m]. Of an attraction, which is such a stress, nothing
+    is asked.
     """
     random, units = np.random.default_rng(seed), Units(1.0, gap)
     trial = random.normal(size=(SAMPLES, 3))
@@ -23,7 +24,7 @@ def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None
 
 
 def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
-    """At a given slip and pressure no admissible traction does more work than the one at rest (eq. 12).
+    """Check that, at a given slip and pressure, no admissible traction does more work than the resting one (eq. 12).
 
     Maximum dissipation: the slip is normal to the boundary of the admissible tangential tractions.
     """
@@ -40,8 +41,9 @@ def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap:
 
 
 def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
-    """At equal normal trial and gap tangential tractions of `resolve` differ in the sense in which their trials do,
-    in the law's metric: as of every law whose slip grows with its traction, so that given slips have one traction."""
+    """Check that, at equal normal trial and gap, tangential tractions of `resolve` differ in the sense in which their
+    trials do, in the law's metric: as of every law whose slip grows with its traction, so that given slips have one
+    traction."""
     random, units = np.random.default_rng(seed), Units(pressure, gap)
     trial = pressure * random.normal(size=(SAMPLES, 3))
     apart = other_slips(trial, pressure, random)
@@ -55,14 +57,14 @@ def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: f
 
 
 def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
-    """The attraction never grows with the gap, from contact to far away."""
+    """Check that the attraction never grows with the gap, from contact to far away."""
     gaps = np.concatenate([[0.0], gap * np.geomspace(1e-6, 1e6, SAMPLES), [np.inf]])
     rise = np.diff(law.adhesion(gaps))
     each(rise <= 0.0, "attraction grows with the gap", gaps[1:], rise)
 
 
 def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
-    """project and resolve commute with every rotation and reflection of the tangent plane.
+    """Check that project and resolve commute with every rotation and reflection of the tangent plane.
 
     pressure [Pa], gap [m]: typical ones.
     """
@@ -82,7 +84,8 @@ def check_orthotropic(
     seed: int = 0,
     gap: float = 1e-6,
 ) -> None:
-    """project and resolve commute with reflections in the principal axes, along which the limit of project is mu p.
+    """Check that project and resolve commute with reflections in the principal axes, where the limit of project is mu
+    p.
 
     mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad]; pressure [Pa], gap [m]:
     typical ones. The limit of resolve may be a lower one, of another slip.
@@ -102,7 +105,7 @@ def check_orthotropic(
 
 
 def _check_commutes(law: ContactLaw, turn: Array, units: Units, random: np.random.Generator, what: str) -> None:
-    """project and resolve of turned states are the turned ones; turn: (3, 3) from the right."""
+    """Check that project and resolve of rotated states are the rotated results; turn: (3, 3) from the right."""
     trial, gap = units.pressure * random.normal(size=(SAMPLES, 3)), units.gap * random.normal(size=(SAMPLES, 3))
     close(law.project(trial @ turn), law.project(trial) @ turn, units.pressure, what)
     for r in units.lengths():
@@ -111,6 +114,6 @@ def _check_commutes(law: ContactLaw, turn: Array, units: Units, random: np.rando
 
 
 def _axes(angle: float) -> Array:
-    """Directions at an angle and a right angle further as rows, (2, 2)."""
+    """Return the directions at an angle and a right angle further as rows, (2, 2)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])

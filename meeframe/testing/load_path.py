@@ -17,7 +17,7 @@ from meeframe.system.reduced import ReducedSystem
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Where the indenter is: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
+    """Position of the indenter: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
     (n, 2) [m], its tangential motion since the beginning, one for each node so that it may turn."""
 
     gap: Array
@@ -38,7 +38,8 @@ class PathStep:
 def follow(
     system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
 ) -> Iterator[PathStep]:
-    """The steps of a path, each started from the one before; slip is measured from there (docs/theory.md, Departures).
+    """Return the steps of a path, each started from the one before; slip is measured from there (docs/theory.md,
+    Departures).
 
     No fluxes enter. A step's dissipation is the work of its own tractions on its slip: of first order in the step while
     the pressure changes, where that of results is of second, and never negative at any node. Raises MeeframeError if a

@@ -8,7 +8,8 @@ from meeframe.fields import Array
 
 
 def solid_angle(corners: Array, source: Array) -> float:
-    """Solid angle of a flat polygon with corners (n, 3), convex, seen from source (3,): int (x - x').nu / r^3 dS.
+    """Return the solid angle of a flat polygon with corners (n, 3), convex, seen from source (3,): int (x - x').nu /
+    r^3 dS.
 
     Positive where the source is behind the face whose corners run counter-clockwise. Source: van Oosterom and Strackee,
     IEEE Trans. Biomed. Eng. 30 (1983) 125.
@@ -23,7 +24,8 @@ def solid_angle(corners: Array, source: Array) -> float:
 
 
 def single_layer(corners: Array, source: Array) -> float:
-    """int 1/r dS over a flat, convex polygon with corners (n, 3), seen from source (3,) anywhere, corners included.
+    """Return int 1/r dS over a flat, convex polygon with corners (n, 3), seen from source (3,) anywhere, corners
+    included.
 
     Source: Wilton et al., IEEE Trans. Antennas Propag. 32 (1984) 276.
     """

@@ -33,7 +33,8 @@ _PUSHES: Final = (1e-3, 1e3)
 
 
 def violations(problem: ContactProblem, state: ContactState, associated: bool = True) -> dict[str, float]:
-    """Dimensionless violation of each condition by name, 0 where it holds; inf throughout if the state is not finite.
+    """Return the dimensionless violation of each condition by name, 0 where it holds; inf throughout if the state is
+    not finite.
 
     Magnitudes are in units of those characteristic of the problem's data, as the residual's are. associated: whether
     slip dissipates the most that the friction limit allows (eq. 12). If not, the traction of a node that slips has to
@@ -76,7 +77,7 @@ class _Limited:
     r: float
 
     def admitted(self, tangential: Array) -> Array:
-        """Tractions (n, k, 3) of tangential trials (n, k, 2) [Pa]."""
+        """Return the tractions (n, k, 3) of tangential trials (n, k, 2) [Pa]."""
         n, k = tangential.shape[:2]
         normal = np.broadcast_to(self.normal[:, None, None], (n, k, 1))
         trial = np.concatenate([tangential, normal], axis=2).reshape(-1, 3)
@@ -84,15 +85,15 @@ class _Limited:
         return traction.reshape(n, k, 3)
 
     def one(self, tangential: Array) -> Array:
-        """As admitted, (n, 3) from (n, 2)."""
+        """Return the admissible traction, (n, 3) from (n, 2)."""
         return self.admitted(tangential[:, None])[:, 0]
 
 
 def _of_traction(
     problem: ContactProblem, state: ContactState, contact: Array, ahead: Array, scales: Scales, associated: bool
 ) -> dict[str, Array]:
-    """Eqs. (10) to (12), with the gap of the law's own, and what `contact_fraction` says of them; contact: tractions
-    (n, 3)."""
+    """Return the Eqs. (10) to (12), with the gap of the law's own, and what `contact_fraction` says of them; contact:
+    tractions (n, 3)."""
     law, r = problem.contact_law, 1.0 / scales.normal_compliance
     gap = np.where(np.isfinite(ahead[:, MECHANICAL]), ahead[:, MECHANICAL], 0.0)
     band = _BAND * scales.pressure
@@ -121,7 +122,8 @@ def _of_traction(
 
 
 def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Array:
-    """The largest normal trials (n,) that the law presses with normal tractions (n,) [Pa] at least, by bisection.
+    """Return the largest normal trials (n,) that the law presses with normal tractions (n,) [Pa] at least, by
+    bisection.
 
     Where nothing presses they are the tractions themselves. gap: (n, 3) [m]; r: step [Pa/m].
     """
@@ -140,7 +142,7 @@ def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Arr
 
 
 def _refuse_tangential_compliance(limited: _Limited, contact: Array) -> None:
-    """Raises ValueError if the law answers its own tangential tractions by smaller ones."""
+    """Raise ValueError if the law answers its own tangential tractions by smaller ones."""
     size = np.abs(contact).max()
     for push in _PUSHES:
         once = limited.one(contact[:, :2] + push * size)
@@ -153,7 +155,8 @@ def _refuse_tangential_compliance(limited: _Limited, contact: Array) -> None:
 
 
 def _work_missed(limited: _Limited, contact: Array, slip: Array) -> Array:
-    """Work along unit slips (n, 2) that admissible tractions of the same pressure do beyond that of the traction, (n,).
+    """Return the work along unit slips (n, 2) that admissible tractions of the same pressure do beyond that of the
+    traction, (n,).
 
     Largest of many directions on the friction limit; all of them are admissible, so that it is never too large.
     """
@@ -171,8 +174,8 @@ def _work_missed(limited: _Limited, contact: Array, slip: Array) -> Array:
 
 
 def _off_limit(limited: _Limited, contact: Array, slip: Array) -> Array:
-    """How much farther the limit is along the traction, or along the slip (n, 2) if there is none, and the work that
-    slip gains, (n,) [Pa], whichever is more; by bisection."""
+    """Return how much farther the limit is along the traction, or along the slip (n, 2) if there is none, and the work
+    that slip gains, (n,) [Pa], whichever is more; by bisection."""
     size = np.linalg.norm(contact[:, :2], axis=1)[:, None]
     ahead = np.divide(contact[:, :2], size, out=slip.copy(), where=size > 0.0)
     within = np.zeros_like(size)
@@ -190,7 +193,8 @@ def _off_limit(limited: _Limited, contact: Array, slip: Array) -> Array:
 def _of_flux(
     problem: ContactProblem, state: ContactState, normal: Array, ahead: Array, scales: Scales
 ) -> dict[str, Array]:
-    """Eqs. (17), (18) where contact is closed or open; where it grazes the flux still flows down the potential.
+    """Return the Eqs. (17), (18) where contact is closed or open; where it grazes the flux still flows down the
+    potential.
 
     normal: contact tractions (n,).
     """
@@ -214,7 +218,7 @@ def _of_flux(
 
 
 def _conduction(law: ConductivityLaw, normal: Array, gap: Array, drop: Array) -> tuple[Array, Array]:
-    """kappa (n,), and how steeply the flux grows near by if it does so more steeply than in proportion, (n,)."""
+    """Return kappa (n,), and how steeply the flux grows near by if it does so more steeply than in proportion, (n,)."""
     kappa = law.conductivity(normal, gap, drop)
     if not law.across_gap:
         return kappa, kappa

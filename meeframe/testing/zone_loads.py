@@ -12,26 +12,26 @@ LOADS: Final = 6
 
 
 def typical_load(system: ReducedSystem) -> Array:
-    """Sizes (5,) of loads whose own displacements do work alike."""
+    """Return the sizes (5,) of loads whose own displacements do work alike."""
     own: Array = system.own_response(range(N_FIELDS)).mean(axis=0)
     return 1.0 / np.sqrt(np.abs(own))
 
 
 def smooth_loads(system: ReducedSystem) -> Array:
-    """Loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
+    """Return the loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
     functions, random = shapes(system), np.random.default_rng(1)
     loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(LOADS, 5, len(functions))), functions)
     return loads * typical_load(system)
 
 
 def shapes(system: ReducedSystem) -> Array:
-    """Slowly varying functions (s, n) on the zone."""
+    """Return the slowly varying functions (s, n) on the zone."""
     middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
     place = (system.points - middle) / np.ptp(system.points, axis=0).max()
     return np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
 
 
 def worst(actual: Array, expected: Array) -> float:
-    """Largest difference of (n, k) relative to the largest expected entry of its field."""
+    """Return the largest difference of (n, k) relative to the largest expected entry of its field."""
     scale = np.abs(expected).max(axis=0)
     return float((np.abs(actual - expected).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())

@@ -360,11 +360,11 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
 
     told = []
     with console._compilation(told.append):
-        for module, cache in (("somebody.else", True), ("meeframe.kernels", False), (None, False)):
+        for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)
         assert not told
-        for module in ("meeframe_kernels", "meeframe.kernels"):
+        for module in ("meeframe_kernels", "meeframe.greens._kernels"):
             compile_it(module, cache=True)
             assert len(told) == 1
     compile_it("meeframe", cache=True)

@@ -30,20 +30,20 @@ def modules_of(folder: Path, *names: str) -> Iterator[list[ModuleType]]:
             sys.modules.pop(name, None)
 
 
-with modules_of(FOLDER, "judge", "study") as (judge, study):
+with modules_of(FOLDER, "siconos_reference", "study") as (siconos_reference, study):
     pass
-needs_siconos = pytest.mark.skipif(judge.siconos_python() is None, reason=judge.MISSING)
+needs_siconos = pytest.mark.skipif(siconos_reference.siconos_python() is None, reason=siconos_reference.MISSING)
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return list(study.judged(study.QUICK))
+    return list(study.compare(study.QUICK))
 
 
 @needs_siconos
 def test_siconos_agrees_in_every_regime(rows):
     assert {row.regime for row in rows} == {"full stick", "partial slip", "sliding"}
-    assert {row.solver for row in rows} == set(judge.SOLVERS)
+    assert {row.solver for row in rows} == set(siconos_reference.SOLVERS)
     for row in rows:
         assert row.converged
         assert 0 < row.pressed < row.contacts
@@ -60,8 +60,8 @@ def test_siconos_is_handed_the_file(tmp_path):
     path = tmp_path / "a.hdf5"
     for mu in (0.3, 0.5):
         write_local(path, replace(local, mu=np.array([mu])))
-        for solver in judge.SOLVERS:
-            found = judge.siconos_solves(path, solver)
+        for solver in siconos_reference.SOLVERS:
+            found = siconos_reference.siconos_solves(path, solver)
             assert found.converged
             np.testing.assert_allclose(found.r, 5000.0 * np.array([1.0, -0.6 * mu, -0.8 * mu]), rtol=1e-11)
             expected = (1e-5 - 5e-6 * mu) * np.array([0.0, 0.6, 0.8])
@@ -71,7 +71,7 @@ def test_siconos_is_handed_the_file(tmp_path):
 def test_without_siconos_the_check_is_skipped_and_says_so(monkeypatch):
     # no Python finds Siconos
     monkeypatch.setattr(subprocess, "run", lambda *given, **_options: subprocess.CompletedProcess(given, 1))
-    with modules_of(FOLDER, "judge") as (fresh,):
+    with modules_of(FOLDER, "siconos_reference") as (fresh,):
         (item,) = load_validation(FOLDER).items(True)
     assert isinstance(item, Skip)
     assert "apt-get install python3-siconos" in item.reason

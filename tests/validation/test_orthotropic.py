@@ -101,7 +101,7 @@ def test_tangential_load(figure):
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.05, "holds"), (0.85, "differs"), (1.15, "differs")])
 def test_what_is_not_affected_neither_rises_nor_falls(factor, verdict):
-    """Fig. 7 (b): judged by the size of the change, whatever its sign."""
+    """Fig. 7 (b): criterion by the size of the change, whatever its sign."""
 
     def panel(title, **ends):
         quantities = {name: np.array([1.0, end]) for name, end in ends.items()}

@@ -1,8 +1,8 @@
-"""What the benchmarks share: medians, threads, slopes, tables, log-log pictures, and their command line.
+"""Functions shared by the benchmarks: medians, threads, slopes, tables, log-log figures and the command line.
 
-A benchmark is a module beside this one with TITLE, `measure(quick)`, which gives a record that JSON can hold, and
-`section(record, pictures)`, which gives its part of docs/performance.md and draws its pictures. Run by itself,
-`uv run python validation/benchmarks/NAME.py [--quick] [--json FILE]` measures and prints that part.
+A benchmark is a module in this folder with TITLE, `measure(quick)`, which returns a record that JSON can store, and
+`section(record, pictures)`, which returns its section of docs/performance.md and draws its figures. To measure and
+print one section, run `uv run python validation/benchmarks/NAME.py [--quick] [--json FILE]`.
 """
 
 import argparse
@@ -30,13 +30,13 @@ WIDTH = 119
 ROOT = Path(__file__).parents[2]
 PACKAGES = {"numpy": "numpy", "scipy": "scipy", "numba": "numba"}
 PACKAGES |= {"tamaas": "tamaas", "ContactMechanics": "ContactMechanics", "bempp-cl": "bempp_cl"}
-"""Whose versions a record keeps, and the modules by which a measurement that used them is known."""
+"""Packages whose versions are stored in a record, and the modules that show that a measurement has used them."""
 threads = limited
-"""with threads(2): as many threads of everything that has some."""
+"""Context manager: `with threads(2)` limits all thread pools to two threads."""
 
 
 def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -> dict[str, float]:
-    """Median wall and processor time [s] of an action, after one call that is not counted if `warm`."""
+    """Return median wall and processor times [s] of an action, after one uncounted call if `warm`."""
     if warm:
         action()
     walls, processors = [], []
@@ -49,20 +49,20 @@ def median_time(action: Callable[[], object], repeats: int, warm: bool = True) -
 
 
 def users_environment(caches: Path) -> dict[str, str]:
-    """Variables of a process as a user starts it: Python and numba keep what they compile, here in a folder of ours."""
+    """Return the environment of a process as a user starts it, with the compilation caches in a folder."""
     given = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return given | {"PYTHONPYCACHEPREFIX": str(caches / "python"), "NUMBA_CACHE_DIR": str(caches / "numba")}
 
 
 def slope(x: Sequence[float], y: Sequence[float]) -> float:
-    """Slope of the straight line through points in log-log axes, by least squares."""
+    """Return the least-squares slope of points in log-log axes."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def circumstances() -> Record:
-    """What a measurement depends on: day (UTC), commit, processor, cores, load average of the last minute.
+    """Return the circumstances of a measurement: date (UTC), commit, processor, cores, load average of the last minute.
 
-    A commit ends with + where files of meeframe or plugins differ from it.
+    The commit ends with + if files of meeframe or plugins differ from it.
     """
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
@@ -84,41 +84,36 @@ def _git(*words: str) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of the packages that this process has used."""
+    """Return the versions of the packages that this process has used."""
     return {name: version(name) for name, module in PACKAGES.items() if module in sys.modules}
 
 
-def told(name: str, where: Record) -> str:
-    """The paragraph of the page on how the record of a part was measured."""
+def provenance(name: str, where: Record) -> str:
+    """Return the paragraph that states how the record of a benchmark was measured."""
     codes = ", ".join(f"{code} {number}" for code, number in where["versions"].items())
     return prose(
         f"`validation/benchmarks/{name}.py`, {where['date']}, commit {where['commit']}, on {where['cores']} cores of"
-        f" {where['processor']}; load average when it began: {where['load']:.1f}; {codes}."
+        f" {where['processor']}; load average at the start {where['load']:.1f}; {codes}."
     )
 
 
 def prose(text: str) -> str:
-    """A paragraph of the page."""
+    """Return a wrapped paragraph."""
     return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of the page."""
+    """Return a Markdown table."""
     return "\n".join(f"| {' | '.join(row)} |" for row in (heads, ["---"] * len(heads), *rows))
 
 
-def verdict(met: bool) -> str:
-    """A word for a demand."""
-    return "met" if met else "**not met**"
-
-
-def demands(rows: Sequence[tuple[str, str, bool]]) -> str:
-    """A table of what is demanded, what was found and whether that meets it."""
-    return table(["demand", "found", "verdict"], [[asked, found, verdict(met)] for asked, found, met in rows])
+def figures(rows: Sequence[tuple[str, str]]) -> str:
+    """Return a table of quantities and their measured values."""
+    return table(("quantity", "measured"), rows)
 
 
 def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> None:
-    """A picture of curves in log-log axes; the legend has the slope of each that has more than one point."""
+    """Draw curves in log-log axes; the legend shows the slope of each curve with more than one point."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -138,9 +133,9 @@ def loglog(file: Path, xlabel: str, ylabel: str, series: Mapping[str, tuple[Sequ
 def command_line(
     about: str, measure: Callable[[bool], Record], section: Callable[[Record, Path], str], arguments: Any = None
 ) -> None:
-    """Measure, print the section, keep the record if asked to."""
+    """Run a benchmark, print its section, and write the record if requested."""
     parser = argparse.ArgumentParser(description=about.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, as the tests do")
+    parser.add_argument("--quick", action="store_true", help="small sizes only, as in the tests")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the record to this file")
     chosen = parser.parse_args(arguments)
     began = circumstances()

@@ -1,4 +1,4 @@
-"""Plugin of the benchmark of sweeps: dense boundary elements that write down each of their reductions."""
+"""Plugin for the benchmark of sweeps: dense boundary elements that log each reduction."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from meeframe.plugin import Formulation, Record, hookimpl, silent
 
 @dataclass(frozen=True)
 class Counted(Formulation):
-    """As DenseBEM. log: file with a line for each reduction, from any process."""
+    """DenseBEM that appends a line to the file `log` for each reduction, in any process."""
 
     log: str
 
@@ -24,4 +24,4 @@ class Counted(Formulation):
 
 @hookimpl
 def meeframe_formulations():
-    return [Record("counted", Counted, "dense boundary elements, counted", "benchmark of sweeps")]
+    return [Record("counted", Counted, "dense boundary elements with a log of reductions", "benchmark of sweeps")]

@@ -1,4 +1,4 @@
-"""What Tamaas and ContactMechanics do: the job, and each one's answer to it."""
+"""Solve contact jobs with Tamaas and ContactMechanics."""
 
 from dataclasses import dataclass
 from time import perf_counter, process_time
@@ -9,16 +9,16 @@ from isotropic import MODULUS, POISSON, YOUNG
 from meeframe.fields import Array
 
 WIDTH = 1e-2
-"""Of the zone [m]."""
+"""Width of the zone [m]."""
 TOLERANCE = 1e-10
-"""Residual asked of all codes."""
+"""Residual requested from all codes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A rigid surface of heights (n, n) above its lowest point [m], pressed on with a force [N].
+    """A rigid surface with heights (n, n) [m] above its lowest point, pressed on with a force [N].
 
-    periodic: the half space repeats itself; pressure [Pa] and depth [m]: characteristic ones.
+    periodic: True for a periodic half space; pressure [Pa], depth [m]: characteristic values.
     """
 
     heights: Array
@@ -30,8 +30,10 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Pressure [Pa] and normal displacement [m], (n, n), with seconds: of the processor to build and to solve, of the
-    clock to solve."""
+    """Solution of a job: pressure [Pa] and normal displacement [m], (n, n), and times [s].
+
+    built, solved: processor times of the operators and of the solution; clock: wall time of the solution.
+    """
 
     pressure: Array
     displacement: Array
@@ -42,14 +44,14 @@ class Answer:
 
 
 def tamaas_answer(job: Job) -> Answer:
-    """By Tamaas: Polonsky and Keer's method; free half spaces by its discrete convolution.
+    """Solve with Tamaas: Polonsky and Keer's method, with its discrete convolution for free half spaces.
 
-    It does not tell its iterations, so that a term of the cost counts them.
+    Tamaas does not report its iterations; a term of the cost function counts them.
     """
     import tamaas
 
     class Counter(tamaas.Functional):
-        """A term of the cost that is zero: it is asked once before the first iteration and once in each."""
+        """A zero term of the cost function, evaluated once before the first iteration and once in each."""
 
         asked = 0
 
@@ -80,7 +82,7 @@ def tamaas_answer(job: Job) -> Answer:
     shape = job.heights.shape
     displacement = np.array(model.displacement).reshape(shape)
     if not job.periodic:
-        # what the solver leaves there counts from the mean
+        # the solver leaves displacements relative to the mean
         raised = np.zeros_like(model.traction)
         model.operators["dcfft"](model.traction, raised)
         displacement = raised.reshape(shape)
@@ -88,7 +90,7 @@ def tamaas_answer(job: Job) -> Answer:
 
 
 def contact_mechanics_answer(job: Job) -> Answer:
-    """By ContactMechanics: the same method; its tolerance is an overlap in metres."""
+    """Solve with ContactMechanics: the same method, with a tolerance given as an overlap in metres."""
     from ContactMechanics import FreeFFTElasticHalfSpace, PeriodicFFTElasticHalfSpace
     from ContactMechanics.Systems import NonSmoothContactSystem
     from SurfaceTopography import Topography

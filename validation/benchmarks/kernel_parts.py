@@ -1,4 +1,4 @@
-"""What a pair of the tabulated fundamental solution consists of: time and arithmetic of its parts."""
+"""Measure and count the stages of one pair of the tabulated fundamental solution."""
 
 import numpy as np
 from common import Record, median_time
@@ -12,7 +12,7 @@ from meeframe.greens.tabulated import TabulatedKernel
 
 @njit(cache=True, fastmath={"contract"})
 def _interpolate(table: Array, cells: Array, value: Array) -> None:
-    """G, G_s, G_t in given cells, all columns, into value (48,)."""
+    """Interpolate G, G_s, G_t in the given cells, all columns, into value (48,)."""
     for cell in cells:
         for column in range(WIDTH):
             found = horner(table, cell, column, 0.3, -0.4)
@@ -20,9 +20,9 @@ def _interpolate(table: Array, cells: Array, value: Array) -> None:
 
 
 def interpolation(kernel: TabulatedKernel, quick: bool) -> Record:
-    """Multiply-adds a core can do [1e9 / s], and microseconds a point of interpolation alone, all at best, in turns.
+    """Return the peak rate of multiply-adds [1e9 / s] and the times of interpolation alone [µs per point].
 
-    one: all points lie in one cell; others: each in another cell than the last.
+    All are best values. one: all points lie in one cell; others: each in another cell than the last.
     """
     count, value = 60_000, np.empty(3 * WIDTH)
     peak, products = multiply_adds(quick)
@@ -34,13 +34,13 @@ def interpolation(kernel: TabulatedKernel, quick: bool) -> Record:
 
 @njit(cache=True)
 def _repeat_tractions(coefficients: Array, place: Array, values: Array, out: Array, count: int) -> None:
-    """The tractions of one block of points, many times."""
+    """Compute the tractions of one block of points many times."""
     for _ in range(count):
         tractions(coefficients, place, values, out)
 
 
 def parts_us(kernel: TabulatedKernel, offset: Array, repeats: int) -> Record:
-    """Microseconds a point of finding and sorting the cells of points (n, 3), and of tractions in full blocks."""
+    """Return the times [µs per point] of sorting points (n, 3) by cell and of tractions in full blocks."""
     room = len(offset)
     place, key, order = np.empty((3, room)), np.empty(room, np.int32), np.empty(room, np.int32)
     near, values, out = np.ones((7, BLOCK)), np.ones((WIDTH, 3 * WIDE)), np.empty((5, 5 * BLOCK))
@@ -58,7 +58,7 @@ def parts_us(kernel: TabulatedKernel, offset: Array, repeats: int) -> Record:
 
 
 def reused_us(kernel: TabulatedKernel, offset: Array, normal: Array, repeats: int) -> float:
-    """Microseconds a pair of the largest call where the memory of its results has been written before."""
+    """Return the time [µs] per pair if the memory of the results has been written before."""
     u, t = np.zeros((2, len(offset), N_FIELDS**2))
 
     def action() -> None:
@@ -68,14 +68,14 @@ def reused_us(kernel: TabulatedKernel, offset: Array, normal: Array, repeats: in
 
 
 def arithmetic(points: int) -> Record:
-    """Products and all operations of one interpolation and of one pair, from the formulas, and bytes of coefficients.
+    """Count products, operations and bytes of coefficients of one interpolation and of one pair, from the formulas.
 
-    Interpolation, in all columns: of rows in one direction 36 multiply-adds for values and 28 for derivatives, of their
-    sum in the other 22; where the derivative of a row or of the sum begins it has the product of its value.
-    Then of a pair U: one product an entry; T: 25 x 3 contractions of stiffness and normal, of which 25 go into the two
-    others, and 25 sums of 15 products, of value and derivatives, each scaled.
-    A point of a sum over an element: U and derivatives of all columns, a multiply-add for each node, matrix and column;
-    an element of so many points: sums of 15 products for each node, stiffness and normal being contracted once a plane.
+    Interpolation, for each column: polynomials in one direction take 36 multiply-adds for values and 28 for
+    derivatives, and their sum in the other direction 22; the first term of a derivative reuses a product of the value.
+    A pair: U takes one product per entry; T takes 25 x 3 contractions of stiffness and normal, 25 of which enter the
+    other two, and 25 sums of 15 products of value and derivatives, each scaled.
+    A sum over an element: each point takes U and derivatives of all columns and a multiply-add for each node, matrix
+    and column; each element takes sums of 15 products per node, with stiffness and normal contracted once per plane.
     """
     entries, nodes = N_FIELDS**2, 4
     sums = WIDTH * (DEGREE * (DEGREE + 1) // 2 + DEGREE * (DEGREE - 1) // 2 + 3 * DEGREE - 2)

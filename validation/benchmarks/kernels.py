@@ -1,7 +1,7 @@
-"""Fundamental solutions: time of a pair, error against the line integral, and how near the machine's limits they are.
+"""Measure fundamental solutions: time per pair, error against the line integral, and utilisation of the machine.
 
-A pair is U and T at one point, 50 component values. Times are medians of processor time on one thread, which other load
-on the machine disturbs less than wall time.
+A pair is U and T at one point, 50 values. Times are medians of processor time on one thread, which other load on the
+machine disturbs less than wall time.
 """
 
 import json
@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from common import Record, command_line, demands, median_time, prose, table, users_environment, verdict
+from common import Record, command_line, figures, median_time, prose, table, users_environment
 from kernel_parts import arithmetic, interpolation, parts_us, reused_us
 from machine import reading
 
@@ -27,14 +27,10 @@ from meeframe.material import Material, library_material
 from meeframe.mesh import block_mesh
 
 TITLE = "Fundamental solution"
-TARGET = 0.25
-"""Microseconds a pair and core."""
-FASTER = 100
-"""So many times faster than the residue form must the table be."""
-ERRORS = {"U": 1e-8, "T": 1e-8}
+MATRICES = ("U", "T")
 MATERIALS = ("batio3-cofe2o4", "orthotropic-mee")
 ORDER = 3
-"""Points along each direction of an element, the most frequent order of the main job."""
+"""Quadrature points along each direction of an element, the most frequent order of the main job."""
 POINTS_PER_CALL = 1024
 START = """
 import json, time
@@ -52,7 +48,7 @@ print(json.dumps({"import": imported - start, "bind": bound - imported, "evaluat
 
 
 def measure(quick: bool) -> Record:
-    """Fewer points and repeats if `quick`."""
+    """Measure everything, with fewer points and repeats if `quick`."""
     repeats, most = (3, 20_000) if quick else (15, 200_000)
     stiffness = _stiffness(MATERIALS[0])
     kernel = Tabulated().bind(stiffness)
@@ -83,31 +79,31 @@ def _stiffness(name: str) -> Array:
 
 
 def _scattered(count: int) -> tuple[Array, Array]:
-    """Offsets and unit normals (count, 3) in no order."""
+    """Return random offsets and unit normals (count, 3), not sorted."""
     offset, normal = np.random.default_rng(1).normal(size=(2, count, 3))
     return offset, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
 def _start(cache: str) -> Record:
-    """Times of a fresh process with a folder for what Python and numba compile [s]."""
+    """Return the times [s] of a new process with the given folder as compilation cache."""
     command = [sys.executable, "-c", START]
     output = subprocess.run(command, env=users_environment(Path(cache)), check=True, capture_output=True, text=True)
     return json.loads(output.stdout)
 
 
 def _errors(stiffness: Array, count: int) -> Record:
-    """Largest differences to the line integral in random directions, relative to the largest entry of each matrix."""
+    """Return the largest difference from the line integral, relative to the largest entry of each matrix."""
     offset, normal = _scattered(count)
     exact = LineIntegral().bind(stiffness).evaluate(offset, normal)
     found = Tabulated().bind(stiffness).evaluate(offset, normal)
     return {
         name: float((np.abs(f - e).max(axis=(1, 2)) / np.abs(e).max(axis=(1, 2))).max())
-        for name, f, e in zip(ERRORS, found, exact, strict=True)
+        for name, f, e in zip(MATRICES, found, exact, strict=True)
     }
 
 
 def _pair_us(kernel: Kernel, offset: Array, normal: Array, repeats: int) -> float:
-    """Microseconds a pair; short calls are repeated."""
+    """Return the time [µs] per pair; short calls are repeated."""
     calls = max(1, 20_000 // len(offset))
 
     def action() -> None:
@@ -118,7 +114,7 @@ def _pair_us(kernel: Kernel, offset: Array, normal: Array, repeats: int) -> floa
 
 
 def _others(stiffness: Array, offset: Array, normal: Array, repeats: int) -> Record:
-    """Microseconds a pair of the other forms, one call each."""
+    """Return the times [µs] per pair of the other forms, one call each."""
     isotropic = Material.isotropic(210e9, 0.3)
     kernels = {
         "residue": Residue().bind(stiffness),
@@ -134,7 +130,7 @@ def _others(stiffness: Array, offset: Array, normal: Array, repeats: int) -> Rec
 
 
 def _on_same_points(stiffness: Array, kernel: Kernel, repeats: int) -> Record:
-    """Microseconds a pair of table and residue form in the same calls of an assembly, in turns."""
+    """Return the times [µs] per pair of table and residue form in the same calls of an assembly, alternating."""
     offsets, normals, _ = _main_job()
     points = offsets[0][:POINTS_PER_CALL], normals[:POINTS_PER_CALL]
     residue = Residue().bind(stiffness)
@@ -146,7 +142,7 @@ def _on_same_points(stiffness: Array, kernel: Kernel, repeats: int) -> Record:
 
 
 def _main_job() -> tuple[list[Array], Array, Array]:
-    """Offsets to the points of all elements from some nodes, normals, weights with shape functions."""
+    """Return offsets from some nodes to all quadrature points, normals, and weights times shape functions."""
     mesh = block_mesh(0.05, 0.12, 0.005, 16, 7, 2, Quad4())
     rules = [tensor_rule(Quad4(), nodes, ORDER) for nodes in mesh.points[mesh.blocks[0].connectivity]]
     positions, normals = (np.concatenate([getattr(rule, name) for rule in rules]) for name in ("positions", "normals"))
@@ -155,7 +151,7 @@ def _main_job() -> tuple[list[Array], Array, Array]:
 
 
 def _pairs(kernel: Kernel, offsets: list[Array], normals: Array) -> None:
-    """U and T, in calls as those of an assembly."""
+    """Evaluate U and T in calls like those of an assembly."""
     for offset in offsets:
         for first in range(0, len(offset), POINTS_PER_CALL):
             part = slice(first, first + POINTS_PER_CALL)
@@ -163,7 +159,7 @@ def _pairs(kernel: Kernel, offsets: list[Array], normals: Array) -> None:
 
 
 def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
-    """Microseconds a pair on the elements of the main job seen from its nodes: U and T; their sums over elements."""
+    """Return the times [µs] per pair of the main job's assembly: U and T, and their sums over elements."""
     offsets, normals, weights = _main_job()
     starts = np.arange(0, len(normals) + 1, ORDER**2)
 
@@ -179,7 +175,7 @@ def _assembly_us(kernel: Kernel, repeats: int) -> tuple[float, float]:
 
 
 def _both_cores_us(kernel: Kernel, repeats: int) -> float:
-    """Microseconds a pair and core by the clock, when two threads share out the calls of an assembly."""
+    """Return the wall time [µs] per pair and core when two threads share the calls of an assembly."""
     offsets, normals, _ = _main_job()
     halves = offsets[::2], offsets[1::2]
     with ThreadPoolExecutor(len(halves)) as pool:
@@ -187,72 +183,66 @@ def _both_cores_us(kernel: Kernel, repeats: int) -> float:
     return len(halves) * 1e6 * wall / (len(offsets) * len(normals))
 
 
-def verdicts(record: Record) -> list[tuple[str, str, bool]]:
-    """Time and error of a pair, and against the residue form."""
-    assembly, others = record["assembly_us"], record["tabulated_us"].values()
-    error = max(max(found.values()) for found in record["errors"].values())
+def highlights(record: Record) -> list[tuple[str, str]]:
+    """Return time and error of a pair, and the speed relative to the residue form."""
+    others = record["tabulated_us"].values()
+    error = max(max(errors.values()) for errors in record["errors"].values())
     same = record["same_us"]
-    ratio = same["residue"] / same["tabulated"]
     return [
         (
-            f"kernel: a pair U and T at most {TARGET} µs a core, to {ERRORS['T']:g}",
-            f"{assembly:.3f} µs in calls of an assembly, to {error:.1e}",
-            assembly <= TARGET and error <= ERRORS["T"],
+            "fundamental solution: a pair U and T on one core, in calls of an assembly",
+            f"{record['assembly_us']:.3f} µs, error {error:.1e}",
         ),
         (
-            f"kernel: the same at points without order, which no assembly asks for, at most {TARGET} µs",
-            f"{min(others):.3f} to {max(others):.3f} µs, by the number of points",
-            max(others) <= TARGET,
+            "fundamental solution: the same at unsorted points",
+            f"{min(others):.3f} to {max(others):.3f} µs, depending on the number of points",
         ),
         (
-            f"kernel: {FASTER} times faster than the residue form",
-            f"{ratio:.0f} times ({same['tabulated']:.3f} and {same['residue']:.1f} µs, the same points in turns)",
-            ratio >= FASTER,
+            "fundamental solution: speed relative to the residue form",
+            f"{same['residue'] / same['tabulated']:.0f} times ({same['tabulated']:.3f} and {same['residue']:.1f} µs at"
+            " the same points)",
         ),
     ]
 
 
 def section(record: Record, _pictures: Path) -> str:
-    """Times, errors, roofline."""
+    """Return the section of the page: times, errors, roofline."""
     times = {
         "calls of an assembly": record["assembly_us"],
-        **record["tabulated_us"],
-        "the same, results over older ones": record["reused_us"],
+        **{name.replace("points without order", "unsorted points"): us for name, us in record["tabulated_us"].items()},
+        "the same, results written over older ones": record["reused_us"],
     }
-    rows = [[name, f"{us:.3f}", f"{50 / us:.0f}", verdict(us <= TARGET)] for name, us in times.items()]
+    rows = [[name, f"{us:.3f}", f"{50 / us:.0f}"] for name, us in times.items()]
     both = record["cores_us"]
-    rows.append(
-        ["calls of an assembly, both cores at once, a core, by the clock", f"{both:.3f}", f"{50 / both:.0f}", ""]
+    rows.append(["calls of an assembly, two cores at once, per core, wall time", f"{both:.3f}", f"{50 / both:.0f}"])
+    rows.append(["sums over plane elements, with four shape functions", f"{record['summed_us']:.3f}", ""])
+    rows += [[f"`{name}`", f"{us:.2f}", f"{50 / us:.1f}"] for name, us in record["others_us"].items()]
+    errors = [[name, *(f"{error[kind]:.1e}" for kind in MATRICES)] for name, error in record["errors"].items()]
+    starts = " and ".join(
+        f"{sum(record[f'start_{kind}_s'].values()):.1f} s with {kind} caches" for kind in ("cold", "warm")
     )
-    rows.append(["sums over plane elements, with four shape functions", f"{record['summed_us']:.3f}", "", ""])
-    rows += [[name, f"{us:.2f}", f"{50 / us:.1f}", ""] for name, us in record["others_us"].items()]
-    errors = [
-        [name, *(f"{error[kind]:.1e}" for kind in ERRORS), verdict(all(error[k] <= ERRORS[k] for k in ERRORS))]
-        for name, error in record["errors"].items()
-    ]
-    starts = " and ".join(f"{sum(record[f'start_{kind}_s'].values()):.1f} s {kind}" for kind in ("cold", "warm"))
     return "\n\n".join(
         [
             prose(
-                "The fundamental solution answers what a point load does at a distance: displacements and potentials U,"
-                " tractions and fluxes T, 5 x 5 values each. Every integral of boundary elements is a sum of them; we"
-                f" interpolate them in a table, made once a material. One thread, {record['repeats']} repeats. A new"
-                f" process has its first values after {starts}."
+                "The fundamental solution is the response to a point load at a distance: displacements and potentials"
+                " U, tractions and fluxes T, 5 x 5 values each. Every integral of boundary elements is a sum of such"
+                " values. `tabulated` interpolates them in a table, which is made once per material. One thread,"
+                f" {record['repeats']} repeats. A new process returns its first values after {starts}."
             ),
-            demands(verdicts(record)),
-            table(("what", "µs a pair", "million values a second", f"at most {TARGET} µs"), rows),
+            figures(highlights(record)),
+            table(("points", "µs per pair", "million values per second"), rows),
             prose(
                 "Largest error against the line integral in random directions, relative to the largest entry of each"
-                f" matrix: at most {ERRORS['U']:g} in U and {ERRORS['T']:g} in T."
+                " matrix:"
             ),
-            table(("material", *ERRORS, ""), errors),
+            table(("material", *MATRICES), errors),
             *_roofline(record),
         ]
     )
 
 
 def _roofline(record: Record) -> list[str]:
-    """Arithmetic and traffic beside what a core can do."""
+    """Return a comparison of arithmetic and memory traffic with the limits of a core."""
     done, alone, parts = arithmetic(ORDER**2), record["interpolation"], record["parts_us"]
     reading = ", ".join(f"{rate:.0f} GB/s from {level}" for level, rate in record["reading_gb_s"].items())
 
@@ -277,29 +267,29 @@ def _roofline(record: Record) -> list[str]:
     megabytes = 3 * record["cells"] ** 2 * done["bytes"] / 1e6
     return [
         prose(
-            "Against one core, which was measured in the same run to do at most"
-            f" {alone['peak_products']:.1f} thousand million multiply-adds a second on registers"
-            f" ({2 * alone['peak_products']:.0f} GFLOP/s) and to read {reading}: operations from the formulas, and the"
-            f" {done['bytes']} bytes of coefficients of the cell each point lies in. What bounds the time are the"
-            " products: each takes a place in the units that multiply, whether its sum is done with it or beside it, in"
-            f" units of its own where a core has such. The table ({record['cells']} cells along a face) has"
-            f" {megabytes:.1f} MB. In an assembly many points of a call lie in one cell and follow one another once"
-            " sorted, so that most coefficients come from the first two levels."
+            "The next table compares these times with the limits of one core, measured in the same run: at most"
+            f" {alone['peak_products']:.1f} thousand million multiply-adds per second on registers"
+            f" ({2 * alone['peak_products']:.0f} GFLOP/s) and reading at {reading}. Operations are counted from the"
+            f" formulas; memory traffic is the {done['bytes']} bytes of coefficients of the table cell of each point."
+            " The products limit the time: each occupies a slot of the multiplication units, whether its addition is"
+            f" fused with it or executed by separate units. The table ({record['cells']} cells along a face) has"
+            f" {megabytes:.1f} MB. In an assembly, many points of a call lie in the same cell and are consecutive"
+            " after sorting, so most coefficients come from the first two cache levels."
         ),
         table(("", "operations", "GFLOP/s", "products", "of the peak", "bytes of the table", "GB/s"), rows),
         prose(
-            f"What keeps it from the peak: the interpolation alone, {done['products']['interpolation']} products, takes"
-            f" {alone['one_us']:.3f} µs at points of one cell, {busy('interpolation', alone['one_us'])} of the peak,"
-            f" and {alone['others_us']:.3f} µs where each point lies in another cell than the last and its coefficients"
-            " come from the third level (both at best, in turns with the multiply-adds of the peak). Points without"
-            " order are not far from that, in calls of any size: they are sorted"
-            f" {CHUNK} at a time, one or two to each of the {3 * record['cells'] ** 2} cells, of which the next"
-            f" is fetched while one is in use. Tractions take {parts['tractions']:.3f} µs, finding the cells and"
-            f" sorting the points by them {parts['sorting']:.3f} µs. What is left of a pair in an assembly,"
-            f" {rest:.3f} µs, moves numbers: values into the order of blocks of points, and 400 bytes of results out of"
-            f" it. In the largest call these are {400 * count / 1e6:.0f} MB, written in the order of the points. The"
-            " call makes them in memory fresh from the system, in whole huge pages, which the system must clear first:"
-            f" {largest_us:.3f} µs a pair; written over older ones they take {record['reused_us']:.3f} µs."
+            f"The interpolation alone, {done['products']['interpolation']} products, takes {alone['one_us']:.3f} µs if"
+            f" all points lie in one cell, which is {busy('interpolation', alone['one_us'])} of the peak, and"
+            f" {alone['others_us']:.3f} µs if each point lies in another cell than the last and its coefficients come"
+            " from the third level (best times, alternating with the multiply-adds of the peak). Unsorted points come"
+            f" close to the latter for calls of any size: they are sorted {CHUNK} at a time, with one or two points in"
+            f" each of the {3 * record['cells'] ** 2} cells, and the next cell is fetched while one is in use."
+            f" Tractions take {parts['tractions']:.3f} µs; finding the cells and sorting the points takes"
+            f" {parts['sorting']:.3f} µs. The remaining {rest:.3f} µs of a pair in an assembly are data movement:"
+            " values into blocks of points, and 400 bytes of results out of them. In the largest call the results have"
+            f" {400 * count / 1e6:.0f} MB, written in the order of the points. The call allocates them in huge pages,"
+            f" which the system must clear first: {largest_us:.3f} µs per pair. Written over older results they take"
+            f" {record['reused_us']:.3f} µs."
         ),
     ]
 

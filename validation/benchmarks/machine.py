@@ -1,4 +1,4 @@
-"""What one core can do: multiply-adds on registers, and reading from each level of memory."""
+"""Measure the limits of one core: multiply-adds on registers, and reading from each level of memory."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -10,13 +10,13 @@ from numba import njit
 
 POWERS, CHAINS = 16, 4
 READ = {"first-level cache": 16, "second-level cache": 512, "third-level cache": 8192, "main memory": 262_144}
-"""Kilobytes that fit there."""
+"""Array sizes [kB] that fit into each level."""
 TURNS = 7
 
 
 @njit(fastmath={"contract"}, cache=True)
 def _polynomials(values: np.ndarray, out: np.ndarray, passes: int) -> None:
-    """Horner's rule in chains that do not wait for each other, (CHAINS, n): a multiply-add for each value and power."""
+    """Evaluate polynomials in independent chains (CHAINS, n): one multiply-add for each value and power."""
     for turn in range(passes):
         for i in range(values.shape[1]):
             x = values[0, i]
@@ -31,7 +31,7 @@ def _polynomials(values: np.ndarray, out: np.ndarray, passes: int) -> None:
 
 @njit(fastmath=True, cache=True)
 def _total(values: np.ndarray, passes: int) -> float:
-    """Reads everything so many times."""
+    """Read all values `passes` times."""
     total = 0.0
     for turn in range(passes):
         for i in range(len(values)):
@@ -40,7 +40,7 @@ def _total(values: np.ndarray, passes: int) -> float:
 
 
 def multiply_adds(quick: bool) -> tuple[Callable[[], None], float]:
-    """An action that does nothing but multiply-adds on registers, and how many."""
+    """Return an action that consists of multiply-adds on registers, and their number."""
     values, out = (aligned(1024).reshape(CHAINS, -1) for _ in range(2))
     values[:] = np.linspace(0.1, 0.5, values.size).reshape(values.shape)
     passes = 500 if quick else 5000
@@ -48,7 +48,7 @@ def multiply_adds(quick: bool) -> tuple[Callable[[], None], float]:
 
 
 def reading(quick: bool) -> Record:
-    """Reading of one core [GB/s], the best of some runs, by processor time."""
+    """Return the reading rates of one core [GB/s], the best of several runs by processor time."""
     work = 1e8 if quick else 1e9
     found = {}
     for level, kilobytes in READ.items():
@@ -59,14 +59,14 @@ def reading(quick: bool) -> Record:
 
 
 def aligned(size: int) -> np.ndarray:
-    """Ones that begin with a line of cache: vectors that lie across two lines take twice as long to read."""
+    """Return ones aligned to a cache line: vectors across two lines take twice as long to read."""
     room = np.ones(size + 8)
     first = -room.ctypes.data % 64 // 8
     return room[first : first + size]
 
 
 def least_times(actions: Sequence[Callable[[], object]], turns: int = TURNS) -> list[float]:
-    """Least processor time of each action [s], in turns, so that all have the processor at its best clock."""
+    """Return the least processor time [s] of each action; actions alternate to run at the same clock rates."""
     for action in actions:
         action()
     least = [float("inf")] * len(actions)

@@ -1,4 +1,4 @@
-"""Where the integrals of dense boundary elements spend their points: counted at the fundamental solution."""
+"""Count the quadrature points of dense boundary elements, at the calls of the fundamental solution."""
 
 import tomllib
 from dataclasses import dataclass, field
@@ -15,14 +15,18 @@ from meeframe.greens.base import FundamentalSolution, Kernel
 from meeframe.model.load import case_from_tables
 
 MOST = {"4 (2 x 2)": 4, "6 to 9": 9, "10 to 16": 16, "17 to 64": 64, "more than 64 (divided)": np.inf}
-"""Points of a pair, by groups."""
+"""Largest number of points per pair, by group."""
 OWN = "the element holds the source"
+"""Key of the stored record."""
 
 
 @dataclass(frozen=True, eq=False)
 class _CountedKernel(Kernel):
-    """pairs: for each element seen from a source its points and its distance in its own lengths; own: points where an
-    element holds the source."""
+    """Kernel that counts its quadrature points.
+
+    pairs: number of points and distance in element lengths, for each pair of a source and an element; own: numbers of
+    points for elements that contain the source.
+    """
 
     kernel: Kernel
     pairs: list[Array]
@@ -46,7 +50,7 @@ class _CountedKernel(Kernel):
 
 @dataclass(frozen=True)
 class _Counted(FundamentalSolution):
-    """The table, counted."""
+    """Tabulated fundamental solution that counts its quadrature points."""
 
     pairs: list[Array] = field(default_factory=list, hash=False)
     own: list[int] = field(default_factory=list, hash=False)
@@ -56,7 +60,7 @@ class _Counted(FundamentalSolution):
 
 
 def counted(case: Path) -> Record:
-    """Pairs of a source and an element of a case by the points they take: pairs, points, median distance in lengths."""
+    """Group the pairs of source and element by number of points: pairs, points, median distance in element lengths."""
     solution = _Counted()
     DenseBEM(solution).reduce(case_from_tables(tomllib.loads(case.read_text(encoding="utf-8"))).body)
     points, distance = np.concatenate(solution.pairs, axis=1)
@@ -71,11 +75,11 @@ def counted(case: Path) -> Record:
 
 
 def effort(groups: Record) -> list[str]:
-    """A paragraph and a table of the page."""
+    """Return two paragraphs and a table."""
     pairs, points = (sum(group[name] for group in groups.values()) for name in ("pairs", "points"))
     rows = [
         [
-            name,
+            "the element contains the source" if name == OWN else name.replace("divided", "subdivided"),
             "" if group["distance"] is None else f"{group['distance']:.1f}",
             f"{100 * group['pairs'] / pairs:.1f} %",
             f"{100 * group['points'] / points:.1f} %",
@@ -84,17 +88,17 @@ def effort(groups: Record) -> list[str]:
     ]
     return [
         prose(
-            "Effort where it matters: every pair of a source and an element has the least order of Gauss points whose"
-            " error, known from the distance in lengths of the element, is below the tolerance; near elements are"
-            f" divided. Counted on the mesh of the main job: {points / pairs:.1f} points a pair on the average,"
-            f" {64 * pairs / points:.1f} times less than if all had 8 x 8."
+            "Quadrature is adaptive: each pair of source and element uses the lowest order of Gauss points whose error,"
+            " estimated from the distance in element lengths, is below the tolerance; near elements are subdivided. On"
+            f" the mesh of the main job this takes {points / pairs:.1f} points per pair on average,"
+            f" {64 * pairs / points:.1f} times less than 8 x 8 points for each."
         ),
-        table(("points of a pair", "median distance, in lengths of the element", "pairs", "points"), rows),
+        table(("points per pair", "median distance, in element lengths", "pairs", "points"), rows),
         prose(
-            "Symmetric work is done once: U is symmetric, so that 15 of its 25 entries are interpolated; it is the same"
-            " in opposite directions, so that half of them are tabulated; T comes from the derivatives of the same"
-            " interpolation, on plane elements contracted with the normal once an element; points, normals and weights"
-            " of an element are made once an order for all sources. What collocation cannot share: an element seen from"
-            " a node is another integral than the node's elements seen from there, and the matrix is not symmetric."
+            "The assembly exploits symmetries. U is symmetric, so only 15 of its 25 entries are interpolated; it is"
+            " equal in opposite directions, so only half of the directions are tabulated. T comes from the derivatives"
+            " of the same interpolation; on plane elements they are contracted with the normal once per element."
+            " Points, normals and weights of an element are computed once per order for all sources. The matrices of"
+            " collocation are not symmetric, so the integrals of two nodes over each other's elements cannot be shared."
         ),
     ]

@@ -1,4 +1,4 @@
-"""What the machine and others do: bempp's Laplace operator, LU factorisation, memory bandwidth, in turns with ours."""
+"""Reference times: bempp's Laplace operator, LU factorisation and memory bandwidth, alternating with meeframe."""
 
 import contextlib
 import statistics
@@ -15,22 +15,22 @@ from meeframe.model.clock import Clock
 from meeframe.model.load import Case, case_from_tables
 from meeframe.model.solve import reduce
 
-TITLE = "Beside others: boundary elements"
+TITLE = "Comparison with bempp: boundary elements"
 CASE = Path(__file__).parents[1] / "transversely_isotropic_indentation" / "emii.toml"
 PUBLISHED = {3920: 3.3, 8000: 12.5}
-"""bempp-cl 0.4.2 (numba), Laplace P1 single layer, seconds by triangles: measured before this code was there."""
+"""bempp-cl 0.4.2 (numba), Laplace P1 single layer, seconds by triangles, measured earlier on a similar machine."""
 FACTORISED = {5450: 1.2, 10_000: 6.8}
-"""Dense LU, seconds by unknowns: likewise."""
+"""Dense LU, seconds by number of unknowns: likewise."""
 BANDWIDTH = 36.0
-"""Two threads, GB/s: likewise."""
+"""Memory bandwidth of two threads [GB/s]: likewise."""
 DIVISIONS = {10: 3, 16: 3, 24: 3, 37: 1}
-"""Turns by divisions of the zone: 1,120 to 8,140 triangles, around those of bempp's earlier figures."""
+"""Repetitions by divisions of the zone: 1,120 to 8,140 triangles, the range of the earlier figures."""
 MATRICES = 50
-"""Component values of U and T at each quadrature point, where Laplace's single layer has one."""
+"""Values of U and T at each quadrature point; Laplace's single layer has one."""
 
 
 def measure(quick: bool) -> Record:
-    """Small meshes and matrices alone if `quick`."""
+    """Measure all sizes, or small meshes and matrices only if `quick`."""
     divisions = {10: 1} if quick else DIVISIONS
     sizes = (1000,) if quick else tuple(FACTORISED)
     return {
@@ -41,7 +41,7 @@ def measure(quick: bool) -> Record:
 
 
 def _assemblies(divisions: int, turns: int) -> Record:
-    """Medians of turns: bempp's operator and our two matrices on the same triangles, warm."""
+    """Return medians for bempp's operator and meeframe's two matrices on the same triangles, with warm caches."""
     tables = tomllib.loads(CASE.read_text(encoding="utf-8"))
     tables["mesh"] |= {"divisions": divisions, "element": "tri3"}
     case = case_from_tables(tables)
@@ -64,7 +64,7 @@ def _assemblies(divisions: int, turns: int) -> Record:
 
 
 def _our_assembly(case: Case) -> float:
-    """Seconds of the assembly; what follows it, the factorisation, is left out."""
+    """Return the time [s] of the assembly, without the factorisation that follows."""
     clock = Clock()
 
     def stages(stage: str, fraction: float) -> None:
@@ -78,11 +78,11 @@ def _our_assembly(case: Case) -> float:
 
 
 class _Assembled(Exception):
-    """All that is measured is done."""
+    """Raised when the assembly is complete."""
 
 
 def _bempp(mesh: SurfaceMesh):
-    """An assembly of Laplace's single layer on the triangles of a mesh, linear and continuous."""
+    """Return a function that assembles Laplace's single layer with continuous linear functions on a mesh."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import bempp_cl.api as bempp
@@ -98,7 +98,7 @@ def _bempp(mesh: SurfaceMesh):
 
 
 def _factorisation(size: int) -> float:
-    """Seconds of a dense LU, two threads."""
+    """Return the time [s] of a dense LU factorisation with two threads."""
     from scipy.linalg import lu_factor
 
     matrix = np.random.default_rng(1).normal(size=(size, size))
@@ -107,7 +107,7 @@ def _factorisation(size: int) -> float:
 
 
 def _bandwidth(size: int) -> float:
-    """GB/s of a + s b in place, two threads: two reads and a write of eight bytes each."""
+    """Return the bandwidth [GB/s] of a += s b with two threads: two reads and one write of eight bytes each."""
     from numba import njit, prange
 
     @njit(parallel=True)
@@ -122,7 +122,7 @@ def _bandwidth(size: int) -> float:
 
 
 def section(record: Record, _pictures: Path) -> str:
-    """Tables."""
+    """Return the section of the page."""
     assemblies = [
         (
             str(row["triangles"]),
@@ -135,7 +135,7 @@ def section(record: Record, _pictures: Path) -> str:
         )
         for row in record["assembly"]
     ]
-    heads = ("triangles", "bempp [s]", "meeframe [s]", "times as long", "bempp, a value [µs]", "meeframe, a value [µs]")
+    heads = ("triangles", "bempp [s]", "meeframe [s]", "ratio", "bempp, per value [µs]", "meeframe, per value [µs]")
     machine = [
         _factorisation_row(size, seconds, FACTORISED.get(int(size)))
         for size, seconds in record["factorisation"].items()
@@ -147,19 +147,20 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "How long another code takes for a simpler operator on the same triangles, and what the machine can do."
-                " bempp-cl (numba) assembles Laplace's single layer, one value a pair of nodes, by a Galerkin method;"
-                f" meeframe the matrices U and T of five coupled fields, {MATRICES} values a pair, by collocation."
-                f" By the clock ours takes {longer:.1f} times as long on {last['triangles']} triangles; for each value"
-                f" it takes {MATRICES / longer:.1f} times less. Two threads, in turns, medians."
+                "This benchmark compares the assembly with that of a simpler operator by another code on the same"
+                " triangles, and measures the speed of the machine. bempp-cl (numba) assembles Laplace's single layer,"
+                " one value per pair of nodes, by a Galerkin method; meeframe assembles the matrices U and T of five"
+                f" coupled fields, {MATRICES} values per pair, by collocation. On {last['triangles']} triangles,"
+                f" meeframe takes {longer:.1f} times as long in total and {MATRICES / longer:.1f} times less per value."
+                " Times are wall times with two threads, medians of alternating runs."
             ),
-            table((*heads, "turns"), assemblies),
-            prose(f"Earlier figures for bempp on a machine of this kind: {published}."),
-            table(("the machine", "measured", "earlier"), machine),
+            table((*heads, "repetitions"), assemblies),
+            prose(f"Earlier figures for bempp on a similar machine: {published}."),
+            table(("machine", "measured", "earlier"), machine),
             prose(
-                "Bandwidth: a[i] += b[i] / 2 on two arrays of 320 MB, 24 bytes an entry (a and b are read, a is"
-                " written) over the median time. What is counted, and which operation, moves this number: how the"
-                " earlier one came about is not known."
+                "The bandwidth is measured with a[i] += b[i] / 2 on two arrays of 320 MB, as 24 bytes per entry (a and"
+                " b are read, a is written) divided by the median time. The value depends on the operation and on what"
+                " is counted; how the earlier one was measured is not known."
             ),
         ]
     )
@@ -167,8 +168,8 @@ def section(record: Record, _pictures: Path) -> str:
 
 def _factorisation_row(size: str, seconds: float, published: float | None) -> tuple[str, str, str]:
     n = int(size)
-    told = [f"{time:.2f} s, {2e-9 / 3 * n**3 / time:.0f} GFLOP/s" if time else "" for time in (seconds, published)]
-    return (f"dense LU, n = {n}, of 2 n³ / 3 operations", *told)
+    values = [f"{time:.2f} s, {2e-9 / 3 * n**3 / time:.0f} GFLOP/s" if time else "" for time in (seconds, published)]
+    return (f"dense LU, n = {n}, 2 n³ / 3 operations", *values)
 
 
 if __name__ == "__main__":

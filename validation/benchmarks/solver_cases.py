@@ -1,6 +1,7 @@
-"""Contact problems on which the solvers are compared: every condition and conductivity, friction, drag and force.
+"""Contact problems for the comparison of solvers: all conditions and conductivities, friction, drag and forces.
 
-Spheres on half spaces of both materials of the paper, with all couplings (meeframe.testing.contact_cases).
+The problems are spheres on half spaces of both materials of the paper, with all couplings
+(meeframe.testing.contact_cases).
 """
 
 from collections.abc import Callable, Iterator
@@ -17,13 +18,13 @@ from meeframe.testing.contact_cases import APPROACH, SphereCase
 
 MATERIALS = ("batio3-cofe2o4", "orthotropic-mee")
 FORCES = dict(zip(MATERIALS, (2e4, 450.0), strict=True))
-"""P [N], about those of the given approach."""
+"""Normal forces P [N], about those of the prescribed approach."""
 PAPER_STEPS = {"batio3-cofe2o4": (5e12, 5e12), "orthotropic-mee": (5e11, 3e11)}
-"""r_nu and r_tau of section 7 [Pa/m]; Table 1 is given no r_tau."""
+"""r_nu and r_tau of section 7 [Pa/m]; Table 1 has no r_tau."""
 LIMITING = {"EMII": (0.0, 0.0), "ECMII": (np.inf, 0.0), "EIMCI": (0.0, np.inf), "EMCI": (np.inf, np.inf)}
 FINITE = {f"kappa 1e{exponent:+d}": (10.0**exponent, 10.0**exponent) for exponent in (-4, -2, 0, 2)}
 CONDITIONS = LIMITING | FINITE
-"""Conductivities, electric and magnetic, in units of the inverse response of a node to its own flux."""
+"""Electric and magnetic conductivities, relative to the inverse response of a node to its flux."""
 LAWS: list[ContactLaw] = [
     Signorini(),
     IsotropicCoulomb(0.6),
@@ -34,7 +35,7 @@ Problem = Callable[[], ContactProblem]
 
 
 def cases(cells: int = 16) -> Iterator[tuple[str, str, Problem]]:
-    """Name, material and maker of the problems."""
+    """Yield name, material and factory of each problem."""
     for name in MATERIALS:
         for condition in CONDITIONS:
             for law in LAWS:
@@ -49,7 +50,7 @@ def cases(cells: int = 16) -> Iterator[tuple[str, str, Problem]]:
 
 
 def sphere(name: str, condition: str, law: ContactLaw, cells: int = 16, drag: float = 0.5) -> ContactProblem:
-    """Pressed in by the approach, dragged by so many of it."""
+    """Return a sphere pressed in by the approach and dragged by `drag` times the approach."""
     material = library_material(name)
     own = np.abs(np.diag(_plain(material, cells).problem().system.diagonal_blocks()[0]))[3:]
     laws = [_conductivity(factor / response) for factor, response in zip(CONDITIONS[condition], own, strict=True)]
@@ -57,7 +58,7 @@ def sphere(name: str, condition: str, law: ContactLaw, cells: int = 16, drag: fl
 
 
 def reference(cells: int) -> ContactProblem:
-    """Table 1, insulated, mu = 0.6: the problem of the times demanded."""
+    """Return the problem of the speed comparison: Table 1, insulated, mu = 0.6."""
     return sphere(MATERIALS[0], "EMII", IsotropicCoulomb(0.6), cells)
 
 
@@ -70,7 +71,7 @@ def _conductivity(kappa: float) -> ConductivityLaw:
 
 
 def _released(problem: ContactProblem, resultants: dict[str, float]) -> ContactProblem:
-    """An indenter just above the surface, free as named.
+    """Return a problem with an indenter just above the surface and prescribed resultants.
 
     resultants: totals of "press", "x", "y" [N], "pitch" [N m], "electric" [C] and "magnetic" [Wb].
     """

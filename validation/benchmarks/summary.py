@@ -1,24 +1,19 @@
-"""The table at the head of docs/performance.md: every demand, what was found, those that are not met first."""
+"""Table of the main figures at the head of docs/performance.md."""
 
 from collections.abc import Iterable
 from types import ModuleType
 
-from common import Record, table, verdict
-
-GPU = ("GPU, optional: half spaces and kernels on a CUDA device", "not done: no such device could be had for it", "")
+from common import Record, figures
 
 
 def head(parts: Iterable[tuple[ModuleType, Record]]) -> str:
-    """The table of the parts that have demands: module, which then has `verdicts`, and record."""
-    rows: list[tuple[str, str, bool]] = []
-    older = []
+    """Return the table of `highlights(record)` of all benchmarks that define it."""
+    rows: list[tuple[str, str]] = []
     for module, record in parts:
-        if not hasattr(module, "verdicts"):
+        if not hasattr(module, "highlights"):
             continue
         try:
-            rows += module.verdicts(record)
+            rows += module.highlights(record)
         except KeyError:
-            older.append((module.TITLE, "to be measured again", ""))
-    rows.sort(key=lambda row: row[2])
-    told = [(asked, found, verdict(met)) for asked, found, met in rows]
-    return table(("demand", "found", "verdict"), [*told, *older, GPU])
+            rows.append((module.TITLE, "to be measured again"))
+    return figures(rows)

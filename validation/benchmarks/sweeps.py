@@ -1,4 +1,4 @@
-"""Sweeps: what shared reduced systems, worker processes and finished points save."""
+"""Measure sweeps: time saved by shared reduced systems, worker processes and stored results."""
 
 import statistics
 import tempfile
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from common import Record, command_line, demands, prose, table, threads
+from common import Record, command_line, figures, prose, table, threads
 
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
@@ -16,6 +16,8 @@ from meeframe.study.sweep.run import sweep
 
 TITLE = "Sweeps"
 CASE = Path(__file__).parents[1] / "orthotropic_friction" / "emii.toml"
+LABELS = {"one run by itself": "one separate run"}
+"""Labels of the page, where they differ from the keys of the record."""
 COARSE = (("divisions = 16", "divisions = 6"), ("rings = 7", "rings = 2"))
 STUDY = """
 case = "case.toml"
@@ -32,14 +34,14 @@ case = "case.toml"
 "mesh.height" = ["105 mm", "110 mm", "115 mm", "120 mm"]
 """
 TURNS = 3
-"""Of what is measured in turns: all but the blocks that share nothing."""
+"""Repetitions of the alternating measurements: all but the blocks that share nothing."""
 COUNTED = Path(__file__).with_name("counted_reductions.py")
-"""Plugin of a formulation that writes down its reductions, in whatever process they are."""
+"""Plugin with a formulation that logs its reductions in all processes."""
 
 
 def measure(quick: bool) -> Record:
-    """Seconds of one run by itself, and of the sweep in one process, in two, and again when all is done; and of one
-    whose points share nothing."""
+    """Measure a single run, the sweep in one process, in two, and repeated when finished, and a sweep whose cases share
+    nothing."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         text = CASE.read_text(encoding="utf-8")
@@ -97,39 +99,40 @@ def _timed(action: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def verdicts(record: Record) -> list[tuple[str, str, bool]]:
-    """How often what points share is computed."""
+def highlights(record: Record) -> list[tuple[str, str]]:
+    """Return the number of reductions of a shared system."""
     systems = record["systems"]
-    found = f"{systems[TWO]} by two processes, {systems[AGAIN]} by the finished sweep again"
-    once = [systems[name] for name in (ONE, BOTH, TWO, AGAIN)] == [1, 1, 1, 0]
-    return [("sweeps: a reduced system that points share is computed once", found, once)]
+    counts = f"{systems[TWO]} with two processes, {systems[AGAIN]} when the finished sweep is repeated"
+    return [("sweeps: number of computations of a shared reduced system", counts)]
 
 
 def section(record: Record, _pictures: Path) -> str:
-    """The part of the page."""
+    """Return the section of the page."""
     seconds, apart = record["seconds"], record["own bodies"]
     alone = seconds[ALONE]
-    rows = [[name, f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
+    rows = [[LABELS.get(name, name), f"{time:.1f}", f"{POINTS * alone / time:.1f}"] for name, time in seconds.items()]
     rows[0][2] = ""
     return "\n\n".join(
         [
             prose(
-                "Studies solve one case for many values of its keys. Points whose bodies are the same share the costly "
-                "part, the reduced system of the body. [Figures 3 to 14](reproduce.md) run through the same engine, "
-                "by `meeframe reproduce`. After a kill the [same command goes on](sweep.md#it-goes-on-where-it-ended): "
-                "finished points are not computed again, those that were being solved are (tests/cli/test_sweep.py)."
+                "A sweep solves one case for many values of its keys. Cases with the same body share the most "
+                "expensive result, the reduced system of the body. `meeframe reproduce` computes "
+                "[figures 3 to 14](reproduce.md) with the same engine. If a sweep is killed, the "
+                "[same command continues it](sweep.md#resume-a-sweep): finished cases are not computed "
+                "again, interrupted ones are."
             ),
-            demands(verdicts(record)),
+            figures(highlights(record)),
             prose(
-                f"{POINTS} points, ten coefficients of friction at two depths, of figure 7's block with "
-                f"{record['elements']} elements; one thread a process unless it is said, medians of {record['turns']} "
-                "turns, the start of processes counted. While two processes wait for the shared system it has the "
-                "threads of both; the finished sweep called again only gathers results and draws them."
+                f"The sweep has {POINTS} cases, ten coefficients of friction at two depths, on figure 7's block with "
+                f"{record['elements']} elements. Each process has one thread unless stated otherwise; times are "
+                f"medians of {record['turns']} repetitions and include the start of processes. While two processes "
+                "wait for the shared system, its computation uses the threads of both. The finished sweep, repeated, "
+                "only collects and draws the results."
             ),
-            table(("", "seconds", f"times as fast as {POINTS} runs by themselves"), rows),
-            prose("Four blocks of different heights, which share nothing, once each:"),
+            table(("", "time [s]", f"speed relative to {POINTS} separate runs"), rows),
+            prose("Four blocks of different heights, which share nothing, measured once:"),
             table(
-                ("", "seconds", "times as fast as one process"),
+                ("", "time [s]", "speed relative to one process"),
                 [[name, f"{time:.1f}", f"{apart[ONE] / time:.2f}"] for name, time in apart.items()],
             ),
         ]

@@ -63,16 +63,16 @@ def _slip(name: str, row: SlipRow, load: float) -> Iterator[Check]:
     if row.stick_moment is None:
         yield _relative(f"{name}: stick radius", row.stick_radius, 0.02 * coarser)
     else:
-        yield _relative(f"{name}: stick radius, by the reserve of traction", row.stick_moment, 0.02 * coarser)
+        yield _relative(f"{name}: stick radius from the margin to the friction limit", row.stick_moment, 0.02 * coarser)
         # cells stick or slip as wholes: counting them tells where the outline is to half a cell
         half_a_cell = ZONE / row.cells / stick_share(row.share) / 2
-        yield _relative(f"{name}: stick radius, by the area of sticking cells", row.stick_radius, half_a_cell)
-    yield _relative(f"{name}: traction, but for the cells at both radii", row.traction, 0.03 * coarser)
+        yield _relative(f"{name}: stick radius from the area of sticking cells", row.stick_radius, half_a_cell)
+    yield _relative(f"{name}: traction, except in the cells at both radii", row.traction, 0.03 * coarser)
 
 
 def _relative(name: str, difference: float, tolerance: float) -> Check:
     """A relative difference that the study has made already."""
-    return Check(f"{name}, over the exact one", 1.0 + difference, 1.0, tolerance)
+    return Check(f"{name}, relative to the exact value", 1.0 + difference, 1.0, tolerance)
 
 
 def _tractions(states: list[SlipState], shares: tuple[float, ...]) -> Plot:
@@ -89,7 +89,7 @@ def _tractions(states: list[SlipState], shares: tuple[float, ...]) -> Plot:
 
 def _loop(loop: Loop) -> Iterator[Item]:
     name = f"full reversal, {loop.cells} cells"
-    yield Check(f"{name}: force, largest difference over the largest force", loop.curve, 0.0, 0.02, "", True)
+    yield Check(f"{name}: force, largest difference relative to the largest force", loop.curve, 0.0, 0.02, "", True)
     yield _relative(f"{name}: dissipation", loop.dissipation - 1.0, 0.04)
     yield _relative(f"{name}: area", loop.area - 1.0, 0.04)
     curves = (
@@ -101,7 +101,7 @@ def _loop(loop: Loop) -> Iterator[Item]:
 
 def _punch(coarse: BondedRow, fine: BondedRow) -> Iterator[Check]:
     limit = 2.0 * fine.ratio - coarse.ratio
-    name = f"bonded flat punch, nu = {fine.poisson:g}: load over the frictionless one"
+    name = f"bonded flat punch, nu = {fine.poisson:g}: load relative to the frictionless load"
     yield Check(f"{name}, {fine.cells} cells", fine.ratio, fine.factor, 0.05 * (fine.factor - 1.0) + 1e-4)
     yield Check(f"{name}, extrapolated", limit, fine.factor, 0.015 * (fine.factor - 1.0) + 1e-4)
 
@@ -124,12 +124,15 @@ def _on_elements() -> Iterator[Check]:
     drag, _ = drag_on_elements(16)
     name = f"boundary elements, nu = 0.49, mu = {FRICTION:g}"
     yield _relative(f"{name}: approach", drag.approach, 0.01)
-    yield _relative(f"{name}: displacement at the turning point", drag.row.load, 0.01)
+    yield _relative(f"{name}: displacement at the reversal", drag.row.load, 0.01)
     yield _relative(f"{name}: stick radius", drag.row.stick_radius, 0.03)
     yield _relative(f"{name}: dissipation", drag.dissipation, 0.03)
     twisted, _ = torsion_on_elements(12)
     yield _relative(f"{name}: torque", twisted.load, 0.01)
     punch = punch_on_elements(12)
     yield Check(
-        "boundary elements: bonded flat punch over frictionless", punch.ratio, punch.factor, 0.1 * (punch.factor - 1)
+        "boundary elements: load of the bonded flat punch relative to the frictionless load",
+        punch.ratio,
+        punch.factor,
+        0.1 * (punch.factor - 1),
     )

@@ -1,4 +1,4 @@
-"""The page of the exact checks with friction, from rows of numbers."""
+"""Write the page on friction against closed forms from rows of numbers."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _STATE: Final = ("stick radius", "traction", "everywhere", "r.m.s.")
 
 @dataclass(frozen=True)
 class LoopRow:
-    """A loop up to a displacement over the limit: differences, relative, of force, area and dissipation."""
+    """A loop up to a displacement relative to the limit, with relative differences of force, area and dissipation."""
 
     poisson: float
     goodman: bool
@@ -26,7 +26,7 @@ class LoopRow:
 
 
 def loop_row(loop: Loop) -> LoopRow:
-    """The numbers of a loop."""
+    """Return the numbers of a loop."""
     turning = float(loop.displacement[0])
     area, dissipation = loop.area - 1.0, loop.dissipation - 1.0
     return LoopRow(loop.poisson, loop.goodman, loop.cells, turning, loop.curve, area, dissipation)
@@ -34,8 +34,11 @@ def loop_row(loop: Loop) -> LoopRow:
 
 @dataclass(frozen=True)
 class StickRow:
-    """Sphere or cone pressed in under full stick: differences, relative, of force and stiffness; exact ratios of force
-    at the same approach, and of stiffness over contact radius, to those without friction."""
+    """Sphere or cone pressed in under full stick.
+
+    Relative differences of force and stiffness; exact ratios of the force at the same approach, and of the stiffness at
+    the same contact radius, to those without friction.
+    """
 
     shape: str
     poisson: float
@@ -47,7 +50,7 @@ class StickRow:
 
 
 def stick_row(pressed: Pressed) -> StickRow:
-    """The numbers of a path; at nu = 1/2 there is nothing for friction to do."""
+    """Return the numbers of a path; friction has no effect at nu = 1/2."""
     exact, last = pressed.exact, float(pressed.approach[-1])
     # the same modulus without coupling: E* of nu = 1/2 is 4/3 E
     free = FullStick(0.75 * exact.young / (1.0 - exact.poisson**2), 0.5, exact.power, exact.coefficient)
@@ -64,14 +67,14 @@ def stick_row(pressed: Pressed) -> StickRow:
 
 @dataclass(frozen=True)
 class TwistRow:
-    """Torque over twist without slip, relative difference."""
+    """Relative difference of the torsional stiffness without slip."""
 
     cells: int
     stiffness: float
 
 
 def write(name: str, rows: dict[str, list[Any]]) -> str:
-    """The page; keys of rows as in regenerate.py."""
+    """Return the page; rows has the keys of regenerate.py."""
     parts = (
         _head(name),
         _partial_slip(name, rows["partial_slip"]),
@@ -87,14 +90,14 @@ def write(name: str, rows: dict[str, list[Any]]) -> str:
 def _head(name: str) -> Iterator[str]:
     yield f"""# Friction against closed forms
 
-A rigid indenter on an isotropic elastic half space. The reduced system is exact up to its densities, which are constant
-on square cells (`meeframe.testing.elastic_half_space`, Boussinesq and Cerruti with all couplings), or comes from
-boundary elements (last section). Contact laws and solver are those of every case; the closed forms are in
-`meeframe.testing.closed_forms_friction`. All differences are relative, in per cent, computed minus exact. All numbers
-and pictures of this page: `uv run python validation/{name}/regenerate.py`.
+This page compares contact of a rigid indenter and an isotropic elastic half space with closed forms. The reduced system
+is exact for densities that are constant on square cells (`meeframe.testing.elastic_half_space`, Boussinesq and Cerruti
+with all couplings), or it comes from boundary elements (last section). Contact laws and solver are those of every case;
+the closed forms are in `meeframe.testing.closed_forms_friction`. All differences are relative, in per cent, computed
+minus exact. To regenerate the numbers and figures, run `uv run python validation/{name}/regenerate.py`.
 
-Goodman's approximation drops the coupling of normal and tangential directions. With it, or with ν = 1/2, where there is
-no such coupling, normal force and contact radius do not change under tangential loads, as the closed forms of partial
+Goodman's approximation neglects the coupling of normal and tangential directions. With it, or with ν = 1/2, where this
+coupling vanishes, normal force and contact radius do not change under tangential loads, as the closed forms of partial
 slip assume. They also assume slip along the load everywhere, which is exact for ν = 0 only.
 """
 
@@ -103,20 +106,22 @@ def _partial_slip(name: str, rows: list[SlipRow]) -> Iterator[str]:
     finest = max(row.cells for row in rows)
     yield f"""## Cattaneo and Mindlin: partial slip
 
-A sphere under a constant normal force P, μ = {FRICTION:g}, moved to the displacement that belongs to Q; the square of
-cells is {ZONE:g} a wide, a: contact radius. The stick radius c is found in two ways. By area: that of the circle with
-the area of the sticking cells, which counts whole cells, so that small discs are known to a part of a cell only. By
-reserve: the closed form leaves μp - |t| in proportion to the root of c² - r², whose mean of r² is 2/5 c²; cells enter
-with what they carry, and the measure is finer than they are. Tractions are compared at the cells' centres, relative to
-the largest exact one: the largest difference without one cell either side of contact and stick radius, where the exact
-traction has vertical tangents, the largest one everywhere, and the root mean square over the contact.
+A sphere under a constant normal force P, with μ = {FRICTION:g}, is moved to the displacement that corresponds to Q.
+The square of cells is {ZONE:g} a wide, where a is the contact radius. The stick radius c is computed in two ways. *By
+area*, it is the radius of the circle with the area of the sticking cells; whole cells are counted, so small discs are
+resolved only to a fraction of a cell. *By margin*, it follows from the margin to the friction limit: in the closed
+form, μp - |t| is proportional to the square root of c² - r², so the mean of r² weighted with it is 2/5 c². Cells are
+weighted with their margin, which resolves less than a cell. Tractions are compared at the centres of cells, relative
+to the largest exact one, in three ways: the largest difference except within one cell of contact and stick radius,
+where the exact traction has vertical tangents; the largest difference everywhere; and the root mean square over the
+contact.
 
 ![Tractions and stick radius]({name}_partial_slip.png)
 
 Dots: all cells; lines: closed form; numbers: Q / μP.
 """
     shown = [row for row in rows if row.cells == finest or row.share == 0.6]
-    header = ("half space", "cells", "Q / μP", "Q", "stick radius by reserve", "by area", *_STATE[1:])
+    header = ("half space", "cells", "Q / μP", "Q", "stick radius by margin", "by area", *_STATE[1:])
     yield from _table(
         header,
         (
@@ -128,21 +133,21 @@ Dots: all cells; lines: closed form; numbers: Q / μP.
     fields = ("stick_moment", "stick_radius", "traction", "load", "traction_everywhere", "traction_rms")
     stick, area, traction, load, everywhere, rms = (_worst(fine, field) for field in fields)
     yield f"""
-Largest of all loads with {_grid(finest)} cells: stick radius {stick} % by reserve and {area} % by area, force {load} %,
-traction {traction} % without one cell either side of the two radii, {everywhere} % everywhere, {rms} % r.m.s. Asked for
-at 32 x 32: stick radius within 2 %, traction within 3 % of its maximum. **The 3 % is met without the cells at the two
-radii only.** In those cells the traction differs by more, the more so the thinner the slipping ring: a density that is
-constant on a cell cannot follow a vertical tangent.
+The largest differences over all loads with {_grid(finest)} cells are: stick radius {stick} % by margin and {area} % by
+area, force {load} %, traction {traction} % except within one cell of the two radii, {everywhere} % everywhere, {rms} %
+r.m.s. In the cells at the two radii, the traction differs by more than 3 % of its maximum, increasingly so for thinner
+slipping annuli: a density that is constant on a cell cannot represent a vertical tangent.
 """
 
 
 def _loops(name: str, rows: list[LoopRow]) -> Iterator[str]:
     yield f"""## A full reversal and its dissipation
 
-The displacement goes up to {rows[0].turning:.2f} of the limit of sliding, to the opposite value and back in steps.
-Area: work of the indenter in the loop; dissipation: work of the tractions at the end of each step on its slip, which
-is of first order in the steps while the pressure changes, and here it does not or hardly; both against Mindlin and
-Deresiewicz. Q: largest difference in the loop over its largest value.
+The displacement increases to {rows[0].turning:.2f} of the sliding limit, reverses to the opposite value and returns,
+in steps. *Area* is the work of the indenter in the loop. *Dissipation* is the work of the tractions at the end of
+each step on its slip; it is of first order in the steps if the pressure changes, which it hardly does here. Both are
+compared with Mindlin and Deresiewicz. *Q* is the largest difference of the force in the loop, relative to its largest
+value.
 
 ![The loop and the convergence of its work]({name}_loop.png)
 """
@@ -152,17 +157,17 @@ Deresiewicz. Q: largest difference in the loop over its largest value.
         ((_body(r), _grid(r.cells), f"{100 * r.curve:.2f}", _percent(r.area), _percent(r.dissipation)) for r in rows),
     )
     yield """
-Area and dissipation differ from each other by the integration over the steps of the loop. Both carry the error of the
-grid, which jumps as circles of cells join or leave the stick zone.
+Area and dissipation differ by the integration over the steps of the loop. Both contain the error of the grid, which
+jumps when circles of cells join or leave the stick zone.
 """
 
 
 def _punch(name: str, rows: list[BondedRow]) -> Iterator[str]:
     yield f"""## Full stick: flat punch
 
-μ = ∞, all couplings: the load is c = (1 - ν) ln(3 - 4ν)/(1 - 2ν) times the frictionless one. Both are computed on the
-same cells, so that the error of the outline, cells under a circle, drops out; the rest falls with the size of the
-cells, and is extrapolated from the two finest grids on that assumption.
+With μ = ∞ and all couplings, the load is c = (1 - ν) ln(3 - 4ν)/(1 - 2ν) times the frictionless load. Both are computed
+on the same cells, so the error of the outline (cells under a circle) cancels. The remaining error is proportional to
+the cell size; the extrapolation from the two finest grids assumes this.
 
 ![Contact stiffness, and the flat punch's factor]({name}_full_stick.png)
 """
@@ -187,12 +192,13 @@ def _punch_rows(rows: list[BondedRow]) -> Iterator[tuple[str, ...]]:
 
 
 def _pressed(rows: list[StickRow]) -> Iterator[str]:
-    yield """## Full stick: sphere and cone pressed in little by little
+    yield """## Full stick: sphere and cone pressed in incrementally
 
-Points stick where they touch; the contact radius grows in as many steps as there are cells along a side. Contact
-stiffness dP/dg = 2 c E* a (Mossakovskii, Spence), averaged over the second half of the path, and force at its end.
-The exact contact radius follows from the surface beside a bonded punch (`FullStick`); ratios are exact ones, to the
-same indenter without friction: of the stiffness at the same radius, c, and of the force at the same approach.
+Points stick where they first touch. The contact radius grows in as many steps as there are cells along a side. The
+table compares the contact stiffness dP/dg = 2 c E* a (Mossakovskii, Spence), averaged over the second half of the path,
+and the force at its end. The exact contact radius follows from the surface beside a bonded punch (`FullStick`). Ratios
+are exact values relative to the same indenter without friction: of the stiffness at the same radius, which is c, and of
+the force at the same approach.
 """
     header = ("indenter", "ν", "cells", "dP/dg", "ratio", "P", "ratio")
     table = []
@@ -210,7 +216,7 @@ def _torsion(name: str, rows: list[SlipRow], stiffness: list[TwistRow]) -> Itera
     finest = max(row.cells for row in rows)
     yield f"""## Torsion of a sphere
 
-The sphere is pressed in first, then turned about its axis until c/a of the radius sticks (Lubkin); ν = 1/2.
+The sphere is first pressed in, then rotated about its axis until the stick radius is c (Lubkin); ν = 1/2.
 
 ![Tractions, and torque over twist]({name}_torsion.png)
 """
@@ -218,21 +224,21 @@ The sphere is pressed in first, then turned about its axis until c/a of the radi
     header = ("cells", "c / a", "torque", *_STATE)
     yield from _table(header, ((_grid(r.cells), f"{r.share:g}", _percent(r.load), *_state(r)) for r in shown))
     yield """
-Without slip (μ = ∞) torque over twist is 16 G a³/3. The tractions are then singular at the edge, and the outline of
-the cells, which are in contact or are not, enters with its third power:
+Without slip (μ = ∞), the torsional stiffness is 16 G a³/3. The tractions are then singular at the contact edge, and the
+radius of the outline of cells enters with its third power:
 """
-    yield from _table(("cells", "torque / twist"), ((_grid(r.cells), _percent(r.stiffness)) for r in stiffness))
+    yield from _table(("cells", "torsional stiffness"), ((_grid(r.cells), _percent(r.stiffness)) for r in stiffness))
     yield ""
 
 
 def _elements(drags: list[DragRow], twists: list[SlipRow], punches: list[BondedRow]) -> Iterator[str]:
     yield f"""## The same on boundary elements
 
-The whole chain from case files (`sphere.toml`, `torsion.toml`, `punch.toml`): bilinear elements on the plane that
-bounds the half space, all couplings in force, ν = {SPHERE_POISSON:g} (nearly incompressible) under the spheres and
-{PUNCH_POISSON:g} under the bonded punch. Forces on the first sphere are prescribed, in one step each: P, then
-Q = 0.6 μP, its opposite, and Q again. What is compared are approach, displacement, displacement at -Q, and dissipation
-in the loop.
+These are complete runs from case files (`sphere.toml`, `torsion.toml`, `punch.toml`), with bilinear elements on the
+plane that bounds the half space and all couplings, with ν = {SPHERE_POISSON:g} (nearly incompressible) under the
+spheres and {PUNCH_POISSON:g} under the bonded punch. The forces on the first sphere are prescribed, in one step each:
+P, then Q = 0.6 μP, its opposite, and Q again. The table compares approach, displacement, displacement at -Q, and
+dissipation in the loop.
 """
     header = ("elements in a", "approach", "displacement", "at -Q", "dissipation", *_STATE)
     table = []
@@ -244,14 +250,14 @@ in the loop.
     everywhere = [100 * d.row.traction_everywhere for d in drags]
     rms = [100 * d.row.traction_rms for d in drags]
     yield f"""
-**Nodal tractions do not come within 3 % here**, neither everywhere ({_range(everywhere)} %) nor without one
-element either side of the two radii ({_range(tractions)} %); nor does their root mean square ({_range(rms)} %), but it
-falls with the size of the elements. Forces and displacements agree far better: nodal values of a bilinear
-interpolation swing about the peak at the stick radius and the edge of the contact. That does not fade as the elements
-shrink, its share of the area does. The slipping ring is two to three elements wide, and its dissipation jumps by a
-per cent or two as circles of nodes join it; on cells it does the same.
+**Nodal tractions have larger errors** than on cells: {_range(everywhere)} % everywhere, {_range(tractions)} % except
+within one element of the two radii, and {_range(rms)} % in the root mean square, which decreases with the element size.
+Forces and displacements agree much better. Nodal values of a bilinear interpolation oscillate about the peak at the
+stick radius and at the contact edge. The oscillation does not decrease with the element size, but its fraction of the
+area does. The slipping annulus is two to three elements wide, and its dissipation jumps by one or two per cent when
+circles of nodes join it, as it does on cells.
 """
-    yield "Torsion: the twist is prescribed, the torque compared. Then the bonded punch.\n"
+    yield "Torsion with prescribed twist compares the torque. The last table shows the bonded punch.\n"
     header = ("elements in a side", "c / a", "torque", *_STATE)
     yield from _table(header, ((f"{t.cells}", f"{t.share:.2f}", _percent(t.load), *_state(t)) for t in twists))
     yield ""

@@ -1,10 +1,10 @@
-"""Friction judged by Siconos, an independent code for nonsmooth mechanics."""
+"""Compare friction with Siconos, an independent code for nonsmooth mechanics."""
 
 from collections.abc import Iterator
 
 import numpy as np
-from judge import MISSING, SOLVERS, siconos_python
-from study import FULL, QUICK, SAME, Judged, judged
+from siconos_reference import MISSING, SOLVERS, siconos_python
+from study import FULL, QUICK, SAME, Comparison, compare
 
 from meeframe.study.validate import Check, Claim, Curve, Item, Plot, Skip
 
@@ -16,32 +16,32 @@ SOURCE = (
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Reactions and gaps of each increment, the larger difference of both solvers; states of all contacts."""
+    """Compare reactions, gaps and states of all contacts for each increment, with the worse of both solvers."""
     if siconos_python() is None:
         yield Skip("reactions and gaps by Siconos", MISSING)
         return
-    rows: list[Judged] = []
-    for row in judged(QUICK if quick else FULL):
+    rows: list[Comparison] = []
+    for row in compare(QUICK if quick else FULL):
         rows.append(row)
         if row.solver == SOLVERS[-1]:
             yield from _increment(rows[-len(SOLVERS) :])
     yield _iterations(rows)
 
 
-def _increment(rows: list[Judged]) -> Iterator[Item]:
+def _increment(rows: list[Comparison]) -> Iterator[Item]:
     one = rows[0]
     name = f"{one.body} {one.divisions} x {one.divisions}, mu = {one.mu:g}, step {one.step}, {one.regime}"
     yield Check(f"{name}: reactions", max(row.reaction for row in rows), 0.0, SAME, "", True)
     yield Check(f"{name}: gaps and slips", max(row.gap for row in rows), 0.0, SAME, "", True)
     yield Claim(
         f"{name}: open, stick and slip",
-        f"{one.pressed} of {one.contacts} contacts pressed, {one.slipping} of them slip",
-        "Siconos has the same state at every contact and says that it converged",
+        f"{one.pressed} of {one.contacts} contacts closed, {one.slipping} of them slip",
+        "Siconos converges to the same state at every contact",
         all(row.alike and row.converged for row in rows),
     )
 
 
-def _iterations(rows: list[Judged]) -> Plot:
+def _iterations(rows: list[Comparison]) -> Plot:
     curves = []
     for solver in SOLVERS:
         contacts, iterations = np.array([(row.contacts, row.iterations) for row in rows if row.solver == solver]).T

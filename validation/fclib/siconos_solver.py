@@ -1,7 +1,7 @@
 """Solve W r + q = u under Coulomb's law with Siconos, in a Python that has it: siconos_solver.py SOLVER IN.npz OUT.npz.
 
-In: W (3m, 3m), q (3m,), mu (m,), tolerance. Out: r, u (3m,), info (0 if Siconos says that it converged), iterations,
-seconds. Needs NumPy and Siconos alone, as Debian's python3-siconos brings them.
+Input: W (3m, 3m), q (3m,), mu (m,), tolerance. Output: r, u (3m,), info (0 if Siconos reports convergence), iterations,
+seconds. Requires NumPy and Siconos only, as in Debian's python3-siconos.
 """
 
 import sys

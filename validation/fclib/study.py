@@ -1,4 +1,4 @@
-"""Frictional cases of ours solved by Siconos, by way of files of FCLIB."""
+"""Solve frictional cases of meeframe with Siconos, through FCLIB files."""
 
 import tempfile
 import tomllib
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from judge import SOLVERS, siconos_solves
+from siconos_reference import SOLVERS, siconos_solves
 
 from meeframe.fields import Array
 from meeframe.laws import IsotropicCoulomb
@@ -20,9 +20,9 @@ from meeframe.study.fclib import exchanged
 
 HERE: Final = Path(__file__).parent
 SAME: Final = 1e-9
-"""Of the largest reaction or gap: a hundred times what either solver leaves of its own problem."""
+"""Tolerance relative to the largest reaction or gap: a hundred times the errors of both solvers."""
 SLIPS: Final = 1e-7
-"""Of the largest gap: what slips less sticks."""
+"""Smallest slip of a slipping contact, relative to the largest gap."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,13 @@ FULL: Final = (
 
 
 @dataclass(frozen=True)
-class Judged:
-    """An increment by our solver and one of Siconos's.
+class Comparison:
+    """Comparison of an increment by meeframe and by one solver of Siconos.
 
-    contacts: of the problem; pressed, slipping: by ours; reaction, gap: largest differences over the largest value;
-    alike: both agree at every contact on open, stick and slip; ours, theirs: natural residuals of the reactions;
-    iterations, seconds: of Siconos; converged: both say so.
+    contacts: number of contacts; pressed, slipping: numbers of closed and slipping contacts by meeframe; reaction, gap:
+    largest differences relative to the largest value; alike: True if every contact has the same state (open, stick,
+    slip); ours, theirs: natural residuals of the reactions; iterations, seconds: of Siconos; converged: True if both
+    converged.
     """
 
     body: str
@@ -70,27 +71,27 @@ class Judged:
 
     @property
     def agrees(self) -> bool:
-        """Whether reactions, gaps and states agree and both converged."""
+        """True if reactions, gaps and states agree and both solvers converged."""
         return self.converged and self.alike and max(self.reaction, self.gap) <= SAME
 
     @property
     def regime(self) -> str:
-        """What the contact does, by ours."""
+        """Slip regime, by meeframe."""
         if self.slipping == 0:
             return "full stick"
         return "sliding" if self.slipping == self.pressed else "partial slip"
 
 
 def load(name: str, divisions: int) -> Case:
-    """A case file of this folder with another division of the contact zone."""
+    """Load a case file of this folder with another division of the contact zone."""
     text = (HERE / f"{name}.toml").read_text(encoding="utf-8")
     tables = tomllib.loads(text)
     tables["mesh"]["divisions"] = divisions
     return case_from_tables(tables, folder=HERE, text=text)
 
 
-def judged(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Iterator[Judged]:
-    """Every increment of every case by each of the solvers. Raises RuntimeError if Siconos is not installed."""
+def compare(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Iterator[Comparison]:
+    """Compare every increment of every case, by each solver. Raises RuntimeError if Siconos is not installed."""
     for body in bodies:
         case = load(body.name, body.divisions)
         system = reduce(case)
@@ -105,7 +106,7 @@ def judged(bodies: tuple[Body, ...], solvers: tuple[str, ...] = SOLVERS) -> Iter
                     for solver in solvers:
                         found = siconos_solves(path, solver)
                         state, their_state = _state(solution), _state(LocalSolution(found.u, found.r))
-                        yield Judged(
+                        yield Comparison(
                             body=body.name,
                             divisions=body.divisions,
                             mu=mu,
@@ -130,7 +131,7 @@ def _difference(found: Array, ours: Array) -> float:
 
 
 def _state(solution: LocalSolution) -> Array:
-    """0 open, 1 stick, 2 slip at each contact, (m,)."""
+    """Return 0 (open), 1 (stick) or 2 (slip) for each contact, (m,)."""
     r, u = solution.r.reshape(-1, 3), solution.u.reshape(-1, 3)
     pressed = r[:, 0] > SAME * r[:, 0].max()
     slips = np.hypot(u[:, 1], u[:, 2]) > SLIPS * np.abs(u).max()

@@ -28,7 +28,14 @@ def run(quick: bool) -> Iterator[Item]:
     yield Check("force, mean of four grids of 64 to 65 cells", mean, exact, 1e-2, "N")
     resolved = replace(case, edges="resolved")
     worst = float(np.abs(force_errors(resolved, 64)).max())
-    yield Check("edge between the nodes: force, worst of four grids of 64 to 65 cells", worst, 0.0, 1e-3, "", True)
+    yield Check(
+        "contact edge between the nodes: force, largest error on four grids of 64 to 65 cells",
+        worst,
+        0.0,
+        1e-3,
+        "",
+        True,
+    )
     inner = found.r < 0.8 * RADIUS
     true = exact / (2.0 * np.pi * RADIUS * np.sqrt(RADIUS**2 - found.r[inner] ** 2))
     error = float(np.abs(found.pressure[inner] / true - 1.0).max())

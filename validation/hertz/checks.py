@@ -37,5 +37,7 @@ def _on_64_cells(found: Pressed) -> Iterator[Item]:
     # cells that the edge crosses may lie a diagonal within it
     inner = found.r < EXACT.contact_radius - np.sqrt(2.0) * found.spacing
     largest, mean = float(error[inner].max()), float(np.sqrt(np.mean(error[error > 0.0] ** 2)))
-    yield Check("pressure, largest error over the peak, cells on the edge left out", largest, 0.0, 0.01, "", True)
-    yield Check("pressure, r.m.s. error over the peak, everywhere", mean, 0.0, 0.01, "", True)
+    yield Check(
+        "pressure, largest error relative to the peak, without cells on the contact edge", largest, 0.0, 0.01, "", True
+    )
+    yield Check("pressure, r.m.s. error relative to the peak, all cells", mean, 0.0, 0.01, "", True)

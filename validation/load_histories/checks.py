@@ -30,7 +30,7 @@ def run(quick: bool) -> Iterator[Item]:
     totals = [resultants(found.zone, step) for step in found.steps]
     least = min(total.dissipated_energy for total in totals)
     yield Check("least dissipation of an increment", min(least, 0.0), 0.0, 1e-12, "J", absolute=True)
-    yield Check("traction after lifting off", float(np.abs(found.steps[-1].traction).max()), 0.0, 0.0, "Pa", True)
+    yield Check("traction after separation", float(np.abs(found.steps[-1].traction).max()), 0.0, 0.0, "Pa", True)
     tangential = [step for step in found.steps if 2 <= step.step <= 4]
     way = np.array([step.loading.translation[0] for step in tangential]) * 1e6
     force = np.array([resultants(found.zone, step).tangential_force[0] for step in tangential]) / 1e3
@@ -48,6 +48,6 @@ def _energy(found: Result) -> Iterator[Check]:
     work = float(((forces[1:] + forces[:-1]) / 2 * np.diff(motions, axis=0)).sum())
     ends = [found.zone.weights @ (step.traction * step.displacement).sum(axis=1) / 2 for step in (steps[0], steps[-1])]
     dissipated = sum(total.dissipated_energy for total in totals[1:])
-    yield Check("dissipation against work less what is stored", dissipated, work - float(ends[1] - ends[0]), 0.03, "J")
+    yield Check("dissipation, against work minus stored energy", dissipated, work - float(ends[1] - ends[0]), 0.03, "J")
     ratio = totals[0].tangential_force[0] / totals[0].normal_force
-    yield Check("tangential over normal force at the turning point", float(ratio), RATIO, 1e-6)
+    yield Check("ratio of tangential and normal force at the reversal", float(ratio), RATIO, 1e-6)

@@ -49,4 +49,4 @@ def run(quick: bool) -> Iterator[Item]:
     if not quick:
         yield from convergence(emci, (12, 24, 48), 2.0, 0.3, "sphere, EMCI")
         held = Run(STIFFNESS, XI, SPHERE, APPROACH, POTENTIALS, "resolved")
-        yield from convergence(held, (16, 32, 64), 2.0, 0.5, "sphere at potentials, edge between the nodes", 1)
+        yield from convergence(held, (16, 32, 64), 2.0, 0.5, "sphere at potentials, contact edge between the nodes", 1)

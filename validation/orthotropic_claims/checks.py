@@ -1,4 +1,4 @@
-"""Figures 3 to 14 of the reference paper: what it says of them, judged by the numbers of the reproduced ones."""
+"""Compare the statements of the reference paper about its figures 3 to 14 with the reproduced figures."""
 
 import shutil
 from collections.abc import Iterator
@@ -6,9 +6,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from claims import claims
+from criteria import Claim as PaperClaim
+from criteria import Verdict
 from figures import read_figure
-from judging import Claim as Judged
-from judging import Verdict
 from studies import study_plots
 
 from meeframe.study.reports.study import study_json
@@ -18,8 +18,8 @@ from meeframe.study.validate import Claim, Item
 
 TITLE = "Figures 3 to 14 of the reference paper"
 SOURCE = (
-    "Reference paper, sections 7.1 to 7.4: finite blocks by boundary elements, on its own meshes (quick: figures 5, 7 "
-    "and 9 on a coarser one). Pictures and reasons: docs/validation/orthotropic.md."
+    "Reference paper, sections 7.1 to 7.4: finite blocks by boundary elements, on its meshes (quick: figures 5, 7 "
+    "and 9 on a coarser one). Figures and reasons: docs/validation/orthotropic.md."
 )
 STUDIES = Path(__file__).parents[1]
 QUICK = ("fig-05", "fig-07", "fig-09")
@@ -27,7 +27,7 @@ COARSER = (("divisions = 16", "divisions = 12"), ("rings = 7", "rings = 4"))
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """All figures on the paper's meshes; quick: a few on a coarser mesh."""
+    """Check all figures on the paper's meshes, or a few on a coarser mesh if `quick`."""
     files = {name: file for name, file in known_studies(STUDIES).items() if not quick or name in QUICK}
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -35,13 +35,13 @@ def run(quick: bool) -> Iterator[Item]:
             study = solve_study(_coarser(file, folder) if quick else file, folder / "cache")
             numbers = folder / f"{name}.json"
             numbers.write_text(study_json(study), encoding="utf-8")
-            for judged in claims(read_figure(numbers)):
-                yield _claim(judged)
+            for claim in claims(read_figure(numbers)):
+                yield _claim(claim)
             yield from study_plots(study)
 
 
 def _coarser(file: Path, folder: Path) -> Path:
-    """A copy of a study and of the case files beside it on a coarser mesh."""
+    """Copy a study and its case files with a coarser mesh."""
     place = folder / file.parent.name
     if not place.exists():
         shutil.copytree(file.parent, place, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
@@ -53,7 +53,7 @@ def _coarser(file: Path, folder: Path) -> Path:
     return place / file.name
 
 
-def _claim(judged: Judged) -> Claim:
-    holds = None if judged.verdict is Verdict.NOT_RESOLVED else judged.verdict is Verdict.HOLDS
-    words = f"{judged.figure}: {judged.paper}"
-    return Claim(words, judged.found, judged.judged, holds, judged.explained, judged.as_explained)
+def _claim(claim: PaperClaim) -> Claim:
+    holds = None if claim.verdict is Verdict.NOT_RESOLVED else claim.verdict is Verdict.HOLDS
+    words = f"{claim.figure}: {claim.paper}"
+    return Claim(words, claim.found, claim.criterion, holds, claim.explained, claim.as_explained)

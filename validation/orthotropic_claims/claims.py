@@ -1,25 +1,25 @@
-"""What the reference paper says of its figures 3 to 14, judged by the numbers of the reproduced ones."""
+"""Statements of the reference paper about its figures 3 to 14, compared with the reproduced figures."""
 
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from criteria import CLEARLY, UNALTERED, Claim, Found, change, claim, percent, size
 from figures import Figure, Panel
-from judging import CLEARLY, UNALTERED, Claim, Found, change, claim, percent, size
 from tangential import directions, fig_10, maps_under_load
 
 ANALYTIC = 0.015
 """Largest difference between the paper's finite block and the half space (docs/theory.md, Half space)."""
 HALF_SPACE_RISES = {1e-12: 1.02, 1e-9: 0.92, 5e-9: 0.71, 8e-9: 0.63, 1e-8: 0.59}
-"""Rise of the largest electric potential at mu = 0.9 by an independent half-space solver (docs/theory.md, Half space),
-by the scale of the magneto-electric coefficients [s/m]."""
+"""Rise of the largest electric potential at mu = 0.9, computed by an independent half-space solver (docs/theory.md,
+Half space), by scale of the magneto-electric coefficients [s/m]."""
 BLOCK = 0.05
-"""Largest difference of such a rise on the paper's finite block and mesh."""
+"""Largest difference of this rise on the paper's finite block and mesh."""
 
 
 def claims(figure: Figure) -> list[Claim]:
-    """The claims of a figure; none for one that has none."""
-    judge = JUDGES.get(figure.name)
-    return [] if judge is None else [claim(figure.name, *found) for found in judge(figure)]
+    """Return the claims about a figure; an empty list if there are none."""
+    evaluate = EVALUATIONS.get(figure.name)
+    return [] if evaluate is None else [claim(figure.name, *found) for found in evaluate(figure)]
 
 
 def _fig_03(figure: Figure) -> Found:
@@ -29,7 +29,7 @@ def _fig_03(figure: Figure) -> Found:
         force = panel.quantities["force"][-1] / limit
         yield (
             f"{panel.title}: force and {flux.replace('_', ' ')} converge to the analytic values",
-            f"force {percent(force - 1)}, {flux.replace('_', ' ')} {percent(total - 1)} of them",
+            f"force {percent(force - 1)}, {flux.replace('_', ' ')} {percent(total - 1)} relative to them",
             f"differences below {size(ANALYTIC)}",
             max(abs(force - 1), abs(total - 1)) < ANALYTIC,
         )
@@ -42,7 +42,7 @@ def _fig_04(figure: Figure) -> Found:
         altered = change(panel, other, "inf", "0")
         yield (
             f"{panel.title}: the {field.replace('_', ' ')} tends to zero",
-            f"{left:.1e} of the insulated one is left in the contact",
+            f"{left:.1e} of the insulated value remains in the contact",
             "less than 1e-6",
             bool(left < 1e-6),
         )
@@ -55,7 +55,7 @@ def _fig_04(figure: Figure) -> Found:
 
 
 def _conducting(figure: Figure) -> Iterator[tuple[Panel, str, str]]:
-    """Panels of ECMII and EIMCI with the conducting field and the other one."""
+    """Yield the panels of ECMII and EIMCI with the conducting field and the other one."""
     fields = ("electric_potential", "magnetic_potential")
     yield figure.panel("ECMII"), *fields
     yield figure.panel("EIMCI"), *fields[::-1]
@@ -72,7 +72,7 @@ def _fig_05(figure: Figure) -> Found:
     force = figure.panel("(b)").quantities["force"]
     yield (
         "EIMCI: the force is reduced by half as the magnetic conductivity grows",
-        f"falls monotonically to {force[-1]:.3f} of the insulated one (half space: 0.43)",
+        f"decreases monotonically to {force[-1]:.3f} of the insulated value (half space: 0.43)",
         "monotonic, to between 0.4 and 0.5",
         bool(np.all(np.diff(force) < 0) and 0.4 < force[-1] < 0.5),
     )
@@ -83,7 +83,7 @@ def _fig_05_sizes(figure: Figure) -> Found:
         (force,) = panel.quantities.values()
         yield (
             f"{panel.title}: the force is reduced by half",
-            f"falls to {force[-1]:.3f} of the insulated one (independent half space: 0.43)",
+            f"decreases to {force[-1]:.3f} of the insulated value (independent half space: 0.43)",
             "between 0.4 and 0.5",
             0.4 < force[-1] < 0.5,
         )
@@ -144,7 +144,7 @@ def _fig_07_scales(figure: Figure) -> Found:
             f"magnetic {percent(magnetic)}",
             "electric within 10 percentage points, magnetic within 5",
             abs(electric - 0.65) < 0.10 and abs(magnetic - 0.30) < 0.05,
-            "the paper's 65 % belongs to a scale of 5e-9 to 8e-9 s/m",
+            "the paper's 65 % corresponds to a scale of 5e-9 to 8e-9 s/m",
             scale < 5e-9 and abs(electric - half_space) < BLOCK and abs(magnetic - 0.30) < 0.05,
         )
 
@@ -176,7 +176,7 @@ def _fig_09(figure: Figure) -> Found:
         )
 
 
-JUDGES: dict[str, Callable[[Figure], Found]] = {
+EVALUATIONS: dict[str, Callable[[Figure], Found]] = {
     "fig-03": _fig_03,
     "fig-04": _fig_04,
     "fig-05": _fig_05,

@@ -1,4 +1,4 @@
-"""The numbers of reproduced figures, and what is measured on them."""
+"""Read reproduced figures and measure quantities on them."""
 
 import json
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One panel of a figure: quantities (runs, ...) over their references; points (n, 3) [m] for fields."""
+    """One panel of a figure: quantities (runs, ...) relative to their references; points (n, 3) [m] for fields."""
 
     title: str
     runs: tuple[str, ...]
@@ -19,11 +19,11 @@ class Panel:
     weights: np.ndarray
 
     def of(self, quantity: str, run: str) -> np.ndarray:
-        """A quantity of one run."""
+        """Return a quantity of one run."""
         return self.quantities[quantity][self.runs.index(run)]
 
     def position_of_largest(self, quantity: str, run: str) -> np.ndarray:
-        """Where a field is largest, (2,) [mm], by a parabola through the nodes around the largest one."""
+        """Return the position of the maximum of a field, (2,) [mm], by a paraboloid through the nodes around it."""
         field = self.of(quantity, run)
         offset = self.points[:, :2] - self.points[field.argmax(), :2]
         spacing = np.diff(np.unique(np.round(self.points[:, 0], 9))).min()
@@ -35,23 +35,23 @@ class Panel:
         return (self.points[field.argmax(), :2] + top * spacing) * 1e3
 
     def elongation(self, quantity: str, run: str) -> float:
-        """Ratio of the widths along x and y of the part of a field above half its largest value."""
+        """Return the ratio of the widths along x and y of the region where a field exceeds half its maximum."""
         field = self.of(quantity, run)
         mass = self.weights * np.maximum(field - field.max() / 2, 0.0)
         x, y = (self.points[:, i] - (mass @ self.points[:, i]) / mass.sum() for i in range(2))
         return float(np.sqrt((mass @ x**2) / (mass @ y**2)))
 
     def stick_area(self, run: str) -> float:
-        """Share of the contact that sticks."""
+        """Return the fraction of the contact area that sticks."""
         return float(self.weights @ self.of("stick", run) / (self.weights @ (self.of("pressure", run) > 0)))
 
     @property
     def one_node(self) -> float:
-        """Share of an inner node in the smallest contact of these runs."""
+        """Area fraction of one inner node in the smallest contact of these runs."""
         return float(self.weights.max() / (self.quantities["pressure"] > 0).dot(self.weights).min())
 
     def stick_centre(self, run: str) -> float:
-        """Middle of the stick zone along x [mm]; nan if there is none."""
+        """Return the centre of the stick zone along x [mm]; nan if there is none."""
         mass = self.weights * self.of("stick", run)
         return float(mass @ self.points[:, 0] / mass.sum() * 1e3) if mass.any() else float("nan")
 
@@ -67,18 +67,18 @@ class Figure:
     remarks: tuple[str, ...]
 
     def panel(self, start: str) -> Panel:
-        """The panel whose title starts like this."""
+        """Return the panel whose title starts with this text."""
         return next(panel for panel in self.panels if panel.title.startswith(start))
 
 
 def _zone(panel: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights of the one zone that all runs of a panel have; empty where there are totals only."""
+    """Return points and weights of the zone of all runs of a panel; empty if there are totals only."""
     (zone,) = panel.get("zones", [{"points": [], "weights": []}])
     return np.array(zone["points"]), np.array(zone["weights"])
 
 
 def read_figure(file: Path) -> Figure:
-    """A figure from the numbers that `meeframe reproduce` wrote. Raises RuntimeError if a run did not converge."""
+    """Read a figure written by `meeframe reproduce`. Raises RuntimeError if a run did not converge."""
     data = json.loads(file.read_text(encoding="utf-8"))
     missed = [panel["title"] for panel in data["panels"] if not all(panel["converged"])]
     if missed:

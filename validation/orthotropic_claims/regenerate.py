@@ -1,9 +1,9 @@
-"""Reproduce figures 3 to 14, judge what the paper says of them, and write the page.
+"""Reproduce figures 3 to 14, compare them with the statements of the paper, and write the page.
 
     uv run python validation/orthotropic_claims/regenerate.py
 
-Writes docs/validation/orthotropic.md with its pictures and the claims as JSON. `--work` names the folder of the
-reproduced figures and of the cache of reduced systems, `--out` that of the page.
+Writes docs/validation/orthotropic.md with its figures, and the claims as JSON. `--work` names the folder of the
+reproduced figures and of the cache of reduced systems, `--out` the folder of the page.
 """
 
 import argparse
@@ -15,8 +15,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 from claims import claims
+from criteria import Claim, Verdict
 from figures import Figure, read_figure
-from judging import Claim, Verdict
 from PIL import Image
 
 from meeframe.study.reproduce import ALL, reproduce
@@ -27,7 +27,7 @@ PAGE = "orthotropic"
 COLOURS = 128
 ROOT = HERE.parents[1]
 COUNTED = {Verdict.HOLDS: "hold", Verdict.DIFFERS: "do not", Verdict.NOT_RESOLVED: "are not resolved"}
-LISTED = {Verdict.DIFFERS: "Those that do not hold:", Verdict.NOT_RESOLVED: "Those that this mesh does not resolve:"}
+LISTED = {Verdict.DIFFERS: "These do not hold:", Verdict.NOT_RESOLVED: "This mesh does not resolve:"}
 
 
 def main() -> None:
@@ -51,10 +51,10 @@ def main() -> None:
 
 
 def page(figures: list[Figure], found: dict[str, list[Claim]]) -> str:
-    """The whole page: what is written by hand around what is computed."""
+    """Return the page: the written text and the computed sections."""
     every = [claim for group in found.values() for claim in group]
     counts = ", ".join(f"{sum(c.verdict is v for c in every)} {words}" for v, words in COUNTED.items())
-    summary = ["## Summary", "", f"Of {len(every)} claims {counts}.", ""]
+    summary = ["## Summary", "", f"Of {len(every)} claims, {counts}.", ""]
     for verdict, heading in LISTED.items():
         named = (claim for claim in every if claim.verdict is verdict)
         lines = [f"- {_name(claim.figure)}: {claim.paper}. Here: {claim.found}." for claim in named]
@@ -71,7 +71,7 @@ def _name(name: str) -> str:
 
 
 def _section(figure: Figure, found: list[Claim]) -> list[str]:
-    """The picture beside what the paper says of it, and what is found."""
+    """Return the section of a figure: the figure, the statements of the paper, and the computed values."""
     lines = [
         f"## {_name(figure.name)}",
         "",
@@ -81,13 +81,13 @@ def _section(figure: Figure, found: list[Claim]) -> list[str]:
         "",
         f"The paper: {figure.paper}",
         "",
-        "| the paper says | found | judged by | |",
+        "| the paper says | computed | criterion | |",
         "| --- | --- | --- | --- |",
     ]
     for claim in found:
         verdict = claim.verdict if claim.verdict is Verdict.HOLDS else f"**{claim.verdict}**"
-        lines.append(f"| {claim.paper} | {claim.found} | {claim.judged} | {verdict} |")
-    return [*lines, "", *(f"Remark of the solver: {remark}." for remark in figure.remarks), ""]
+        lines.append(f"| {claim.paper} | {claim.found} | {claim.criterion} | {verdict} |")
+    return [*lines, "", *(f"Message of the run: {remark}." for remark in figure.remarks), ""]
 
 
 if __name__ == "__main__":

@@ -1,18 +1,18 @@
-"""What the paper says of its figures 10 to 14, under tangential loads."""
+"""Statements of the paper about its figures 10 to 14, under tangential loads."""
 
 from itertools import pairwise
 
 import numpy as np
+from criteria import CLEARLY, Found, Verdict, size
 from figures import Figure, Panel
-from judging import CLEARLY, Found, Verdict, size
 
 MOVED = 0.05
-"""Least motion that counts [mm], a sixth of an element."""
+"""Smallest significant motion [mm], a sixth of an element."""
 CERRUTI = (
-    "a tangential traction lowers the surface ahead of it, as Cerruti's solution does, so that potentials move back "
-    "with the contact"
+    "a tangential traction lowers the surface ahead of it, as in Cerruti's solution, so potentials move back with the "
+    "contact"
 )
-"""Why potentials move against the load."""
+"""Reason for the motion of the potentials against the load."""
 LOADS = ("0", "0.25", "0.5", "0.75", "0.9", "full slip")
 
 
@@ -29,14 +29,15 @@ def fig_10(figure: Figure) -> Found:
         large = max(areas) > panel.one_node
         yield (
             f"{panel.title}: the stick zone decreases as the tangential load grows",
-            "share of the contact " + ", ".join(f"{area:.3f}" for area in areas),
-            "monotonic to within one node, none left at full slip; resolved if larger than a node anywhere",
+            "fraction of the contact " + ", ".join(f"{area:.3f}" for area in areas),
+            "monotonic to within one node, zero at full slip; resolved if larger than a node at some load",
             shrinks if large else Verdict.NOT_RESOLVED,
         )
         yield (
             f"{panel.title}: the stick zone moves against the load",
-            f"its middle {_places(centres)}",
-            f"by more than {MOVED:g} mm towards -x up to 0.75; resolved if so far there is one, larger than a node",
+            f"its centre {_places(centres)}",
+            f"by more than {MOVED:g} mm towards -x up to 0.75; resolved if there is one larger than a node up to that "
+            "load",
             moves if large and not np.isnan(centres[:4]).any() else Verdict.NOT_RESOLVED,
         )
         yield from _largest(panel)
@@ -44,7 +45,7 @@ def fig_10(figure: Figure) -> Found:
 
 
 def _largest(panel: Panel) -> Found:
-    """Where the potentials are largest, and how large, as the load grows."""
+    """Check position and size of the largest potentials as the load grows."""
     for name in ("electric_potential", "magnetic_potential"):
         words = name.replace("_", " ")
         places = [panel.position_of_largest(name, run)[0] for run in LOADS]
@@ -59,7 +60,7 @@ def _largest(panel: Panel) -> Found:
         )
         yield (
             f"{panel.title}: the largest {words} decreases until full slip",
-            ", ".join(f"{top:.3f}" for top in tops) + " of the frictionless one",
+            ", ".join(f"{top:.3f}" for top in tops) + " of the frictionless value",
             "monotonic",
             all(after <= before for before, after in pairwise(tops)),
         )
@@ -95,7 +96,7 @@ def directions(figure: Figure) -> Found:
         yield (
             f"the direction of the load changes intensity and shape of the {name.replace('_', ' ')}",
             "; ".join(found),
-            "largest values differ by more than 1 %, their places by more than an element",
+            "largest values differ by more than 1 %, their positions by more than one element",
             np.ptp(tops) > 0.01 and apart > 0.3125,
         )
     tops = [np.linalg.norm(panel.of("tangential_traction", "full slip"), axis=1).max() for panel in figure.panels]

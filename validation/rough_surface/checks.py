@@ -122,7 +122,7 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
         name = f"{samples} x {samples} nodes, mean pressure {share:g} E* h'"
         yield _pressures(name, found, judge, np.ones_like(found.pressure, bool))
         yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
-        yield Check(f"{name}: share of the area in contact", found.area, judge.area, 0.01)
+        yield Check(f"{name}: fraction of the area in contact", found.area, judge.area, 0.01)
         yield _at_same_gap(name, tamaas, heights, found, mean)
     places = (np.arange(samples) + 0.5) / samples * PERIOD * 1e3
     fields = {"meeframe": found.pressure.T / 1e9, "Tamaas": judge.pressure.T / 1e9}
@@ -159,17 +159,17 @@ def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[
         found, judge = pairs[-1]
         name = f"bilinear, {samples} x {samples} nodes, mean pressure {share:g} E* h'"
         difference = np.abs(found.pressure - judge.pressure) / judge.pressure.max()
-        yield Check(f"{name}: pressures, r.m.s. difference over the peak", _rms(difference), 0.0, 0.01, "", True)
-        yield _pressures(f"{name}, edges left out", found, judge, _inner(found, judge))
+        yield Check(f"{name}: pressures, r.m.s. difference relative to the peak", _rms(difference), 0.0, 0.01, "", True)
+        yield _pressures(f"{name}, without contact edges", found, judge, _inner(found, judge))
         yield Check(f"{name}: largest pressure", float(found.pressure.max()), float(judge.pressure.max()), 0.01, "Pa")
         ours_area, their_area = (2.0 * fine.area - coarse.area for coarse, fine in zip(*pairs, strict=True))
-        yield Check(f"{name}: share of the area in contact, extrapolated", ours_area, their_area, 0.01)
+        yield Check(f"{name}: fraction of the area in contact, extrapolated", ours_area, their_area, 0.01)
         yield _at_same_gap(name, tamaas, heights[-1], found, mean)
 
 
 def _pressures(name: str, found: Contact, judge: Contact, where: NDArray[np.bool_]) -> Check:
     difference = np.abs(found.pressure - judge.pressure)[where].max() / judge.pressure.max()
-    return Check(f"{name}: pressures, largest difference over the peak", float(difference), 0.0, 0.01, "", True)
+    return Check(f"{name}: pressures, largest difference relative to the peak", float(difference), 0.0, 0.01, "", True)
 
 
 def _at_same_gap(name: str, tamaas: Any, heights: Array, found: Contact, mean: float) -> Check:

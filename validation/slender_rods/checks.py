@@ -1,4 +1,4 @@
-"""Slender rods held at one end: pulled along themselves, and bent by a force at the other end."""
+"""Slender rods clamped at one end, under tension and under bending by a force at the other end."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,35 +18,36 @@ from meeframe.plugin.registry import Kind
 from meeframe.study.validate import Check, Curve, Item, Plot, Skip
 from meeframe.system.reduced import Formulation
 
-TITLE = "Slender rods: how far boundary elements bend them rightly"
+TITLE = "Slender rods: accuracy of boundary elements in bending"
 SOURCE = (
     "Timoshenko, Phil. Mag. 41 (1921) 744, deflection s33 F L^3/(3 I) + s55 F L/(5 A/6) of a square rod without E and "
-    "H, which all but vanish where the axial stress changes sign across it; elongation by uniaxial stress without D "
-    "and B. Beyond twenty widths, ten with linear elements, nodal collocation bends rods by amounts that depend on the "
-    "mesh, and with truncated blocks on the tolerance: each known error is bounded by about twice what was found."
+    "H, which nearly vanish where the axial stress changes sign across the section; elongation under uniaxial stress "
+    "without D and B. Beyond twenty widths (ten with linear elements), the bending computed by nodal collocation "
+    "depends on the mesh, and with truncated blocks on the tolerance; each known error is bounded by about twice the "
+    "measured one."
 )
 MATERIAL = library_material("orthotropic-mee")
 TRACTION = 1e6
-"""On the free end [Pa]; rods are 1 m wide."""
+"""Traction on the free end [Pa]; rods are 1 m wide."""
 # fluxes (i, J) by gradients of values (K, l), shear strains counted once, potentials last
 GRADIENTS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1), *((i, J) for J in (3, 4) for i in range(3))]
 LOST = (
-    "a slender rod bends by small differences of large fields: collocation does not balance them, truncated blocks of "
-    "hierarchical matrices lose them, and the error grows with the length; finer meshes, or finite elements"
+    "the bending of a slender rod is a small difference of large fields; collocation does not balance them, truncation "
+    "of hierarchical matrices loses them, and the error grows with the length; use finer meshes or finite elements"
 )
 RIGHT = 0.04
-"""Of rods on which meeframe does not warn, and of pulled ones; the clamp makes a rod of five widths 3 % stiffer."""
+"""Tolerance in tension, and in bending of rods without a warning; the clamp makes a rod of five widths 3 % stiffer."""
 DENSE, DEFAULT, TIGHT = "dense-bem", "hmatrix-bem", "hmatrix-bem, tolerance 1e-6"
 FORMULATIONS = {DENSE: {"name": DENSE}, DEFAULT: {"name": DEFAULT}, TIGHT: {"name": DEFAULT, "tolerance": 1e-6}}
-"""Formulations as in case files."""
+"""Formulations, as in case files."""
 
 
 @dataclass(frozen=True)
 class Rod:
-    """A rod of so many widths with elements across and along.
+    """A rod with its length in widths and numbers of elements across and along.
 
-    errors: what bending, and pulling if it is two numbers, are known to be off by at most, by formulation: about twice
-    what was measured, where that is beyond RIGHT; inf where truncated blocks leave no digit and nothing is to bound.
+    errors: bounds of the known errors in bending, and in tension if there are two numbers, by formulation. They are
+    about twice the measured errors where these exceed RIGHT, and inf where truncation leaves no correct digit.
     """
 
     element: SurfaceElement
@@ -57,14 +58,14 @@ class Rod:
 
     @property
     def body(self) -> Body:
-        """Clamped and grounded at one end; the other is the zone that is loaded."""
+        """Body that is clamped and grounded at one end; the other end is the loaded zone."""
         mesh = box_mesh((1.0, 1.0, self.length), (self.across, self.across, self.along), self.element)
         clamps = tuple(BoundaryCondition("z-", field, "value") for field in range(5))
         return Body(MATERIAL.stiffness, mesh, clamps, "z+")
 
     @property
     def name(self) -> str:
-        """Of the checks."""
+        """Name in the checks."""
         return f"{self.length} widths, {self.element.name}, {self.across} across x {self.along} along"
 
 
@@ -86,7 +87,7 @@ QUICK = (*RODS[:2], RODS[3], RODS[5])
 
 
 def displacements(formulation: Formulation, rod: Rod) -> tuple[float, float]:
-    """Mean displacement [m] of the free end across and along the rod, each by a traction along itself."""
+    """Return the mean displacements [m] of the free end across and along the rod under such tractions."""
     system = formulation.reduce(rod.body)
     found = []
     for component in (0, 2):
@@ -97,24 +98,24 @@ def displacements(formulation: Formulation, rod: Rod) -> tuple[float, float]:
 
 
 def compliance(n: int) -> Array:
-    """Of stresses where D = B = 0 (n = 12), or where E = H = 0 (n = 6)."""
+    """Return the compliance to stresses with D = B = 0 (n = 12) or with E = H = 0 (n = 6)."""
     moduli = [[MATERIAL.stiffness[i, J, K, m] for m, K in GRADIENTS[:n]] for i, J in GRADIENTS[:n]]
     return np.linalg.inv(np.array(moduli))
 
 
-def bent(length: float) -> float:
-    """Timoshenko's deflection [m] of a square rod of unit width."""
+def deflection(length: float) -> float:
+    """Return Timoshenko's deflection [m] of a square rod of unit width."""
     s = compliance(6)
     return float(TRACTION * (s[2, 2] * length**3 * 4.0 + s[4, 4] * length * 1.2))
 
 
-def pulled(length: float) -> float:
-    """Elongation [m]."""
+def elongation(length: float) -> float:
+    """Return the elongation [m]."""
     return float(TRACTION * compliance(12)[2, 2] * length)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Every rod by all boundary elements, bent and pulled; the known errors are those of which meeframe warns."""
+    """Check every rod with all boundary element formulations; known errors are those of which meeframe warns."""
     curves = []
     registry = plugins.load()
     for name, table in FORMULATIONS.items():
@@ -125,16 +126,16 @@ def run(quick: bool) -> Iterator[Item]:
         ratios = []
         for rod in QUICK if quick else RODS:
             across, along = displacements(formulation, rod)
-            found = (("bent", across, bent(rod.length)), ("pulled", along, pulled(rod.length)))
+            found = (("bending", across, deflection(rod.length)), ("tension", along, elongation(rod.length)))
             for (way, computed, reference), error in zip_longest(found, rod.errors.get(name, ())):
                 if error == inf:
-                    yield Skip(f"{name}: {way}, {rod.name}", "truncation at this tolerance leaves no digit")
+                    yield Skip(f"{name}: {way}, {rod.name}", "truncation at this tolerance leaves no correct digit")
                     continue
-                if way == "bent":
+                if way == "bending":
                     ratios.append((rod.length, computed / reference))
                 known = {"explained": LOST, "explained_up_to": error} if error else {}
                 yield Check(f"{name}: {way}, {rod.name}", computed, reference, RIGHT, "m", **known)
         curves.append(Curve(name, *np.array(ratios).T, points=True))
     ends = np.array([RODS[0].length, RODS[-1].length], float)
     curves.append(Curve("Timoshenko", ends, np.ones(2)))
-    yield Plot("Deflection of rods over Timoshenko's", "length / width", "ratio", tuple(curves))
+    yield Plot("Deflection of rods relative to Timoshenko's", "length / width", "ratio", tuple(curves))

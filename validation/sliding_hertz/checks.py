@@ -35,7 +35,7 @@ def run(quick: bool) -> Iterator[Item]:
     load, moved = after.state.load, after.state.displacement
     pressed = load[:, 2] < 0.0
     ratio = -load[pressed, 0] / load[pressed, 2]
-    yield Check("traction along the motion over pressure, smallest", float(ratio.min()), FRICTION, 0.01)
+    yield Check("ratio of traction along the motion and pressure, smallest", float(ratio.min()), FRICTION, 0.01)
     sticking = np.hypot(*load[:, :2].T) < (1.0 - 1e-9) * FRICTION * np.maximum(-load[:, 2], 0.0)
     yield Check("cells that stick in full slip", float(sticking.sum()), 0.0, 0.5, "", True)
     along, across = displacement(x, y)

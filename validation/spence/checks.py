@@ -16,8 +16,8 @@ from meeframe.testing.load_path import PathStep, Position, follow
 
 TITLE = "Spence: stick radius under normal load alone"
 SOURCE = (
-    "Spence, Proc. R. Soc. A 305 (1968) 55 and J. Elasticity 5 (1975) 297, tractions along the surface taken not to "
-    "move it along the normal: the stick radius c/a = k is the same for punch, cone and sphere at every load, "
+    "Spence, Proc. R. Soc. A 305 (1968) 55 and J. Elasticity 5 (1975) 297, assuming that tangential tractions "
+    "cause no normal displacement: the stick radius c/a = k is the same for punch, cone and sphere at every load, "
     "artanh(k) = (mu/beta) k K'(k), beta = (1 - 2 nu)/(2 (1 - nu))."
 )
 YOUNG = 200e9

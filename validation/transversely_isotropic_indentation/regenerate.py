@@ -2,8 +2,8 @@
 
     uv run python validation/transversely_isotropic_indentation/regenerate.py
 
-Writes docs/validation/transversely_isotropic_indentation.md with its pictures and the numbers as JSON. `--quick` leaves
-out the convergence study (and the text about it); `--out` names another folder.
+Writes docs/validation/transversely_isotropic_indentation.md with its figures, and the numbers as JSON. `--quick` omits
+the convergence study and its text; `--out` names another folder.
 """
 
 import argparse
@@ -47,9 +47,9 @@ FINER_MESHES = [(np.inf, n) for n in (8, 12, 16, 24, 32)]
 
 
 def main() -> None:
-    """Run the study and write its page."""
+    """Run the study and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="leave out the convergence study")
+    parser.add_argument("--quick", action="store_true", help="omit the convergence study")
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page (default: docs/validation)")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def _row(case: Case, name: str, solved: Solved) -> dict[str, object]:
-    """One condition: totals, their differences to the half space, and those on the section."""
+    """Return the totals of one condition and their differences from the half space, also on the section."""
     exact = closed_form(case, name)
     return {
         "condition": name,
@@ -90,7 +90,7 @@ def _row(case: Case, name: str, solved: Solved) -> dict[str, object]:
 
 
 def _grounding(case: Case, system: ReducedSystem) -> dict[str, dict[str, float]]:
-    """Differences under EMCI for other places where the potentials could be zero."""
+    """Return the differences under EMCI for other choices of the grounded faces."""
     base_only = tuple(c for c in case.conditions if c.group == "base")
     sides_only = tuple(c for c in case.conditions if c.group != "base" or c.field < 3)
     found = {}
@@ -115,8 +115,8 @@ def _conditions(table: list[dict]) -> list[str]:
         "# Section 7.1: indentation of a transversely isotropic block",
         "",
         "A rigid sphere (R = 100 mm) is pressed 50 µm into a block of 100 x 100 x 120 mm, Table 1, bonded at its base.",
-        "Reference: closed forms of the half space (docs/theory.md). All numbers and pictures of this page:",
-        f"`uv run python validation/{NAME}/regenerate.py`.",
+        "The reference is the half space in closed form ([theory](../theory.md)). To regenerate the numbers",
+        f"and figures, run `uv run python validation/{NAME}/regenerate.py`.",
         "",
         "## The paper's mesh: 1088 elements, 16 x 16 in the contact zone",
         "",
@@ -132,8 +132,8 @@ def _conditions(table: list[dict]) -> list[str]:
         )
     lines += [
         "",
-        "Largest difference on the section y = 0, in per cent of the largest value of the insulated half space, one",
-        "element either side of the contact radius left out:",
+        "The next table shows the largest difference on the section y = 0, in per cent of the largest value",
+        "of the insulated half space, excluding one element on either side of the contact radius:",
         "",
         "| condition | pressure | electric potential | magnetic potential |",
         "| --- | --- | --- | --- |",
@@ -148,9 +148,9 @@ def _grounded(grounding: dict[str, dict[str, float]]) -> list[str]:
         "",
         "## Where the potentials are zero",
         "",
-        "The paper does not say which faces of the block are grounded. It matters for the magnetic flux: the mean",
-        "strain of the block, small as it is, makes a magnetic potential across its height of some per cent of that",
-        "under the sphere. Differences to the half space under EMCI in per cent:",
+        "The paper does not say which faces of the block are grounded. The choice affects the magnetic flux:",
+        "the small mean strain of the block causes a magnetic potential across its height of some per cent",
+        "of the potential under the sphere. The table shows differences from the half space under EMCI in per cent:",
         "",
         "| grounded | P | Q | M |",
         "| --- | --- | --- | --- |",
@@ -159,7 +159,7 @@ def _grounded(grounding: dict[str, dict[str, float]]) -> list[str]:
         lines.append(
             f"| {name} | " + " | ".join(_percent(d[key]) for key in ("force", "charge", "magnetic_flux")) + " |"
         )
-    return [*lines, "", "The case files ground base and sides. As the block grows the choice ceases to matter."]
+    return [*lines, "", "The case files ground base and sides. The choice loses its influence as the block grows."]
 
 
 def _figures(sweeps: list[Sweep]) -> list[str]:
@@ -183,9 +183,9 @@ def _figures(sweeps: list[Sweep]) -> list[str]:
         "",
         f"![Pressure and potentials along x]({NAME}_fig4.png)",
         "",
-        "Symbols: nodes; lines: half space, insulating (full) and conducting (dashed). All relative to the centre",
-        "values of the insulated half space. Under ECMII the magnetic potential is not quite unaltered, nor the",
-        "electric one under EIMCI: ξ23 is not zero (docs/theory.md).",
+        "Symbols: nodes; lines: half space, insulating (solid) and conducting (dashed). All values are",
+        "relative to the centre values of the insulated half space. The magnetic potential under ECMII and",
+        "the electric potential under EIMCI change slightly, because ξ23 is not zero ([theory](../theory.md)).",
     ]
 
 
@@ -202,9 +202,11 @@ def _convergence(case: Case, meshes: list[Refinement]) -> str:
         "",
         f"![Differences against block size and element size]({NAME}_convergence.png)",
         "",
-        "Differences to the closed forms in per cent; a: contact radius, L: half width of the block, h: element size",
-        "in the zone. Rings and layers are finer here than on the paper's mesh: the first row is the block itself. The",
-        "half space is a semi-infinite body: only the plane around the zone is meshed.",
+        "The table shows differences from the closed forms in per cent; a: contact radius, L: half width of",
+        "the block, h: element size in the zone. Rings and layers are finer than on the paper's mesh; the",
+        "first line is the paper's block on this finer mesh. The half space is a semi-infinite body, of"
+        " which only the plane"
+        " around the zone is meshed.",
         "",
         "| L/a | a/h | elements | " + " | ".join(f"{condition} {symbols[key]}" for condition, key in names) + " |",
         "| --- " * (3 + len(names)) + "|",
@@ -221,9 +223,9 @@ def _convergence(case: Case, meshes: list[Refinement]) -> str:
     block = relative(meshes[0].totals["EIMCI"], exact["EIMCI"])["magnetic_flux"]
     lines += [
         "",
-        f"Largest difference of all totals and conditions on the last mesh: {100 * worst:.2f} %. The paper's block",
-        f"itself is {_percent(block)} % from the half space in the magnetic flux under EIMCI; part of that is hidden",
-        "on its 1088-element mesh by the error of the mesh, which has the other sign.",
+        f"The largest difference of all totals and conditions on the last mesh is {100 * worst:.2f} %. The magnetic",
+        f"flux of the paper's block under EIMCI differs by {_percent(block)} % from the half space. On the",
+        "mesh of 1088 elements, the discretisation error has the opposite sign and hides part of this difference.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -27,7 +27,9 @@ def run(quick: bool) -> Iterator[Item]:
         for name in ("equal", "unlike_elastic"):
             found = hertz(name)
             yield Check(f"{found.title}: force", found.force, found.exact, 0.015, "N")
-            yield Check(f"{found.title}: pressure, largest error over the peak", found.pressure, 0.0, 0.03, "", True)
+            yield Check(
+                f"{found.title}: pressure, largest error relative to the peak", found.pressure, 0.0, 0.03, "", True
+            )
     yield from _opposite(quick)
     yield from _exchanged(quick)
 
@@ -68,11 +70,11 @@ def _section(condition: str, solved: Solved, exact: Indentation) -> Plot:
 def _exchanged(quick: bool) -> Iterator[Check]:
     found = roles(_coarse(load("roles")) if quick else load("roles"))
     largest = float(found.differences.max())
-    yield Check("exchanged roles: load, largest difference over its largest value", largest, 0.0, 1e-8, "", True)
+    yield Check("exchanged roles: load, largest difference relative to its largest value", largest, 0.0, 1e-8, "", True)
     one, two = found.totals
     forces = float(np.abs(two.force - one.force * [-1, 1, 1]).max() / np.abs(one.force).max())
     yield Check("exchanged roles: forces, largest difference", forces, 0.0, 1e-8, "", True)
-    yield Check("exchanged roles: nodes that stick or slip alike, share", float(found.alike), 1.0, 0.0)
+    yield Check("exchanged roles: same stick and slip at all nodes (1: yes)", float(found.alike), 1.0, 0.0)
 
 
 def _coarse(case: Case) -> Case:

@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "validation"
 
 
 def main() -> None:
-    """Run the study and write its page."""
+    """Run the study and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page (default: docs/validation)")
     out = parser.parse_args().out
@@ -54,9 +54,11 @@ def _hertz(rows: list[Hertz], share: float) -> list[str]:
     lines = [
         "# Two deformable bodies",
         "",
-        "Compliances add ([theory](../theory.md#two-deformable-bodies)). All numbers of this page:",
-        f"`uv run python validation/{NAME}/regenerate.py`, from the case files beside it. Half spaces by boundary",
-        "elements, 16 x 16 of them in the contact zone of 5 x 5 mm; shape of the gap R = 100 mm, approach 50 µm.",
+        "This page compares two-body contact with closed forms. The compliances of both bodies add up",
+        "([theory](../theory.md#two-deformable-bodies)). To regenerate the numbers, run",
+        f"`uv run python validation/{NAME}/regenerate.py`, which uses the case files in its folder. The",
+        "bodies are half spaces by boundary elements, with 16 x 16 elements in the contact zone of 5 x 5",
+        "mm. The shape of the gap has R = 100 mm, and the approach is 50 µm.",
         "",
         "## Hertz",
         "",
@@ -71,11 +73,11 @@ def _hertz(rows: list[Hertz], share: float) -> list[str]:
     return [
         *lines,
         "",
-        "Nodes within an element's diagonal of the edge of the contact are left out of the last column. The two bodies",
-        "of the second row have their own meshes around the zone and their own fundamental solutions.",
+        "The last column excludes nodes within an element diagonal of the contact edge. The two bodies in",
+        "the second line have different meshes around the zone and different fundamental solutions.",
         "",
-        "Equal bodies do not slip: with friction, µ = 0.3, the largest tangential traction of the equal spheres is",
-        f"{rows[0].tangential:.0e} of the largest pressure. Where one of them is rigid it is {share:.2f}.",
+        "Equal bodies do not slip. With friction, µ = 0.3, the largest tangential traction of the equal spheres is",
+        f"{rows[0].tangential:.0e} of the largest pressure. If one of them is rigid, it is {share:.2f}.",
     ]
 
 
@@ -84,11 +86,11 @@ def _joined(rows: list[Joined]) -> list[str]:
         "",
         "## Magneto-electro-elastic bodies, frictionless",
         "",
-        "Two bodies of Table 1 against the half space of ξ = ξ_A + D ξ_B D. Poled towards each other they are mirror",
-        "images: nothing flows through the interface, conducting or not. Poled the same way in space they face each",
-        "other with opposite sides, and the interface is at zero potential where it conducts.",
+        "Two bodies of Table 1 are compared with the half space of ξ = ξ_A + D ξ_B D. Poled towards each",
+        "other, they are mirror images, and no flux crosses the interface, conducting or not. Poled in the",
+        "same direction in space, opposite faces are in contact, and a conducting interface is at zero potential.",
         "",
-        "| poled | condition | P [N] | diff. % | Q [C] | diff. % | M [Wb] | diff. % |",
+        "| poling | condition | P [N] | diff. % | Q [C] | diff. % | M [Wb] | diff. % |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     largest = [max(abs(row.exact[i]) for row in rows) for i in range(3)]
@@ -98,7 +100,7 @@ def _joined(rows: list[Joined]) -> list[str]:
             nothing = abs(found) < 1e-12 * size
             cells += ["0" if nothing else f"{found:.5g}", _percent(found, exact)]
         lines.append(f"| {row.poling} | {row.condition} | " + " | ".join(cells) + " |")
-    return [*lines, "", "0: less than 10⁻¹² of the largest of the column."]
+    return [*lines, "", "0: less than 10⁻¹² of the largest value in the column."]
 
 
 def _roles(found: Roles) -> list[str]:
@@ -117,19 +119,19 @@ def _roles(found: Roles) -> list[str]:
         "",
         "## Exchange of roles",
         "",
-        "`roles.toml`: a half space of Table 1, turned askew, against a bonded block of Table 3, turned too;",
-        "orthotropic friction at 35°, finite conductivities, 3 kV and −5 A between the grounds; pressed, then dragged",
-        "askew. Seen from the other body everything is turned over about x1 and reversed: forces along x1 and both",
-        "fluxes change sign, forces along x2 and x3 do not.",
+        "`roles.toml`: a half space of Table 1 in general orientation and a bonded block of Table 3, also rotated;",
+        "orthotropic friction at 35°, finite conductivities, 3 kV and −5 A between the grounds. The bodies",
+        "are pressed and then dragged obliquely. Seen from the other body, everything is rotated by 180°",
+        "about x1 and reversed: forces along x1 and both fluxes change sign, forces along x2 and x3 do not.",
         "",
-        "| on the first body | from the first | from the other |",
+        "| on the first body | seen from the first body | seen from the other body |",
         "| --- | --- | --- |",
         *(f"| {name} | {first:.6g} | {second:.6g} |" for name, first, second in rows),
         "",
         f"{found.pressed} nodes are in contact, {found.stuck} of them stick"
-        + ("; both views agree on which. " if found.alike else "; THE VIEWS DIFFER ON WHICH. ")
+        + ("; both descriptions have the same sticking nodes. " if found.alike else "; THE STICKING NODES DIFFER. ")
         + "Largest differences of the nodal",
-        f"loads, in parts of the largest of each: {differences}.",
+        f"loads, relative to the largest value of each: {differences}.",
     ]
 
 

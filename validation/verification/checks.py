@@ -31,8 +31,8 @@ from meeframe.system.reduced import ReducedSystem
 
 TITLE = "Three methods on the same cases: boundary elements, finite elements, half space by FFT"
 SOURCE = (
-    "Reference paper, sections 7.1 to 7.4, blocks with base and sides grounded. No published numbers enter: methods "
-    "are compared with each other, on their finest meshes within 1 %, extrapolated within 0.3 %."
+    "Reference paper, sections 7.1 to 7.4, blocks with base and sides grounded. No published numbers are used: the "
+    "methods are compared with each other, within 1 % on their finest meshes and within 0.3 % when extrapolated."
 )
 HERE = Path(__file__).parent
 RESULTANTS = ("force", "force_x", "force_y", "charge", "magnetic_flux")
@@ -40,10 +40,10 @@ FINEST, EXTRAPOLATED = 0.01, 0.003
 
 
 WAVERING = (
-    "in so strongly coupled a body (Table 3) finite elements are too stiff against pressures that alternate from node "
-    "to node, see the body of section 7.2: their pressures waver, and nodes near the outline open"
+    "in a body with such strong coupling (Table 3), finite elements are too stiff against pressures that alternate "
+    "from node to node (see the body of section 7.2): their pressures oscillate, and nodes near the contact edge open"
 )
-SCATTERED = WAVERING + "; the force scatters with them, which a limit from two meshes magnifies"
+SCATTERED = WAVERING + "; the force scatters with them, and extrapolation from two meshes magnifies the scatter"
 SCATTERED_UP_TO = 0.006
 COUNTED = ("max_", "contact_area")
 RADIUS = 2.15e-3
@@ -153,10 +153,10 @@ def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
     found = under_given_pressure(planned, systems, task.meshes.order)
     yield from judged(f"body of section {name}", found)
     least = short_waves(*systems[-2:])
-    words, judged_by = ("stiff", "less than 0.1") if strong else ("right within a factor of 2", "more than 0.5")
+    words, judged_by = ("stiff", "less than 0.1") if strong else ("accurate within a factor of 2", "more than 0.5")
     yield Claim(
         f"body of section {name}: finite elements are {words} against pressures that alternate from node to node",
-        f"least work {least:.2g} of that by boundary elements",
+        f"least work {least:.2g} of the work with boundary elements",
         judged_by,
         least < 0.1 if strong else least > 0.5,
     )
@@ -231,10 +231,10 @@ def judged(name: str, found: Verification, nodal: str = "") -> Iterator[Item]:
     """Everything within its own error; nodal: why values at single nodes miss that by up to as much again, if so."""
     for pair in found.agreements:
         quantity = f"{name}: {pair.first.quantity.replace('_', ' ')}"
-        words = f"{quantity}: methods agree within their own errors"
+        words = f"{quantity}: methods agree within their errors"
         why = nodal if pair.first.quantity.startswith(COUNTED) else ""
         a_little = abs(pair.difference) <= 2.0 * pair.allowed
-        yield Claim(words, _share(pair), "difference no more than allowed", _holds(pair), why, a_little)
+        yield Claim(words, _share(pair), "difference not larger than allowed", _holds(pair), why, a_little)
         if pair.first.quantity in COMPARED:
             yield _convergence(quantity, (pair.first, pair.second))
 
@@ -283,7 +283,7 @@ def large_blocks(quick: bool) -> Iterator[Item]:
         values = [totals[name] for totals in found]
         limit = richardson(1.0 / sizes, values, 1.0)
         tolerance = FINEST if quick else EXTRAPOLATED
-        text = f"blocks of growing size, to the half space: {name.replace('_', ' ')}"
+        text = f"blocks of increasing size, extrapolated to the half space: {name.replace('_', ' ')}"
         yield Check(text, limit.value, true, tolerance, unit_of(name))
         curve = Curve("block", 1.0 / sizes, 100 * (np.array(values) / true - 1), points=True)
         end = Curve("extrapolated", np.zeros(1), np.array([100 * (limit.value / true - 1)]), points=True)

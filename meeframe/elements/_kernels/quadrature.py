@@ -74,7 +74,7 @@ def _bilinear(corners, u, v):
 
 @njit(cache=True, nogil=True)
 def _bilinear_area(corners, u, v):
-    """Jacobian determinant of the bilinear map, positive for corners in counter-clockwise order."""
+    """Return the Jacobian determinant of the bilinear map, positive for corners in counter-clockwise order."""
     c, d = 0.25 * (1.0 - v), 0.25 * (1.0 + v)
     xi_u = c * (corners[1, 0] - corners[0, 0]) + d * (corners[2, 0] - corners[3, 0])
     eta_u = c * (corners[1, 1] - corners[0, 1]) + d * (corners[2, 1] - corners[3, 1])
@@ -86,7 +86,8 @@ def _bilinear_area(corners, u, v):
 
 @njit(cache=True, nogil=True)
 def _offset(table, polynomial, source, corners, own, u, v):
-    """Offset from the source at (u, v); on own elements divided by the distance 0..1 from the collapsed edge."""
+    """Return the offset from the source at (u, v); on own elements divided by the distance 0..1 from the collapsed
+    edge."""
     xi, eta = _bilinear(corners, u, v)
     if own and u <= -1.0:
         a, b = _bilinear(corners, 1.0, v)
@@ -181,7 +182,7 @@ def _total_degree(table):
 
 @njit(cache=True, nogil=True)
 def shape_degree(table):
-    """Degree along u or v of shape functions; on triangles times the area ratio of the collapsed patch."""
+    """Return the degree along u or v of shape functions; on triangles times the area ratio of the collapsed patch."""
     if table.triangle:
         return _total_degree(table) + 1
     degree = 0
@@ -192,7 +193,7 @@ def shape_degree(table):
 
 @njit(cache=True, nogil=True)
 def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, anisotropy=MODERATE_ANISOTROPY):
-    """Rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
+    """Return the rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
 
     own_xi: (2,) reference coordinates of the source if the element holds it, else NaN. Kernels may grow as 1/r and
     1/r^2; on own elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the
@@ -239,7 +240,7 @@ def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
 
 @njit(cache=True, nogil=True)
 def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
-    """Measures of elements with nodes (e, n, 3), for required_orders.
+    """Return the measures of elements with nodes (e, n, 3), for required_orders.
 
     Fills centres (e, 3), sizes (e, 2) along xi and eta, enlarged for skew and curvature, and least_orders (e,): points
     per direction that shape functions and the turning of the normal ask for at any distance.

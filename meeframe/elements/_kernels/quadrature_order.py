@@ -1,4 +1,4 @@
-"""How many Gauss points a cell needs, from where the kernel's singularities lie in the complex plane.
+"""Gauss points that a cell needs, from the kernel's singularities in the complex plane.
 
 Along a straight line of length l that is seen from the source with end distances r1, r2, kernels r^-p have their
 singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1) with s = (r1 + r2) / l, called the spread here; n Gauss
@@ -20,7 +20,7 @@ _TINY = 1e-300
 
 @njit(cache=True, nogil=True)
 def order_for(spread, degree, tolerance, anisotropy):
-    """Gauss points for kernels r^-p times a polynomial, at a spread s = (sum of end distances) / length."""
+    """Return the Gauss points for kernels r^-p times a polynomial, at a spread s = (sum of end distances) / length."""
     if spread <= 1.0 + 1e-12:
         return UNREACHABLE_ORDER
     across = sqrt(spread * spread - 1.0) / anisotropy
@@ -31,7 +31,8 @@ def order_for(spread, degree, tolerance, anisotropy):
 
 @njit(cache=True, nogil=True)
 def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
-    """Points along xi and along eta of a tensor Gauss rule over a whole element, for a relative error below tolerance.
+    """Return the points along xi and along eta of a tensor Gauss rule over a whole element, for a relative error below
+    tolerance.
 
     distance: source to centre; size_xi, size_eta: from element_extents, same unit; degree: from shape_degree. For
     curved elements the least orders of element_extents apply too. Large, UNREACHABLE_ORDER at worst, where the source
@@ -44,13 +45,13 @@ def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=M
 
 @njit(cache=True, nogil=True)
 def most_points(tolerance, gauss):
-    """Points per direction beyond which halving a cell is cheaper than a higher order (measured)."""
+    """Return the points per direction beyond which halving a cell is cheaper than a higher order (measured)."""
     return min(gauss.points.shape[1], max(6, ceil(6.0 - 1.1 * log10(tolerance))))
 
 
 @njit(cache=True, nogil=True)
 def norm(x, y, z):
-    """Euclidean length."""
+    """Return the Euclidean length."""
     return sqrt(x * x + y * y + z * z)
 
 
@@ -61,7 +62,7 @@ def _distance(grid, first, second):
 
 @njit(cache=True, nogil=True)
 def _midpoint_distance(grid, first, middle, second):
-    """Distance of a point from the midpoint of two others."""
+    """Return the distance of a point from the midpoint of two others."""
     return norm(
         grid[middle, 0] - 0.5 * (grid[first, 0] + grid[second, 0]),
         grid[middle, 1] - 0.5 * (grid[first, 1] + grid[second, 1]),
@@ -71,7 +72,7 @@ def _midpoint_distance(grid, first, middle, second):
 
 @njit(cache=True, nogil=True)
 def _segment_distance(grid, first, second):
-    """Distance from the origin to the segment between two points."""
+    """Return the distance from the origin to the segment between two points."""
     ax, ay, az = grid[first, 0], grid[first, 1], grid[first, 2]
     dx, dy, dz = grid[second, 0] - ax, grid[second, 1] - ay, grid[second, 2] - az
     square = dx * dx + dy * dy + dz * dz
@@ -83,7 +84,8 @@ def _segment_distance(grid, first, second):
 
 @njit(cache=True, nogil=True)
 def lengths_and_bulge(grid):
-    """Lengths along u and v, and departure from a bilinear shape, of a cell sampled on a grid (9, 3), v fastest."""
+    """Return the lengths along u and v, and departure from a bilinear shape, of a cell sampled on a grid (9, 3), v
+    fastest."""
     length_u = max(_distance(grid, 0, 6), max(_distance(grid, 1, 7), _distance(grid, 2, 8)))
     length_v = max(_distance(grid, 0, 2), max(_distance(grid, 3, 5), _distance(grid, 6, 8)))
     bulge = max(_midpoint_distance(grid, 0, 1, 2), _midpoint_distance(grid, 6, 7, 8))
@@ -94,7 +96,7 @@ def lengths_and_bulge(grid):
 
 @njit(cache=True, nogil=True)
 def cell_spreads(grid, length_u, length_v, bulge):
-    """Lower bounds of the spreads along u and v of a cell seen from the origin.
+    """Return the lower bounds of the spreads along u and v of a cell seen from the origin.
 
     Each of the two end lines counts with its nearest point, less the bulge of the cell: exact for flat rectangles.
     """
@@ -105,7 +107,7 @@ def cell_spreads(grid, length_u, length_v, bulge):
 
 @njit(cache=True, nogil=True)
 def reaches(grid):
-    """Twice the largest distance of the centre from midpoints between the end lines of u, then of v."""
+    """Return twice the largest distance of the centre from midpoints between the end lines of u, then of v."""
     along_u = along_v = 0.0
     for first in range(0, 3, 2):
         for second in range(0, 3, 2):

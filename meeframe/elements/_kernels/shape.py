@@ -41,7 +41,7 @@ def geometry_polynomial(table, nodes, out):
 
 @njit(cache=True, nogil=True)
 def position_at(table, polynomial, xi, eta):
-    """Position (x, y, z) at a reference point."""
+    """Return the position (x, y, z) at a reference point."""
     x = y = z = 0.0
     for k in range(table.exponents.shape[0]):
         value = _power(xi, table.exponents[k, 0]) * _power(eta, table.exponents[k, 1])
@@ -53,7 +53,7 @@ def position_at(table, polynomial, xi, eta):
 
 @njit(cache=True, nogil=True)
 def tangent_at(table, polynomial, xi, eta, along_xi, along_eta):
-    """Derivative of the position in the reference direction (along_xi, along_eta)."""
+    """Return the derivative of the position in the reference direction (along_xi, along_eta)."""
     x = y = z = 0.0
     for k in range(table.exponents.shape[0]):
         i = table.exponents[k, 0]
@@ -71,7 +71,7 @@ def tangent_at(table, polynomial, xi, eta, along_xi, along_eta):
 
 @njit(cache=True, nogil=True)
 def normal_at(table, polynomial, xi, eta):
-    """Vector Jacobian x_xi x x_eta: outward, its length the ratio of areas."""
+    """Return the vector Jacobian x_xi x x_eta: outward, its length the ratio of areas."""
     ax, ay, az = tangent_at(table, polynomial, xi, eta, 1.0, 0.0)
     bx, by, bz = tangent_at(table, polynomial, xi, eta, 0.0, 1.0)
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -51,7 +51,7 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What every task reads.
+    """Data that every assembly task reads.
 
     mesh: in units of the system; own_shape: (o, k) shape functions at Sources.own_xi, zero-padded; accuracy, rules: how
     the elements are integrated; exterior: (s, f^2) terms of the plane outside the mesh of a semi-infinite body; planes:
@@ -77,7 +77,7 @@ def assemble(
     accuracy: kernels.Accuracy,
     progress: Progress,
 ) -> System:
-    """The boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
+    """Return the boundary element system (eqs. 19, 20). Raises MeshError if a source lies on an element not its own."""
     rules = tuple(tabulate(block, mesh.points, accuracy.tolerance) for block in mesh.blocks)
     exterior = exterior_terms(kernel, mesh, sources.position) if mesh.semi_infinite else None
     planes = tuple(plane_normals(rule) for rule in rules)
@@ -189,7 +189,8 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
 
 
 def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buffers, panels: _Panels) -> bool:
-    """As _accumulate if the block is plane and the kernel integrates over planes; else nothing is added, and False."""
+    """Accumulate if the block is plane and the kernel integrates over planes; otherwise add nothing and return
+    False."""
     planes = problem.planes[number]
     if planes is None:
         return False
@@ -275,7 +276,7 @@ def _enlarged(code: int, block: ElementBlock, buffers: kernels.Buffers, position
 
 
 def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
-    """Shape functions at the sources on the elements that hold them, (o, k)."""
+    """Return the shape functions at the sources on the elements that hold them, (o, k)."""
     shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
     for number, block in enumerate(mesh.blocks):
         rows = sources.own_block == number

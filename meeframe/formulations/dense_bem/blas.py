@@ -18,7 +18,7 @@ Swaps = NDArray[np.int32]
 
 
 def factorise(matrix: Array, swaps: Swaps) -> None:
-    """LU factors of matrix (m, n), m >= n, in its place, by partial pivoting; swaps (n,) is filled.
+    """Factorise a matrix (m, n), m >= n, in place into LU by partial pivoting; fill swaps (n,).
 
     For a few columns: by one thread, column by column.
     """
@@ -27,18 +27,18 @@ def factorise(matrix: Array, swaps: Swaps) -> None:
 
 
 def subtract_product(target: Array, left: Array, right: Array) -> None:
-    """target (m, n) -= left (m, k) @ right (k, n)."""
+    """Compute target (m, n) -= left (m, k) @ right (k, n)."""
     sizes = _numbers(*target.shape, len(right))
     _dgemm(b"N", b"N", *sizes, byref(c_double(-1.0)), *_part(left), *_part(right), byref(c_double(1.0)), *_part(target))
 
 
 def divide_by_lower(target: Array, factors: Array, *, from_right: bool = False) -> None:
-    """target = L^-1 target, or target L^-1; L the unit lower triangle of factors (k, k)."""
+    """Compute target = L^-1 target, or target L^-1, with L the unit lower triangle of factors (k, k)."""
     _divide(b"R" if from_right else b"L", b"L", b"U", target, factors)
 
 
 def divide_by_upper(target: Array, factors: Array) -> None:
-    """target = U^-1 target; U the upper triangle of factors (k, k)."""
+    """Compute target = U^-1 target, with U the upper triangle of factors (k, k)."""
     _divide(b"L", b"U", b"N", target, factors)
 
 
@@ -52,7 +52,7 @@ def _numbers(*values: int) -> tuple[Any, ...]:
 
 
 def _part(matrix: Array) -> tuple[Any, Any]:
-    """First entry, and what lies between columns, which is not looked at where there is one only."""
+    """Return the first entry, and what lies between columns, which is not looked at where there is one only."""
     (rows, columns), (down, across) = matrix.shape, matrix.strides
     sound = matrix.dtype == np.float64
     sound &= rows <= 1 or columns == 0 or down == matrix.itemsize

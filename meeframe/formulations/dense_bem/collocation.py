@@ -38,7 +38,7 @@ class Sources:
 
 
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
-    """Collocation points for a layout; every row 0..n_unknowns-1 appears once."""
+    """Return the collocation points for a layout; every row 0..n_unknowns-1 appears once."""
     patches = layout.patches
     n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)

@@ -53,14 +53,15 @@ def eliminate(columns: Array, k: int) -> None:
 
 
 def last_unknowns(columns: Array, k: int, right: Array) -> Array:
-    """Unknowns after the first k, (u - k, m), of an eliminated system, for right-hand sides as it left them."""
+    """Return the unknowns after the first k, (u - k, m), of an eliminated system, for right-hand sides as it left
+    them."""
     found = np.array(right[k:], order="F")
     divide_by_upper(found, columns[k:, k : len(columns)])
     return found
 
 
 def all_unknowns(columns: Array, k: int, right: Array) -> Array:
-    """Unknowns (u, m) of an eliminated system for right-hand sides (u, m) as it left them."""
+    """Return the unknowns (u, m) of an eliminated system for right-hand sides (u, m) as it left them."""
     found = np.array(right, order="F")
     first, last = found[:k], found[k:]
     divide_by_upper(last, columns[k:, k : len(columns)])
@@ -71,7 +72,7 @@ def all_unknowns(columns: Array, k: int, right: Array) -> Array:
 
 
 def inverse_norm(columns: Array, k: int) -> float:
-    """Frobenius norm of the inverse of an eliminated matrix, estimated; not finite if a pivot is zero.
+    """Return the Frobenius norm of the inverse of an eliminated matrix, estimated; not finite if a pivot is zero.
 
     The root of the mean square of the solutions for independent right-hand sides of variance 1 (Gudmundsson, Kenney,
     Laub 1995, Small-sample statistical estimates for matrix norms).
@@ -83,7 +84,7 @@ def inverse_norm(columns: Array, k: int) -> float:
 
 
 def _factorise(matrix: Array, swaps: Swaps) -> None:
-    """LU factors of matrix (m, n), m >= n, as by one call of LAPACK, which ends the process with 22,450 columns.
+    """Factorise a matrix (m, n), m >= n, into LU in blocks: one call of LAPACK fails from 22,450 columns on.
 
     Halves of the columns, halved in turn, so that nearly all is done by products of large matrices (Toledo 1997).
     """

@@ -61,7 +61,7 @@ class DenseBEM(Formulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings of slender parts, whose bending may be wrong, for a body that `check` accepts."""
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
@@ -78,7 +78,7 @@ class DenseBEM(Formulation):
         return in_local_frames(*parts, offset, compliance, solution.fields)
 
     def boundary_fields(self, body: Body, progress: Progress = silent) -> NodalFields:
-        """Fields on the boundary of a body without contact zone. Raises as reduce."""
+        """Return the fields on the boundary of a body without contact zone. Raises as reduce."""
         if body.contact_group is not None:
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
         return self._solve(body, progress).fields(np.zeros((0, body.fields.size)))

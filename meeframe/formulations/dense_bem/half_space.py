@@ -11,8 +11,8 @@ GAUSS_POINTS = 24
 
 
 def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array:
-    """Free term less the integral of T over the plane outside the mesh, (s, fields^2), entry (J, K) row by row, for
-    positions (s, 3).
+    """Return the free term less the integral of T over the plane outside the mesh, (s, fields^2), entry (J, K) row by
+    row, for positions (s, 3).
 
     The value at the source is subtracted on the mesh; over the whole plane the principal value of T vanishes, because T
     is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer edge at rho = R(theta) the integral

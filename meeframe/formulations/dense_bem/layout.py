@@ -28,19 +28,19 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Values (..., fields) in SI units into units of the system."""
+        """Return the values (..., fields) in SI units into units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Fluxes (..., fields) in SI units into units of the system."""
+        """Return the fluxes (..., fields) in SI units into units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Values (..., fields) of the system into SI units."""
+        """Return the values (..., fields) of the system into SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Fluxes (..., fields) of the system into SI units."""
+        """Return the fluxes (..., fields) of the system into SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -64,7 +64,7 @@ class Layout:
 
 
 def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
-    """Number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
+    """Return the number the unknowns of a body. At the outer edge of a semi-infinite one all fields are taken as zero.
 
     Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
     or leave a field undetermined.
@@ -111,7 +111,7 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
 def boundary_fields(
     layout: Layout, units: Units, mesh: SurfaceMesh, values: Array, fluxes: Array, loads: Array
 ) -> NodalFields:
-    """Fields on the boundary, SI units and global axes, at the nodes of each patch.
+    """Return the fields on the boundary, SI units and global axes, at the nodes of each patch.
 
     values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (fields n,) on the
     zone, in those of fluxes.
@@ -169,7 +169,7 @@ def _apply(
 
 
 def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
-    """The value of a field that a neighbouring face prescribes cannot be found by contact as well."""
+    """Refuse a field in the contact zone that a neighbouring face already prescribes."""
     pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if pinned.any():
         names = ", ".join(name for name, hit in zip(body.fields.value_names, pinned, strict=True) if hit)

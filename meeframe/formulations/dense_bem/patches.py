@@ -18,7 +18,7 @@ from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Every local node of every element of a mesh: all arrays have one entry (normal: one row) per corner."""
+    """Local nodes of all elements of a mesh: each array has one entry (normal: one row) per corner."""
 
     block: Indices
     element: Indices
@@ -44,7 +44,8 @@ class Patches:
 
 
 def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
-    """Flux nodes of a mesh; elements whose normals at a point differ by more than edge_angle [rad] are on two."""
+    """Return the flux nodes of a mesh; elements whose normals at a point differ by more than edge_angle [rad] are on
+    two."""
     corners = mesh_corners(mesh)
     of_corner = _number_patches(corners, np.cos(edge_angle))
     _, first = np.unique(of_corner, return_index=True)
@@ -55,7 +56,7 @@ def find_patches(mesh: SurfaceMesh, edge_angle: float) -> Patches:
 
 
 def mesh_corners(mesh: SurfaceMesh) -> Corners:
-    """The corners of a mesh, block by block, element by element."""
+    """Return the corners of a mesh, block by block, element by element."""
     parts = [_block_corners(number, block, mesh.points) for number, block in enumerate(mesh.blocks)]
     return Corners(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
@@ -72,7 +73,7 @@ def _block_corners(number: int, block: ElementBlock, points: Array) -> tuple[Ind
 
 
 def _number_patches(corners: Corners, cosine: float) -> Indices:
-    """Flux node of each corner: connected components of 'same point, same group, nearly the same normal'."""
+    """Return the flux node of each corner: connected components of 'same point, same group, nearly the same normal'."""
     order = np.lexsort((corners.group, corners.point))
     link_from, link_to = [], []
     for shift in range(1, _most_corners_at_a_point(corners)):

@@ -14,7 +14,8 @@ PLANE = 1e-12
 
 
 def tabulate(block: ElementBlock, points: Array, tolerance: float) -> RuleTable:
-    """Tensor rules of the tabulated orders on all elements of a block; triangles have the same in both directions."""
+    """Return the tensor rules of the tabulated orders on all elements of a block; triangles have the same in both
+    directions."""
     triangle = block.element.reference == "triangle"
     orders = [(xi, eta) for xi in TABULATED_ORDERS for eta in TABULATED_ORDERS if xi == eta or not triangle]
     starts = np.full((max(TABULATED_ORDERS) + 1, max(TABULATED_ORDERS) + 1), -1)
@@ -42,7 +43,7 @@ def tabulate(block: ElementBlock, points: Array, tolerance: float) -> RuleTable:
 
 
 def plane_normals(rules: RuleTable) -> Array | None:
-    """Normals (e, 3) of the elements of a block if they are all plane."""
+    """Return the normals (e, 3) of the elements of a block if they are all plane."""
     order = max(TABULATED_ORDERS)
     first = rules.starts[order, order]
     normals = rules.normals[first : first + order**2 * len(rules.centres)].reshape(-1, order**2, 3)

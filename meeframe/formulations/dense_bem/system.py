@@ -1,4 +1,4 @@
-"""From the collocated system to the reduced system: one factorisation, then contact-size relations."""
+"""Reduction of the collocated system: one factorisation, then relations of contact size."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -36,7 +36,7 @@ class BoundarySolution:
     mesh: SurfaceMesh
 
     def fields(self, load: Array) -> NodalFields:
-        """Fields on the boundary for a load (n, fields) in SI units and global axes."""
+        """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
         right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
@@ -45,7 +45,7 @@ class BoundarySolution:
 
 
 def factorise(system: System) -> Array:
-    """The factors of BoundarySolution, (u, u + fields n + 1), in the place of the system.
+    """Return the factors of BoundarySolution, (u, u + fields n + 1), in the place of the system.
 
     Raises CaseError if the matrix is singular to working precision, or not finite.
     """
@@ -68,10 +68,8 @@ def factorise(system: System) -> Array:
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
-    """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the contact zone.
-
-    SI units, global axes.
-    """
+    """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the contact zone, SI
+    units, global axes."""
     layout, units = solution.layout, solution.units
     n, n_fields = len(layout.zone), layout.value_column.shape[1]
     values = last_unknowns(solution.factors, layout.n_unknowns - n_fields * n, solution.factors[:, layout.n_unknowns :])
@@ -84,7 +82,7 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
 
 
 def characteristic_length(body: Body) -> float:
-    """Size of the contact zone, or of the body where there is none [m]: the unit of length of the system."""
+    """Return the size of the contact zone, or of the body where there is none [m]: the unit of length of the system."""
     group = body.contact_group
     points = body.mesh.points if group is None else body.mesh.points[body.mesh.group_points(group)]
     return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -49,7 +49,8 @@ def _form(stiffness, a, b, pairs, form):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _inverse(g00, g01, g02, g03, g04, g11, g12, g13, g14, g22, g23, g24, g33, g34, g44):
-    """Inverse of a symmetric 5x5 matrix with definite mechanical and electromagnetic blocks of opposite sign.
+    """Return the inverse of a symmetric 5x5 matrix with definite mechanical and electromagnetic blocks of opposite
+    sign.
 
     Of [[A, B], [B^T, D]] it is [[A^-1 + X Y^T, -Y], [-Y^T, S^-1]], X = A^-1 B, S = D - B^T X, Y = X S^-1: A and S are
     definite. Other matrices may give what is not finite.
@@ -163,7 +164,8 @@ def _compare(total, previous, change, largest):
 
 @njit(cache=True, nogil=True)
 def line_integrals(stiffness, triad, points, most_points, tolerance, with_tangents):
-    """Modulation (n, 3, 15) = H, A, B on triads (n, 3, 3), or H alone, (n, 1, 15), and whether all of them converged.
+    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3), or H alone, (n, 1, 15), and whether all of them
+    converged.
 
     The trapezoidal rule starts with half of points and doubles, keeping its nodes, until it changes by less than the
     tolerance, relative to the largest entry: each direction for itself.

@@ -1,4 +1,4 @@
-"""From the direction-dependent part of a fundamental solution to U, T and U,q.
+"""U, T and U,q from the direction-dependent part of a fundamental solution.
 
 Every fundamental solution here is written, at x = r e with (n, m, e) a right-handed orthonormal triad, as
     4 pi r U = H,    4 pi r^2 U,q = n_q A + m_q B - e_q H,
@@ -17,7 +17,7 @@ PACKED = np.array([[0, 1, 2, 3, 4], [1, 5, 6, 7, 8], [2, 6, 9, 10, 11], [3, 7, 1
 
 @njit(cache=True, nogil=True)
 def triads(offset):
-    """Distances (n,) and triads (n, 3, 3) with rows n, m, e for offset (n, 3)."""
+    """Return the distances (n,) and triads (n, 3, 3) with rows n, m, e for offset (n, 3)."""
     distance = np.empty(offset.shape[0])
     triad = np.empty((offset.shape[0], 3, 3))
     for point in range(offset.shape[0]):
@@ -45,7 +45,7 @@ def triads(offset):
 
 @njit(cache=True, nogil=True)
 def contract(stiffness, a, b, out):
-    """out_JK = C_iJKm a_i b_m, (5, 5), for stiffness (3, 5, 5, 3)."""
+    """Return out_JK = C_iJKm a_i b_m, (5, 5), for stiffness (3, 5, 5, 3)."""
     for j in range(5):
         for k in range(5):
             total = 0.0
@@ -57,7 +57,7 @@ def contract(stiffness, a, b, out):
 
 @njit(cache=True, nogil=True)
 def displacement_and_traction(stiffness, normal, distance, triad, modulation):
-    """U and T (n, 5, 5) of modulation (n, 3, 15) = H, A, B (eqs. 42, 47)."""
+    """Return U and T (n, 5, 5) of modulation (n, 3, 15) = H, A, B (eqs. 42, 47)."""
     count = distance.shape[0]
     u = np.empty((count, 5, 5))
     t = np.empty((count, 5, 5))
@@ -81,7 +81,7 @@ def displacement_and_traction(stiffness, normal, distance, triad, modulation):
 
 @njit(cache=True, nogil=True)
 def displacement_gradient(distance, triad, modulation):
-    """U,q (n, 5, 5, 3) of modulation (n, 3, 15) = H, A, B (eq. 48)."""
+    """Return U,q (n, 5, 5, 3) of modulation (n, 3, 15) = H, A, B (eq. 48)."""
     gradient = np.empty((distance.shape[0], 5, 5, 3))
     for point in range(distance.shape[0]):
         r = distance[point]

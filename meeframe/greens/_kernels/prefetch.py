@@ -10,7 +10,7 @@ _READ, _KEEP, _DATA = 0, 3, 1
 
 @intrinsic
 def prefetch(_context, array, index):
-    """In compiled functions, prefetch(array, index): the line that holds array.flat[index] of a contiguous array.
+    """Prefetch, in compiled code, the cache line that holds array.flat[index] of a contiguous array.
 
     An index out of range does no harm, and nothing waits. Source: LLVM's intrinsic of that name.
     """
@@ -29,4 +29,4 @@ def prefetch(_context, array, index):
 if config.DISABLE_JIT:
 
     def prefetch(array, index):
-        """Nothing, where functions are not compiled."""
+        """Do nothing, where functions are not compiled."""

@@ -15,7 +15,7 @@ OTHERS = np.array([[j for j in range(5) if j != i] for i in range(5)])
 
 @njit(cache=True, nogil=True)
 def characteristic_forms(stiffness, triad):
-    """Q, R + R^T and T of eqs. 44-45, (n, 3, 5, 5), on triads (n, 3, 3)."""
+    """Return Q, R + R^T and T of eqs. 44-45, (n, 3, 5, 5), on triads (n, 3, 3)."""
     n = triad.shape[0]
     forms = np.empty((n, 3, 5, 5))
     for point in range(n):
@@ -28,7 +28,7 @@ def characteristic_forms(stiffness, triad):
 
 @njit(cache=True, nogil=True)
 def _cofactor(matrix, i, j):
-    """Cofactor of a 5x5 matrix, by the 2x2 minors of two pairs of rows."""
+    """Return the cofactor of a 5x5 matrix, by the 2x2 minors of two pairs of rows."""
     a, b, c, d = matrix[OTHERS[i, 0]], matrix[OTHERS[i, 1]], matrix[OTHERS[i, 2]], matrix[OTHERS[i, 3]]
     w, x, y, z = OTHERS[j, 0], OTHERS[j, 1], OTHERS[j, 2], OTHERS[j, 3]
     value = (
@@ -44,7 +44,7 @@ def _cofactor(matrix, i, j):
 
 @njit(cache=True, nogil=True)
 def _adjugate(forms, roots, coefficients):
-    """Coefficients (15, 9) of w^4 adj(G) and the constant of det(G), from samples on the unit circle.
+    """Return the coefficients (15, 9) of w^4 adj(G) and the constant of det(G), from samples on the unit circle.
 
     With p = tan(angle) and w = exp(2 i angle) real directions z = cos n + sin m lie on the unit circle, where G(z) is
     real, adj(G) = w^-4 (polynomial of degree 8) and det(G) = constant w^-5 prod (w - w_i)(1 - conj(w_i) w).
@@ -71,7 +71,7 @@ def _adjugate(forms, roots, coefficients):
 
 @njit(cache=True, nogil=True)
 def _moments(nodes, roots, repeat, vector, moments):
-    """Divided differences at nodes (N,) of w^k / prod (1 - conj(root) w)^repeat for all k of moments.
+    """Return the divided differences at nodes (N,) of w^k / prod (1 - conj(root) w)^repeat for all k of moments.
 
     By Opitz' theorem the divided difference of f at nodes z is the last entry of the first row of f(Z), Z with z on its
     diagonal and ones above. It is the sum of residues of f / prod (w - z) whether nodes coincide or not, and its
@@ -94,7 +94,8 @@ def _moments(nodes, roots, repeat, vector, moments):
 
 @njit(cache=True, nogil=True)
 def _double_residues(adjugate, moments, double):
-    """M_ijPKMN of eq. 50 times the squared constant, as (3, 15, 15): nn, nm and mm of eq. 52, then PK and MN packed.
+    """Return M_ijPKMN of eq. 50 times the squared constant, as (3, 15, 15): nn, nm and mm of eq. 52, then PK and MN
+    packed.
 
     Only MN >= PK is computed, and three of the nine ij (eqs. 53, 54).
     """
@@ -120,7 +121,7 @@ def _double_residues(adjugate, moments, double):
 
 @njit(cache=True, nogil=True)
 def _tangents(stiffness, triad, double, scale, modulation):
-    """A and B (15,) into modulation[1:] from M (eq. 49 less its first term, along n and m)."""
+    """Return a and B (15,) into modulation[1:] from M (eq. 49 less its first term, along n and m)."""
     along_n, along_m = np.empty((5, 5)), np.empty((5, 5))
     contract(stiffness, triad[0], triad[2], along_n)
     contract(stiffness, triad[1], triad[2], along_m)
@@ -139,7 +140,8 @@ def _tangents(stiffness, triad, double, scale, modulation):
 
 @njit(cache=True, nogil=True)
 def residue_modulation(stiffness, triad, forms, eigenvalues):
-    """Modulation (n, 3, 15) = H, A, B on triads (n, 3, 3) from forms (n, 3, 5, 5) and upper eigenvalues (n, 5)."""
+    """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3) from forms (n, 3, 5, 5) and upper eigenvalues (n,
+    5)."""
     n = triad.shape[0]
     modulation = np.empty((n, 3, 15))
     adjugate = np.empty((15, TERMS), np.complex128)

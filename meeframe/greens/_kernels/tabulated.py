@@ -35,7 +35,7 @@ ROW, LINE, AHEAD = N_PACKED + 25, 8, 8
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _face(x, y, z):
-    """Face number, x_a, u and v of an offset.
+    """Return the face number, x_a, u and v of an offset.
 
     The choices are written so that the compiler makes vectors of them in a loop over points: branches would be guessed
     wrong at most points.
@@ -51,13 +51,13 @@ def _face(x, y, z):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cell(coordinate, cells):
-    """Cell along one parameter in [-1, 1]; a valid one for NaN too."""
+    """Return the cell along one parameter in [-1, 1]; a valid one for NaN too."""
     return max(0, min(int(0.5 * (coordinate + 1.0) * cells), cells - 1))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _local(coordinate, number, cells):
-    """Where in [-1, 1] of a cell along one parameter a coordinate lies."""
+    """Return where in [-1, 1] of a cell along one parameter a coordinate lies."""
     return (coordinate + 1.0) * cells - (2 * number + 1)
 
 
@@ -88,7 +88,7 @@ def sort_by_cell(offset, cells, place, key, order):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
 def horner(table, cell, column, s, t):
-    """G, G_s, G_t of one column at local coordinates s, t of one cell of the table, by Horner's rule in both.
+    """Return G, G_s, G_t of one column at local coordinates s, t of one cell of the table, by Horner's rule in both.
 
     The bounds of the inner loop are constants: in a loop over the columns the compiler unrolls it and makes vectors of
     them. Zeros with which the rule would begin are left out.
@@ -113,14 +113,14 @@ def horner(table, cell, column, s, t):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _interpolate(table, cell, s, t, value):
-    """G, G_s, G_t into value (48,)."""
+    """Return G, G_s, G_t into value (48,)."""
     for column in range(WIDTH):
         value[column], value[WIDTH + column], value[2 * WIDTH + column] = horner(table, cell, column, s, t)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def locate(x, y, z, cells):
-    """Face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
+    """Return the face, x_a, u, v, cell of the table and local coordinates in it, of an offset."""
     face, xa, u, v = _face(x, y, z)
     i, j = _cell(u, cells), _cell(v, cells)
     return face, xa, u, v, (face * cells + i) * cells + j, _local(u, i, cells), _local(v, j, cells)
@@ -128,7 +128,7 @@ def locate(x, y, z, cells):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _interpolate_lanes(table, cell, s, t, first, values):
-    """As _interpolate, at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
+    """Interpolate at LANES points of one cell with s, t (LANES,), into columns first... of values (see _block)."""
     for column in range(N_PACKED):
         out = values[column, first:]
         # A length that the compiler does not know: it would unroll a short loop and make no vectors.
@@ -138,7 +138,8 @@ def _interpolate_lanes(table, cell, s, t, first, values):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
 def _row(c, o, place):
-    """Factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see tractions."""
+    """Return the factors of G, G_u, G_v in T for one J and M, from c[o], ..., c[o + 8]: C_iJMl as [3 k + i]; see
+    tractions."""
     x, y, z, u, v = place
     along = c[o] * x + c[o + 1] * y + c[o + 2] * z
     return (
@@ -150,7 +151,7 @@ def _row(c, o, place):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
 def _product(k, values, p, factors):
-    """Row k of a packed symmetric matrix, with its entries in column p of values, times factors."""
+    """Return the row k of a packed symmetric matrix, with its entries in column p of values, times factors."""
     return (
         factors[0] * values[PACKED[k, 0], p]
         + factors[1] * values[PACKED[k, 1], p]
@@ -162,14 +163,14 @@ def _product(k, values, p, factors):
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, inline="always")
 def _entry(k, values, p, scale, slope, a, b, c):
-    """T_JK of one J at point p, from the factors of G, G_u, G_v."""
+    """Return T_JK of one J at point p, from the factors of G, G_u, G_v."""
     steep = _product(k, values, WIDE + p, b) + _product(k, values, 2 * WIDE + p, c)
     return scale * _product(k, values, p, a) + slope * steep
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def tractions(coefficients, place, values, traction):
-    """T into traction (5, 5 blocks) of one block of points on one face; the points run fastest.
+    """Return T into traction (5, 5 blocks) of one block of points on one face; the points run fastest.
 
     coefficients (225,): C_iJMl as [J, M, 3 k + i] with l = a, b, c for k = 0, 1, 2; place (7, BLOCK): normal, u, v,
     1 / (4 pi s) and that times cells; values: see _block. No inner loop: with one the compiler makes no vectors.
@@ -245,7 +246,7 @@ def _block(table, cells, points, following, place, key, normal, work):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pack(points, place, values, traction, packed):
-    """Results of a block of points (see _block, tractions) as rows of packed (b, 40): U, packed, and T."""
+    """Return the results of a block of points (see _block, tractions) as rows of packed (b, 40): U, packed, and T."""
     for p in range(len(points)):
         scale = 0.25 / (math.pi * abs(place[0, points[p]]))
         for q in range(N_PACKED):
@@ -256,7 +257,8 @@ def _pack(points, place, values, traction, packed):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _write(points, place, values, traction, u_out, t_out):
-    """Results of a block of points into their rows of U and T (n, 25): fastest where all of these are in the caches."""
+    """Return the results of a block of points into their rows of U and T (n, 25): fastest where all of these are in
+    the caches."""
     for p in range(len(points)):
         point = points[p]
         scale = 0.25 / (math.pi * abs(place[0, point]))
@@ -317,7 +319,7 @@ def evaluate(table, cells, coefficients, offset, normal, u_out, t_out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradient(table, cells, offset):
-    """U,q (n, 5, 5, 3) for offset (n, 3)."""
+    """Return U,q (n, 5, 5, 3) for offset (n, 3)."""
     n = offset.shape[0]
     out = np.empty((n, 5, 5, 3))
     value = np.empty(3 * WIDTH)

@@ -11,7 +11,7 @@ from meeframe.greens._kernels.tabulated import FLAT, WIDTH, horner, locate
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _field(table, cell, s, t, place, field):
-    """U and its derivatives along the axes a, b, c of a face into field (64,), packed, 16 columns each.
+    """Return U and its derivatives along the axes a, b, c of a face into field (64,), packed, 16 columns each.
 
     place: scale of G in U, of G in U,a, of G_s in U,a and in U,b, of G_t in U,a and in U,c.
     """
@@ -37,7 +37,7 @@ def _at_point(table, cells, offset, field):
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _turn(coefficients, normal, turned):
-    """C_iJMl n_i as [l, J, M] into turned (75,), for coefficients (225,) as in tabulated.tractions."""
+    """Return C_iJMl n_i as [l, J, M] into turned (75,), for coefficients (225,) as in tabulated.tractions."""
     x, y, z = normal
     for q in range(25):
         for part in range(3):

@@ -1,4 +1,4 @@
-"""What the runs of a comparison have in common and where they differ: table, figure, JSON."""
+"""Table, figure and JSON of a comparison: what its runs share and where they differ."""
 
 import json
 import math
@@ -105,7 +105,7 @@ class Comparison:
 
 
 def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
-    """How far the last increment of a run is from that of the first one, by quantity.
+    """Return how far the last increment of a run is from that of the first one, by quantity.
 
     Totals: modulus of the difference over that of the first; fields: largest difference over largest modulus. None
     where the first is zero and the run is not, or where there is nothing to compare.
@@ -136,8 +136,8 @@ def _along(zone: Zone, step: StepResult, axis: int) -> Array:
 
 
 def comparison_json(comparison: Comparison) -> str:
-    """All numbers: of each run its choices, status, times and increments, and of its last increment the fields on the
-    zone and the differences to the first run that is not refused. Numbers that are not finite become null."""
+    """Return all numbers: of each run its choices, status, times and increments, and of its last increment the fields
+    on the zone and the differences to the first run that is not refused. Numbers that are not finite become null."""
     runs = [_numbers(run, comparison.first) for run in comparison.runs]
     head = {"title": comparison.title, "case": comparison.text, "versions": dict(comparison.versions)}
     return json.dumps({**head, "runs": runs}, indent=1, allow_nan=False) + "\n"
@@ -173,14 +173,14 @@ def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Lists and numbers of JSON."""
+    """List and numbers of JSON."""
     if isinstance(value, np.ndarray | list):
         return [_plain(item) for item in value]
     return float(value) if math.isfinite(value) else None
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:
-    """A column for each run, so many side by side: last increment, work, and differences to comparison.first."""
+    """Return a column for each run, so many side by side: last increment, work, and differences to comparison.first."""
     runs = comparison.runs
     blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
     done = [run for run in runs if run.steps]
@@ -193,7 +193,7 @@ def comparison_table(comparison: Comparison) -> RenderableType:
 
 
 def _remarks(runs: Sequence[ComparedRun]) -> Iterator[Text]:
-    """What to think of the numbers of the table."""
+    """Return what to think of the numbers of the table."""
     yield Text("Times contain the compilation of kernels that nothing before has used: a second time they do not.")
     if len({run.choices.get("formulation") for run in runs}) > 1:
         yield Text(
@@ -224,7 +224,7 @@ def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str
 
 
 def _total(name: str, run: ComparedRun) -> Array:
-    """One of _TOTALS at the end of a run, (1,) or (3,)."""
+    """Return one of _TOTALS at the end of a run, (1,) or (3,)."""
     return np.atleast_1d(_TOTALS[name][1](resultants(run.zone, run.steps[-1])))
 
 
@@ -237,7 +237,8 @@ def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 
 
 def comparison_figure(comparison: Comparison) -> "Figure | None":
-    """Sections along x through the middle of the zone, the runs over each other; None if no increment is finished."""
+    """Return the sections along x through the middle of the zone, the runs over each other; None if no increment is
+    finished."""
     done = [run for run in comparison.runs if run.steps]
     shown = [name for name in _FIELDS if _visible(name, done)]
     if not shown:
@@ -271,7 +272,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
 
 
 def _visible(name: str, runs: list[ComparedRun]) -> bool:
-    """Whether a field is more than round-off on the section; tractions are measured by the pressure."""
+    """Return whether a field is more than round-off on the section; tractions are measured by the pressure."""
     measure = "pressure" if name.startswith("traction") else name
     largest, scale = (
         max(

@@ -21,7 +21,7 @@ _SAME: Final = 1e-9
 
 
 class Basis(StrEnum):
-    """What an extrapolated value rests on."""
+    """Basis of an extrapolated value."""
 
     OBSERVED = "observed order"
     THEORETICAL = "theoretical order"
@@ -49,7 +49,7 @@ class Extrapolation:
 def richardson(
     sizes: Sequence[float], values: Sequence[float], theoretical: float = SECOND, noise: float = 0.0
 ) -> Extrapolation:
-    """The limit of value(h) = limit + c h^p from the last three meshes.
+    """Return the limit of value(h) = limit + c h^p from the last three meshes.
 
     sizes: of the elements, falling, in any unit; noise: what the finest value may be off where values follow no
     order, as areas counted by elements.
@@ -83,7 +83,7 @@ def richardson(
 
 
 def of_order(sizes: Sequence[float], values: Sequence[float], order: float) -> float:
-    """The limit of value(h) = limit + c h^order from the last two meshes; sizes: of the elements, falling.
+    """Return the limit of value(h) = limit + c h^order from the last two meshes; sizes: of the elements, falling.
 
     Linear in the values: of two methods whose values scatter alike, the scatter is not in the difference of the limits.
     """
@@ -92,7 +92,7 @@ def of_order(sizes: Sequence[float], values: Sequence[float], order: float) -> f
 
 
 def _observed(h: Sequence[float], ratio: float, theoretical: float) -> float | None:
-    """The order with which successive differences have this ratio; None if it is out of bounds."""
+    """Return the order with which successive differences have this ratio; None if it is out of bounds."""
 
     def excess(order: float) -> float:
         coarse, fine = ((h[i] / h[2]) ** order for i in (0, 1))

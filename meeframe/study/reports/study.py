@@ -58,7 +58,7 @@ class Study:
 
     @property
     def not_converged(self) -> tuple[str, ...]:
-        """Runs with a step that did not converge, as `panel, run`."""
+        """Run with a step that did not converge, as `panel, run`."""
         return tuple(
             f"{panel.title}, {run}"
             for panel in self.panels
@@ -68,7 +68,7 @@ class Study:
 
 
 def study_json(study: Study) -> str:
-    """The numbers of a study: of each panel the runs, references and quantities.
+    """Return the numbers of a study: of each panel the runs, references and quantities.
 
     For fields also the zones that occur, points [m] and weights [m^2], and the place of each run's zone among them.
     """
@@ -96,7 +96,7 @@ def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
 
 
 def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
-    """The zones with different points, and the place of each zone among them."""
+    """Return the zones with different points, and the place of each zone among them."""
     found: list[Zone] = []
     places = []
     for zone in zones:
@@ -108,7 +108,7 @@ def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
 
 
 def study_figure(study: Study) -> "Figure":
-    """The figure: a column for each panel; maps have one for each run."""
+    """Return the figure: a column for each panel; maps have one for each run."""
     draw, width, height = {
         "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
         "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
@@ -124,7 +124,7 @@ def _rows(study: Study) -> int:
 
 
 def _names(study: Study) -> list[str]:
-    """All quantities, in the order in which the panels show them."""
+    """Return all quantities, in the order in which the panels show them."""
     return list(dict.fromkeys(name for panel in study.panels for name in panel.quantities))
 
 
@@ -172,7 +172,8 @@ def _lengths(study: Study) -> tuple[float, str]:
 
 
 def middle_line(zone: Zone) -> tuple[Any, Array]:
-    """Nodes on the line y = middle of the zone, and their distance along x from its middle [m], ascending."""
+    """Return the nodes on the line y = middle of the zone, and their distance along x from its middle [m],
+    ascending."""
     x, y = (zone.points[:, i] - (zone.points[:, i].min() + zone.points[:, i].max()) / 2 for i in range(2))
     nodes = np.flatnonzero(np.abs(y) <= np.abs(y).min() + 1e-9 * np.ptp(y))
     nodes = nodes[np.argsort(x[nodes])]
@@ -200,7 +201,7 @@ def _maps(figure: "Figure", study: Study) -> None:
 
 
 def _run_title(panel: Panel, run: int) -> str:
-    """Label of a run, with the axis if it is a number on it."""
+    """Return the label of a run, with the axis if it is a number on it."""
     try:
         return f"{panel.axis} = {float(panel.runs[run]):g}" if panel.axis else panel.runs[run]
     except ValueError:
@@ -212,7 +213,7 @@ def _each(study: Study, name: str) -> Iterator[Array]:
 
 
 def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
-    """One map; a tangential field by its modulus and by arrows of its direction."""
+    """Draw one map; a tangential field by its modulus and by arrows of its direction."""
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
     drawn = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
@@ -226,7 +227,7 @@ def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scal
 
 
 def _spread(points: Array, eligible: Any) -> Any:
-    """Eligible nodes that are nearest to the points of a regular grid, few enough to tell arrows apart."""
+    """Return the eligible nodes that are nearest to the points of a regular grid, few enough to tell arrows apart."""
     from scipy.spatial import KDTree
 
     x, y = (np.linspace(points[:, i].min(), points[:, i].max(), _ARROWS) for i in range(2))

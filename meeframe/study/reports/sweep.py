@@ -52,7 +52,7 @@ class SweepPlot:
     at: Mapping[str, str] = field(default_factory=dict)
 
     def shown(self, axes: Sequence[SweepAxis]) -> tuple[SweepAxis, SweepAxis | None]:
-        """The axis along which, and that of the lines, which each plot finds among those of its sweep.
+        """Return the axis along which, and that of the lines, which each plot finds among those of its sweep.
 
         Raises CaseError if it cannot be drawn over these.
         """
@@ -79,7 +79,7 @@ class SweepPlot:
 
 
 def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure":
-    """The figure of a sweep: a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
+    """Return the figure of a sweep: a row for each plot. Raises CaseError if one cannot be drawn over its axes."""
     rows = plots or (SweepPlot(),)
     columns = max(len(plot.quantities) for plot in rows)
     figure = sheet((4.0 * columns, 3.4 * len(rows) + 0.4))
@@ -103,7 +103,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
 
 
 def _section(sweep: SweepResult, plot: SweepPlot, quantity: str, x: SweepAxis, lines: SweepAxis | None) -> Array:
-    """The quantity over x and lines, (m,) or (m, k), the other axes where the plot has them."""
+    """Return the quantity over x and lines, (m,) or (m, k), the other axes where the plot has them."""
     values = sweep.last(quantity)
     for place in reversed(range(len(sweep.axes))):
         axis = sweep.axes[place]
@@ -119,13 +119,13 @@ def _at(plot: SweepPlot, axis: SweepAxis) -> int:
 
 
 def _fixed(sweep: SweepResult, plot: SweepPlot, shown: Sequence[SweepAxis | None]) -> str:
-    """Where the other axes stand, in words."""
+    """Return where the other axes stand, in words."""
     others = (axis for axis in sweep.axes if axis not in shown and len(axis.labels) > 1)
     return ", ".join(f"{axis.name} = {axis.labels[_at(plot, axis)]}" for axis in others)
 
 
 def _scaled(values: Array, unit: str) -> tuple[Array, str]:
-    """Values as they are shown, with their unit as a label, under a prefix; the largest area is 0.01 to 10^4 of it."""
+    """Return values as displayed and their unit as a label, with a prefix; the largest area is 0.01 to 10^4 of it."""
     finite = values[np.isfinite(values)]
     symbol, power = (unit.removesuffix("^2"), 2) if unit.endswith("^2") else (unit, 1)
     if symbol.isalpha() and finite.size:
@@ -154,7 +154,7 @@ def _curves(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None
 
 
 def _legend(row: Any, axes: Any, lines: SweepAxis) -> float:
-    """Name the lines beside the pictures of a row, where they cover none; the width of that in inches."""
+    """Return the name the lines beside the pictures of a row, where they cover none; the width of that in inches."""
     legend = row.legend(
         *axes.get_legend_handles_labels(),
         title=lines.name,
@@ -183,14 +183,14 @@ def _map(axes: Any, plot: SweepPlot, shown: tuple[SweepAxis, SweepAxis | None], 
 
 
 def _places(axis: SweepAxis) -> tuple[Array, bool]:
-    """Where the values of an axis are drawn, and whether their labels have to say what they are."""
+    """Return where the values of an axis are drawn, and whether their labels have to say what they are."""
     if axis.values is None or not np.isfinite(axis.values).all():
         return np.arange(1.0, len(axis.labels) + 1.0), True
     return _scaled(axis.values, axis.unit)[0], False
 
 
 def _ticks(own: Any, axis: SweepAxis) -> None:
-    """Labels beside each other where they fit, else upright, else numbers."""
+    """Place labels beside each other where they fit, otherwise upright, otherwise numbers."""
     if _numbered(axis):
         own.get_major_locator().set_params(integer=True)
         return
@@ -199,7 +199,7 @@ def _ticks(own: Any, axis: SweepAxis) -> None:
 
 
 def _numbered(axis: SweepAxis) -> bool:
-    """Whether there are too many labels, or too long ones, to be written along a picture."""
+    """Return whether there are too many labels, or too long ones, to be written along a picture."""
     return max(len(axis.labels), *map(len, axis.labels)) > _WRITTEN
 
 
@@ -214,7 +214,7 @@ def _words(name: str) -> str:
 
 
 def sweep_table(sweep: SweepResult) -> RenderableType:
-    """Status and what is plotted of every point, of many the first; what happened to those that did not converge."""
+    """Return status and plotted values of every point, of many the first; and the messages of those not converged."""
     names = sweep.plotted or DEFAULT
     table = Table(title=sweep.title, title_justify="left")
     for axis in sweep.axes:
@@ -235,13 +235,13 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
 
 
 def _standing(sweep: SweepResult, place: tuple[int, ...]) -> str:
-    """Its status, and whether the contact reached the edge of its zone in any increment."""
+    """Return the status of a point, and whether the contact reached the border of its zone in any increment."""
     at_edge = np.any(sweep.quantities[_EDGE][place] > 0.0) if _EDGE in sweep.quantities else False
     return f"{sweep.status[place]}{', at the edge' * bool(at_edge)}"
 
 
 def failures(sweep: SweepResult) -> Iterator[str]:
-    """Points that did not converge, each with its status and message."""
+    """Return the points that did not converge, each with its status and message."""
     for place in np.ndindex(sweep.shape):
         if sweep.status[place] != "converged":
             yield f"{', '.join(_labels(sweep, place))}: {sweep.status[place]}: {sweep.message[place]}"

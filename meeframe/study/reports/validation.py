@@ -1,4 +1,4 @@
-"""What a validation says: checks, claims and plots of its cases, and their verdicts."""
+"""Records of a validation: checks, claims and plots of its cases, and their verdicts."""
 
 import math
 from collections.abc import Mapping
@@ -14,8 +14,8 @@ from meeframe.fields import Array
 
 
 class Verdict(StrEnum):
-    """Of a check or claim. DIFFERS: a difference to the published that the case explains; NOT_RESOLVED: the mesh is too
-    coarse to tell; SKIPPED: what it needs is not there; ERROR: the case broke off."""
+    """Verdict on a check or claim. DIFFERS: a difference to the published that the case explains; NOT_RESOLVED: the
+    mesh is too coarse to tell; SKIPPED: what it needs is not there; ERROR: the case broke off."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -76,7 +76,7 @@ class Check:
 
     @property
     def verdict(self) -> Verdict:
-        """PASS within the tolerance; a number that is not finite never is."""
+        """Verdict that follows from the numbers."""
         size = abs(self.difference)
         if size <= self.tolerance:
             return Verdict.PASS
@@ -199,21 +199,21 @@ Item = Check | Claim | Skip | Plot | Map
 
 
 def _check_texts(what: str, **texts: Any) -> None:
-    """Raises CaseError for what is no text."""
+    """Raise CaseError for what is no text."""
     for key, text in texts.items():
         if not isinstance(text, str):
             raise CaseError(f"{what}: {key} = {text!r}; allowed: a text")
 
 
 def _check_line(what: str, name: str, values: Any) -> int:
-    """How many real numbers there are. Raises CaseError."""
+    """Return how many real numbers there are. Raises CaseError."""
     count = np.size(values)
     _check_shape(what, name, values, (count,))
     return count
 
 
 def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raises CaseError unless these are real numbers in that shape, at least one."""
+    """Raise CaseError unless these are real numbers in that shape, at least one."""
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -226,7 +226,7 @@ def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> N
 
 @dataclass(frozen=True)
 class Row:
-    """What was found, and the seconds since the item before."""
+    """An outcome, and the seconds since the item before."""
 
     found: Check | Claim | Skip
     seconds: float
@@ -247,7 +247,7 @@ class CaseReport:
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Of the rows, and of a breakdown."""
+        """Verdicts of the rows, and of a failure of the case."""
         return (*(row.found.verdict for row in self.rows), *([Verdict.ERROR] if self.error else []))
 
 
@@ -267,16 +267,16 @@ class Validation:
 
     @property
     def failed(self) -> bool:
-        """Whether anything has failed or broken off so far."""
+        """True if anything has failed or broken off so far."""
         return any(verdict in BAD for case in self.cases for verdict in case.verdicts)
 
     @property
     def passed(self) -> bool:
-        """Whether all planned cases are finished and nothing has failed."""
+        """True if all planned cases are finished and nothing has failed."""
         return len(self.finished) == self.planned and not self.failed
 
     def count(self, verdict: Verdict) -> int:
-        """How many have this verdict."""
+        """Return how many have this verdict."""
         return sum(case.verdicts.count(verdict) for case in self.cases)
 
     @property

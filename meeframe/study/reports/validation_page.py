@@ -44,7 +44,7 @@ for (const place of document.querySelectorAll(".plot")) {
 
 
 def plot_library() -> str:
-    """The JavaScript that draws and zooms the plots. Raises MeeframeError if plotly is not installed."""
+    """Return the JavaScript that draws and zooms the plots. Raises MeeframeError if plotly is not installed."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
@@ -56,7 +56,7 @@ def plot_library() -> str:
 
 
 def page(validation: Validation, library: str) -> str:
-    """The whole page; library: of plot_library()."""
+    """Return the whole page; library: of plot_library()."""
     return "\n".join(_page(validation, library)) + "\n"
 
 
@@ -110,7 +110,7 @@ def _case(case: CaseReport) -> Iterator[str]:
 
 
 def _embedded(figure: Plot | Map) -> str:
-    """As JSON that cannot end the script element around it."""
+    """Return JSON that cannot end the script element around it."""
     drawn = _plot(figure) if isinstance(figure, Plot) else _map(figure)
     return json.dumps(drawn, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
 
@@ -131,7 +131,7 @@ def _curve(curve: Curve, number: int) -> dict[str, Any]:
 
 
 def _map(field: Map) -> dict[str, Any]:
-    """All fields in one colour range; a menu chooses where there are several."""
+    """Return all fields in one colour range; a menu chooses where there are several."""
     tables = {label: [_numbers(row) for row in np.asarray(values)] for label, values in field.fields.items()}
     finite = [value for table in tables.values() for row in table for value in row if value is not None]
     bar = {"title": {"text": field.value_label, "side": "right"}, "exponentformat": "power"}
@@ -162,7 +162,7 @@ def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Rounded to few digits; null where not finite."""
+    """Return the rounded to few digits; null where not finite."""
     return [
         float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in np.ravel(np.asarray(values, float))
     ]

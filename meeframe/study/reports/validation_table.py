@@ -27,7 +27,7 @@ class Words(NamedTuple):
 
 
 def words_of(row: Row) -> Words:
-    """Of a claim: what is found and what decides, of what was skipped: why."""
+    """Return a claim in words: the values found and the deciding rule, or why it was skipped."""
     found, seconds = row.found, f"{row.seconds:.1f}"
     match found:
         case Claim():
@@ -39,12 +39,12 @@ def words_of(row: Row) -> Words:
 
 
 def reason_of(found: Check | Claim | Skip) -> str:
-    """Why something is known to differ, if it does."""
+    """Return why something is known to differ, if it does."""
     return found.explained if found.verdict is Verdict.DIFFERS and not isinstance(found, Skip) else ""
 
 
 def _numbers(found: Check) -> tuple[str, str, str, str]:
-    """Computed, reference, difference, tolerance; an absolute check all in its unit, without prefixes."""
+    """Return the computed, reference, difference, tolerance; an absolute check all in its unit, without prefixes."""
     if found.absolute:
         values = (found.computed, found.reference, found.difference, found.tolerance)
         computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
@@ -68,7 +68,7 @@ _STYLES: Final = {
 
 
 def validation_table(validation: Validation) -> RenderableType:
-    """The table for the terminal, the reasons of what did not pass, and the headline."""
+    """Return the table for the terminal, the reasons of what did not pass, and the headline."""
     table = Table()
     for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
         table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
@@ -90,7 +90,7 @@ def validation_table(validation: Validation) -> RenderableType:
 
 
 def validation_json(validation: Validation) -> str:
-    """Everything but the figures; numbers that are not finite become null."""
+    """Return everything but the figures as JSON; numbers that are not finite become null."""
     data = {
         "quick": validation.quick,
         "passed": validation.passed,

@@ -18,7 +18,7 @@ _RESOLVED: Final = 0.05
 
 
 class Verdict(StrEnum):
-    """Of two formulations on one quantity, and of a verification."""
+    """Verdict on two formulations in one quantity, or on a verification as a whole."""
 
     AGREE = "agree"
     DISAGREE = "disagree"
@@ -114,12 +114,12 @@ class Verification:
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Of all quantities that do not cancel, of formulations that converged on all their meshes."""
+        """Estimates of all quantities that do not cancel, from formulations that converged on all their meshes."""
         return tuple(self._estimates())
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:
-        """Of each pair of formulations, quantity by quantity."""
+        """Agreement of each two formulations, quantity by quantity."""
         pairs = combinations(self.estimates, 2)
         return tuple(Agreement(a, b) for a, b in pairs if (a.step, a.quantity) == (b.step, b.quantity))
 
@@ -152,7 +152,7 @@ class Verification:
                     yield Estimate(step, quantity, name, sizes, numbers, limit)
 
     def _complete(self) -> dict[str, list[VerifiedRun]]:
-        """Runs of the formulations that converged on all meshes."""
+        """Run of the formulations that converged on all meshes."""
         sizes = {run.size for run in self.runs}
         done: dict[str, list[VerifiedRun]] = {}
         for run in self.runs:
@@ -167,5 +167,5 @@ class Verification:
 
 
 def _cancelled(values: Sequence[Measured]) -> bool:
-    """Whether hardly anything is left of a quantity, or nothing at all."""
+    """Return whether hardly anything is left of a quantity, or nothing at all."""
     return max(abs(each.value) for each in values) <= _CANCELLED * max(each.scale for each in values)

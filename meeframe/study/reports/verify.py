@@ -1,4 +1,4 @@
-"""What a verification shows: table, picture of convergence, JSON."""
+"""Table, convergence plot and JSON of a verification."""
 
 import json
 import math
@@ -36,7 +36,7 @@ _COLUMNS: Final = 3
 
 
 def verification_json(verification: Verification) -> str:
-    """All numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
+    """Return all numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
     return json.dumps(_plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
 
 
@@ -99,7 +99,7 @@ def _agreement(agreement: Agreement) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Lists, tables and numbers of JSON."""
+    """Return the lists, tables and numbers of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -110,7 +110,8 @@ def _plain(value: Any) -> Any:
 
 
 def verification_table(verification: Verification) -> RenderableType:
-    """Values on the meshes with their limits, then each pair; what refused or did not converge; the verdict."""
+    """Return the values on the meshes with their limits, then each pair; what refused or did not converge; the
+    verdict."""
     failed = [run for run in verification.runs if run.status != Status.CONVERGED]
     return Group(
         _values(verification),
@@ -122,7 +123,7 @@ def verification_table(verification: Verification) -> RenderableType:
 
 
 def _basis(verification: Verification) -> str:
-    """What a verdict rests on where some comparisons say little, and what to do then."""
+    """Return what a verdict rests on where some comparisons say little, and what to do then."""
     verdicts = [agreement.verdict for agreement in verification.agreements]
     unresolved = verdicts.count(Verdict.UNRESOLVED)
     if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
@@ -176,7 +177,7 @@ def _words(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """SI unit of a quantity."""
+    """Return SI unit of a quantity."""
     if quantity.endswith("potential"):
         return "V" if "electric" in quantity else "A"
     return next((unit for name, unit in _UNITS.items() if quantity.startswith(name)), "")
@@ -187,7 +188,8 @@ def _percent(value: float, scale: float) -> str:
 
 
 def verification_figure(verification: Verification) -> "Figure | None":
-    """Values over the size of the elements, in per cent of the mean limit, with limits and their errors at zero.
+    """Return the values over the size of the elements, in per cent of the mean limit, with limits and their errors at
+    zero.
 
     Of the last load step that was compared; None if there is nothing to show.
     """
@@ -214,7 +216,7 @@ def verification_figure(verification: Verification) -> "Figure | None":
 
 
 def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) -> None:
-    """place: number of the formulation; theoretical order."""
+    """Draw one formulation; place: its number; theoretical order."""
     number, theoretical = place
     limit, style = estimate.limit, {"color": f"C{number}"}
     sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)

@@ -58,11 +58,12 @@ class Sealed:
 
     @classmethod
     def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
-        """Of anything that can be pickled; raises as pickle."""
+        """Pickle an object; raises as pickle."""
         return cls(plugins, pickling.dumps(content), code)
 
     def open(self) -> Any:
-        """The object. Raises CaseError where code would compute other results with it than where it comes from."""
+        """Return the object. Raises CaseError where code would compute other results with it than where it comes
+        from."""
         for path, source in self.plugins:
             if source_name(Path(path), source) not in sys.modules:
                 load_source(Path(path), source)
@@ -94,7 +95,8 @@ class Carried:
 
 @contextmanager
 def _passed_on() -> Iterator[None]:
-    """What plugins and libraries warn of goes to where the command runs, but for what Python leaves out by itself."""
+    """Return what plugins and libraries warn of goes to where the command runs, but for what Python leaves out by
+    itself."""
     try:
         send = distributed.get_worker().log_event  # beside other threads it may outlive the task
     except ValueError:  # no worker's task: it is shown here
@@ -113,7 +115,7 @@ def _passed_on() -> Iterator[None]:
 
 
 def _teller() -> Callable[[Any], None]:
-    """Tells of an event that _passed_on sent, each once, as if it had been here."""
+    """Tell of an event that _passed_on sent, each once, as if it had been here."""
 
     @cache
     def tell(message: str, category: str, filename: str, lineno: int) -> None:
@@ -123,7 +125,8 @@ def _teller() -> Callable[[Any], None]:
 
 
 def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:
-    """The reduced system of a sealed formulation and body; from files in `folder` where that can be seen from here."""
+    """Return the reduced system of a sealed formulation and body; from files in `folder` where that can be seen from
+    here."""
     formulation, body = bodies.open()
     try:
         with limited(threads), _passed_on():
@@ -155,14 +158,14 @@ def _recovered(bodies: Sealed, load: Array) -> NodalFields:
 
 @lru_cache(maxsize=2)
 def _opened(carried: Carried) -> ReducedSystem:
-    """The system, unpacked once in each process."""
+    """Return the system, unpacked once in each process."""
     assert carried.sealed is not None
     content = carried.sealed.open()
     return content if isinstance(content, ReducedSystem) else reduce_for_contact(*content)
 
 
 def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:
-    """The outcome of a sealed case on the systems of its bodies."""
+    """Return the outcome of a sealed case on the systems of its bodies."""
     instead = next((carried.instead for carried in systems if carried.instead is not None), None)
     with limited(threads), _passed_on():
         return instead or solved(case.open(), map(_opened, systems))
@@ -182,7 +185,7 @@ class Cluster(Pool):
     threads: int = 1
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """As Pool.solve. What a lost worker had not finished others begin again.
+        """Solve points as Pool.solve does. Unfinished points of a lost worker go to others.
 
         Raises CaseError if the scheduler does not answer or is lost.
         """
@@ -211,7 +214,7 @@ class Cluster(Pool):
             yield point, outcome
 
     def _submitted(self, client: Any, points: Sequence[Point], folder: str) -> Iterator[tuple[Any, Point]]:
-        """Points handed out one after the other, group by group, each with its future."""
+        """Return the points handed out one after the other, group by group, each with its future."""
         run = uuid4().hex[:8]  # others on the same scheduler have keys of their own
         submit = partial(client.submit, pure=False)
         alone = None if self.processes is None else 1
@@ -227,8 +230,8 @@ class Cluster(Pool):
                 yield submit(solved_there, case, *shared, threads=alone, key=f"solved-{point.key[:16]}-{run}"), point
 
     def _threads_of_reductions(self, groups: Sequence[tuple[Keyed, list[Point]]]) -> Sequence[int | None]:
-        """Of each group: the first ones, for which all processes wait, share their threads; later ones are made beside
-        points."""
+        """Return the threads of each group: the first ones, for which all processes wait, share their threads; later
+        ones are made beside points."""
         if self.processes is None:
             return [None] * len(groups)
         places = accumulate((len(group) for _, group in groups[:-1]), initial=0)
@@ -258,7 +261,8 @@ class Cluster(Pool):
 
 @contextmanager
 def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], threads: int) -> Iterator[Cluster]:
-    """Local processes, so many threads in all, not before they are needed; or, at an address, the workers there.
+    """Return the local processes, so many threads in all, not before they are needed; or, at an address, the workers
+    there.
 
     Raises CaseError if the scheduler does not answer.
     """
@@ -291,7 +295,7 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
-    """A client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
+    """Return a client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
     if scheduler is None:
         options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
         with undisturbed():

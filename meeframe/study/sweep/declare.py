@@ -1,4 +1,4 @@
-"""What the study file of a sweep may say, and the points that it stands for. Documented in docs/sweep.md."""
+"""Schema of the study file of a sweep, and the points that it stands for. Documented in docs/sweep.md."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -55,7 +55,8 @@ class PlotTable(Table):
     at: dict[str, Any] = Field(default_factory=dict)
 
     def over(self, axes: Sequence[SweepAxis]) -> SweepPlot:
-        """The plot over these axes. Raises ValueError for quantities that there are not, or axes or values of them."""
+        """Return the plot over these axes. Raises ValueError for quantities that there are not, or axes or values of
+        them."""
         named = {axis.name: axis for axis in axes}
         _check_names("quantities: unknown quantity", self.quantities, NUMBERS)
         for key, name in {"x": self.x, "lines": self.lines, **{f"at.{name}": name for name in self.at}}.items():
@@ -98,11 +99,11 @@ class SweepTable(Table):
         return self
 
     def varied(self) -> list[tuple[SweepAxis, tuple[Changes, ...]]]:
-        """The axes, each with the changes that its values make. Raises ValueError."""
+        """Return the axes, each with the changes that its values make. Raises ValueError."""
         return [_axis(name, values) for name, values in self.axes.items()]
 
     def result_axes(self) -> tuple[SweepAxis, ...]:
-        """Those of the result: with points of their own all points stand on one axis."""
+        """Return the axes of the result; a study that lists its points has one axis."""
         if not self.points:
             return tuple(axis for axis, _ in self.varied())
         values = [run.value for run in self.points if run.value is not None]
@@ -110,7 +111,8 @@ class SweepTable(Table):
         return (SweepAxis(POINT, tuple(label for label, _ in self.changes()), np.array(values) if placed else None),)
 
     def changes(self) -> Iterator[tuple[str, Changes]]:
-        """Label and changes of every point: the product of the axes, the last of which varies fastest; then points."""
+        """Return the label and changes of every point: the product of the axes, the last of which varies fastest; then
+        points."""
         axes = self.varied()
         for places in product(*(range(len(axis.labels)) for axis, _ in axes)) if axes else ():
             chosen = [(axis, changes, place) for (axis, changes), place in zip(axes, places, strict=True)]
@@ -121,7 +123,7 @@ class SweepTable(Table):
 
 
 def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tuple[Changes, ...]]:
-    """An axis of the study file and its changes. Raises ValueError that names it."""
+    """Return an axis of the study file and its changes. Raises ValueError that names it."""
     try:
         if isinstance(values, list) or values.keys() & _SPACING:
             return _of_lists(name, {name: values if isinstance(values, list) else _spaced(values)})
@@ -138,7 +140,7 @@ def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tup
 
 
 def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tuple[Changes, ...]]:
-    """Of keys whose values change together; numbers of the first one are where they stand on the axis."""
+    """Return the axis of keys whose values change together; numbers of the first key are its coordinates."""
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
         told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
@@ -160,18 +162,18 @@ def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tup
 
 
 def _exact(value: Any) -> str:
-    """As words, a number with all its digits."""
+    """Return words for a value, with all digits of a number."""
     return repr(value) if isinstance(value, float) and not value.is_integer() else words(value)
 
 
 def _places(values: Sequence[Any]) -> Array | None:
-    """Where values stand on an axis, if all of them have a place."""
+    """Return where values stand on an axis, if all of them have a place."""
     places = [place for place in map(place_of, values) if place is not None]
     return np.array(places) if len(places) == len(values) else None
 
 
 def _identities(values: Sequence[Any]) -> list[Hashable]:
-    """By which values are the same: where they stand, else their words. Conversion of units costs the last digits."""
+    """Return identities of values: their coordinates, else their words. Conversion of units costs the last digits."""
     places = _places(values)
     if places is None:
         return [_exact(value) for value in values]
@@ -180,7 +182,7 @@ def _identities(values: Sequence[Any]) -> list[Hashable]:
 
 
 def _label_of(value: Any, axis: SweepAxis) -> str:
-    """The label that a value has on an axis. Raises ValueError if it has none."""
+    """Return the label that a value has on an axis. Raises ValueError if it has none."""
     found = next((label for label in (_exact(value), words(value)) if label in axis.labels), None)
     if found is None:
         _check_names(f"at.{axis.name}: unknown value", [words(value)], axis.labels)
@@ -188,7 +190,7 @@ def _label_of(value: Any, axis: SweepAxis) -> str:
 
 
 def _spaced(table: Mapping[str, Any]) -> list[float]:
-    """Numbers from, to, count of them, at equal distances or ratios. Raises ValueError."""
+    """Return the numbers from, to, count of them, at equal distances or ratios. Raises ValueError."""
     scale, ends = table.get("scale", "linear"), (table.get("from"), table.get("to"))
     if unknown := table.keys() - _SPACING:
         raise ValueError(f"unknown key {min(unknown)!r}; allowed: {', '.join(sorted(_SPACING))}")
@@ -207,7 +209,8 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
 
 
 def _unit(values: Sequence[Any]) -> str:
-    """Of values that all have their place on an axis: in SI, as place_of gives them. Raises ValueError for several."""
+    """Return the SI unit of values that all have a coordinate, as place_of gives them. Raises ValueError for
+    several."""
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):
@@ -221,19 +224,19 @@ def _unit(values: Sequence[Any]) -> str:
 
 
 def _named(quantity: Any) -> str:
-    """The SI unit of a quantity in base units, by its name if case files use one: "N", not "kg*m/s^2"."""
+    """Return the SI unit of a quantity in base units, by its name if case files use one: "N", not "kg*m/s^2"."""
     name = _unit_names().get(quantity.dimensionality)
     return name or f"{quantity.units:~C}".replace("**", "^")
 
 
 @cache
 def _unit_names() -> dict[Any, str]:
-    """Names of units by their dimensions."""
+    """Return the names of units by their dimensions."""
     return {read_quantity(f"1 {name}").dimensionality: name for name in _UNITS}
 
 
 def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
-    """Raises ValueError for names that sweep.h5 cannot take, axes that undo each other, and too many points."""
+    """Raise ValueError for names that sweep.h5 cannot take, axes that undo each other, and too many points."""
     for axis, _ in axes:
         if axis.name in RESERVED or axis.name in (".", "..") or "/" in axis.name:
             raise ValueError(f"axes: {axis.name!r} is the name of something else in sweep.h5; allowed: another one")
@@ -247,7 +250,7 @@ def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
 
 
 def _check_apart(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
-    """Raises ValueError if two axes change the same key, or one a table and the other what is in it."""
+    """Raise ValueError if two axes change the same key, or one a table and the other what is in it."""
     keys = [(axis.name, {key for change in changes for key in change}) for axis, changes in axes]
     for (name, own), (other, others) in combinations(keys, 2):
         for first, second in product(sorted(own), sorted(others)):
@@ -259,7 +262,7 @@ def _check_apart(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
 
 
 def _check_distinct(what: str, labels: Sequence[str], identities: Sequence[Hashable] = ()) -> None:
-    """Raises ValueError for things of the same label, or of the same identity if they have others."""
+    """Raise ValueError for things of the same label, or of the same identity if they have others."""
     seen: dict[Hashable, str] = {}
     for label, identity in zip(labels, identities or labels, strict=True):
         if identity in seen:

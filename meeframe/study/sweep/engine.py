@@ -21,11 +21,11 @@ Keyed = tuple[tuple[str, tuple[Formulation, Body]], ...]
 
 
 class Pool(ABC):
-    """Where points are solved: here, or by other processes."""
+    """A pool that solves points, in this process or in others."""
 
     @abstractmethod
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Points that have a case, in whatever order they are done; systems: folder of reduced systems, see
+        """Solve points and yield the outcome of each as it comes; systems: folder of reduced systems, as in
         meeframe.model.cache. Points that share bodies share their reduced systems."""
 
 
@@ -35,7 +35,7 @@ class InProcess(Pool):
     """One point after the other, in this process with all its threads."""
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """As Pool.solve; the progress of reductions is shown."""
+        """Solve points as Pool.solve does, and report the progress of reductions."""
         for bodies, group in grouped(points):
             yield from _solve_group(bodies, group, systems, progress)
 
@@ -43,7 +43,7 @@ class InProcess(Pool):
 def _solve_group(
     bodies: Keyed, group: Sequence[Point], systems: Path, progress: Progress
 ) -> Iterator[tuple[Point, Outcome]]:
-    """Of points that share bodies; when it ends, their reduced systems are let go."""
+    """Solve points that share bodies, then release their reduced systems."""
     try:
         made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
     except (MeeframeError, MemoryError) as error:
@@ -56,7 +56,7 @@ def _solve_group(
 
 
 def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
-    """Points with a case by the bodies that they share, in the order in which these first appear."""
+    """Return the points with a case by the bodies that they share, in the order in which these first appear."""
     groups: dict[tuple[str, ...], tuple[Keyed, list[Point]]] = {}
     for point in points:
         if point.case is not None:
@@ -69,7 +69,7 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 def pool_of(
     workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = (), threads: int | None = None
 ) -> Iterator[Pool]:
-    """This process for one worker; else as many local processes, or the workers of a Dask cluster.
+    """Return this process for one worker, otherwise as many local processes, or the workers of a Dask cluster.
 
     Local processes have one thread each; they leave theirs to the first reduced systems, for which all of them wait.
     workers: None: one for each core, or for each of the threads; scheduler: address of the cluster's scheduler, in
@@ -102,14 +102,14 @@ def pool_of(
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def solve_points(
     points: Sequence[Point], pool: Pool, systems: Path, store: Path | None = None, progress: Progress = silent
 ) -> Iterator[tuple[str, Outcome]]:
-    """The outcome of each point by its key, as it comes; points of the same key are one.
+    """Return the outcome of each point by its key, as it comes; points of the same key are one.
 
     systems: folder of reduced systems; store: folder in which each outcome is kept as soon as there is one, under its
     key, and found again. Progress counts points. Raises ResultError if either cannot be written.
@@ -134,7 +134,7 @@ def solve_points(
 
 
 def _known(point: Point, store: Path | None) -> Outcome | None:
-    """What is known of a point without solving it."""
+    """Return what is known of a point without solving it."""
     if point.case is None:
         status = PointStatus.FAILED if point.faulty else PointStatus.REFUSED
         return Outcome(status, "; ".join(map(str, point.problems)))

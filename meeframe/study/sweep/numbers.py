@@ -42,7 +42,7 @@ FIELD_UNITS: Final[Mapping[str, str]] = {
 
 
 def numbers_of(zone: Zone, step: StepResult) -> dict[str, float]:
-    """All NUMBERS of an increment but `seconds`."""
+    """Return all NUMBERS of an increment but `seconds`."""
     totals = resultants(zone, step)
     found: dict[str, float] = {}
     for owner, keys in ((totals, RESULTANT_UNITS), (step.loading, MOTIONS)):

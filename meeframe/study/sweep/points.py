@@ -53,7 +53,7 @@ class Point:
 
     @classmethod
     def of(cls, label: str, tables: Mapping[str, Any], folder: Path, registry: Registry | None) -> "Point":
-        """Of the tables of a case file; folder: where relative paths in them start."""
+        """Make a point from the tables of a case file; folder: where relative paths in them start."""
         try:
             text = toml_text(tables)
         except (TypeError, ValueError) as error:  # of tables made in Python
@@ -66,13 +66,13 @@ class Point:
 
     @property
     def faulty(self) -> bool:
-        """Whether there is no case because the code of a plugin failed."""
+        """True if there is no case because the code of a plugin failed."""
         return any(problem.cause is not None for problem in self.problems)
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of a point. message: why it did not converge; result: None if there is none."""
+    """Outcome of a point. message: why it did not converge; result: None if there is none."""
 
     status: PointStatus
     message: str = ""
@@ -80,15 +80,15 @@ class Outcome:
 
     @classmethod
     def of(cls, result: Result) -> "Outcome":
-        """Of a result whose load steps have all been tried."""
+        """Make an outcome of a result whose load steps have all been tried."""
         if result.status is RunStatus.CONVERGED:
             return cls(PointStatus.CONVERGED, "", result)
         return cls(PointStatus.NOT_CONVERGED, result.steps[-1].message, result)
 
     @classmethod
     def without_result(cls, error: MeeframeError | MemoryError) -> "Outcome":
-        """Of what ended a computation. Raises it if it tells of files that meeframe cannot write, or of a disk on which
-        a plugin cannot, and so nothing of the point."""
+        """Make an outcome of what ended a computation. Raises it if it tells of files that meeframe cannot write, or
+        of a disk on which a plugin cannot, and so nothing of the point."""
         cause = error.__cause__
         if isinstance(error, ResultError) or (isinstance(cause, OSError) and cause.errno in _NO_PLACE):
             raise error
@@ -99,7 +99,8 @@ class Outcome:
 
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
-    """The outcome of a case on the reduced systems of its bodies, in the order of meeframe.model.solve.bodies_of.
+    """Return the outcome of a case on the reduced systems of its bodies, in the order of
+    meeframe.model.solve.bodies_of.
 
     The fields on the whole boundary are not recovered. Raises ResultError if a system cannot be kept.
     """
@@ -133,7 +134,7 @@ def write_outcome(folder: Path, outcome: Outcome) -> None:
 
 
 def read_outcome(folder: Path) -> Outcome | None:
-    """The outcome that the folder of a point holds, None if it holds none that is whole."""
+    """Return the outcome that the folder of a point holds, None if it holds none that is whole."""
     try:
         result = read_result(folder)
         return None if result.status is RunStatus.UNFINISHED else Outcome.of(result)

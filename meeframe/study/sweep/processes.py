@@ -1,4 +1,4 @@
-"""What it takes to start processes: signals that wait meanwhile, an environment that stays."""
+"""Starting of processes: signals that wait meanwhile, an environment that stays."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from multiprocessing import resource_tracker
 
 @contextmanager
 def environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Variables for processes that are started in the block, unless they have other values already."""
+    """Return the variables for processes that are started in the block, unless they have other values already."""
     added = {name: value for name, value in variables.items() if name not in os.environ}
     os.environ.update(added)
     try:
@@ -22,7 +22,7 @@ def environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Ctrl-C and a request to end come after the block: Dask cannot end processes that it has half started.
+    """Return the ctrl-C and a request to end come after the block: Dask cannot end processes that it has half started.
 
     Ctrl-C on the terminal comes to none of these, which inherit what is blocked from the thread that Dask starts here.
     """

@@ -67,7 +67,7 @@ def sweep(
 
 
 def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
-    """What points warn of but for their formulations, each with the first point that does; of many the first.
+    """Return what points warn of but for their formulations, each with the first point that does; of many the first.
 
     Points that `store` keeps are not asked; of many others some, from the first to the last.
     """
@@ -90,7 +90,7 @@ def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
 def _swept(
     file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
 ) -> SweepResult:
-    """As sweep, in a folder that is open."""
+    """Sweep in a folder that is open."""
     gathered: dict[str, Gathered] = {}
     try:
         for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
@@ -108,7 +108,7 @@ def _swept(
 
 
 def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
-    """All points of a study. Raises CaseError if a key leads nowhere or no point is a case."""
+    """Return all points of a study. Raises CaseError if a key leads nowhere or no point is a case."""
     case_file = file.parent / study.case
     _, tables = read_toml(case_file)
     title = str(tables.get("title", ""))
@@ -128,8 +128,8 @@ def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Po
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What a sweep keeps of a point in memory. numbers: of each increment; fields: x, y, z [m] and those of the last
-    increment that the study names, (n,) each."""
+    """Data of a point that a sweep holds in memory. numbers: of each increment; fields: x, y, z [m] and those of the
+    last increment that the study names, (n,) each."""
 
     status: str
     message: str
@@ -138,7 +138,7 @@ class Gathered:
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
-        """Of an outcome."""
+        """Gather the data of an outcome."""
         result = outcome.result
         if result is None:
             return cls(outcome.status, outcome.message)
@@ -184,7 +184,8 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
 
 
 def _numbers(found: Sequence[Gathered], name: str, count: int) -> Array:
-    """A number of the last `count` increments of each point, (p, count), nan where there are none; from the first."""
+    """Return a number of the last `count` increments of each point, (p, count), nan where there are none; from the
+    first."""
     rows = np.full((len(found), count), np.nan)
     for row, point in zip(rows, found, strict=True):
         values = [numbers[name] for numbers in point.numbers[-count:]]
@@ -193,7 +194,7 @@ def _numbers(found: Sequence[Gathered], name: str, count: int) -> Array:
 
 
 def _padded(found: Sequence[Gathered], name: str) -> Array:
-    """A field of each point, (p, n), n nodes of the largest zone; nan where there are none."""
+    """Return a field of each point, (p, n), n nodes of the largest zone; nan where there are none."""
     fields = [np.empty(0) if point.fields is None else point.fields[name] for point in found]
     rows = np.full((len(fields), max(map(len, fields))), np.nan)
     for row, values in zip(rows, fields, strict=True):
@@ -202,7 +203,7 @@ def _padded(found: Sequence[Gathered], name: str) -> Array:
 
 
 def _shared(rows: Array, over_axes: Any) -> Array:
-    """Coordinates of nodes, once if all points that have any have the same."""
+    """Return the coordinates of nodes, once if all points that have any have the same."""
     known = rows[~np.isnan(rows).all(axis=1)]
     same = len(known) > 0 and np.array_equal(known, np.broadcast_to(known[0], known.shape))
     first: Array = known[0] if same else over_axes(rows)

@@ -32,7 +32,7 @@ class DMT(CoulombContact):
     equilibrium_distance: Annotated[float, Quantity("m", gt=0, lt=math.inf)]
 
     def adhesion(self, gap: Array) -> Array:
-        """sigma(g), (n,) [Pa], of gaps (n,) >= 0 [m]; 0 at inf."""
+        """Return sigma(g), (n,) [Pa], of gaps (n,) >= 0 [m]; 0 at inf."""
         apart = np.maximum(gap, 0.0) / self.equilibrium_distance
         return np.asarray(2.0 * self.work_of_adhesion / self.equilibrium_distance / (1.0 + apart) ** 3)
 
@@ -55,7 +55,7 @@ class Dugdale(CoulombContact):
     transition: Annotated[float, Quantity("", gt=0, le=2)] = 0.2
 
     def adhesion(self, gap: Array) -> Array:
-        """sigma_0 up to h_0, 0 beyond, (n,) [Pa], of gaps (n,) >= 0 [m]."""
+        """Return sigma_0 up to h_0, 0 beyond, (n,) [Pa], of gaps (n,) >= 0 [m]."""
         beyond = np.maximum(gap, 0.0) * self.adhesive_stress - self.work_of_adhesion
         width = self.transition * self.work_of_adhesion
         # without work of adhesion there is no range either
@@ -83,7 +83,7 @@ class DMTCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius mu (|p_nu| + p_adh) where the trial presses, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu (|p_nu| + p_adh) where the trial presses, (n, 3) [Pa]."""
         pressed = trial[:, 2] < 0.0
         traction = IsotropicCoulomb(self.mu).project(trial - np.array([0.0, 0.0, self.adhesive_pressure]))
         traction[:, 2] = trial[:, 2]
@@ -91,5 +91,5 @@ class DMTCoulomb(ContactLaw):
         return traction
 
     def tangential_scaling(self) -> Array:
-        """Of isotropic-coulomb, (2, 2)."""
+        """Return the scaling of isotropic-coulomb, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()

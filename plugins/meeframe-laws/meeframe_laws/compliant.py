@@ -36,11 +36,12 @@ class Compliant(CoulombContact):
         check_quantities(self)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Traction (n, 3) with p_nu + r_nu g_nu(p_nu) = trial, and radial return to the disc of radius mu |p_nu|."""
+        """Return the traction (n, 3) with p_nu + r_nu g_nu(p_nu) = trial, and radial return to the disc of radius mu
+        |p_nu|."""
         return self.project(self._pressed(trial, r))
 
     def tangents(self, trial: Array, gap: Array, r: StepLengths) -> tuple[Array, Array]:
-        """By the trial (n, 3, 3), and zero by the gap."""
+        """Return the derivatives by the trial (n, 3, 3), and zero by the gap."""
         pressed = self._pressed(trial, r)
         pressure = -pressed[:, 2]
         contact_fraction = pressure > 0.0
@@ -52,11 +53,11 @@ class Compliant(CoulombContact):
         return by_trial, np.zeros_like(by_trial)
 
     def _closure(self, pressure: Array) -> Array:
-        """Overlap (n,) [m] under pressures (n,) [Pa]."""
+        """Return the overlap (n,) [m] under pressures (n,) [Pa]."""
         return np.asarray(self.reference_closure * (pressure / self.reference_pressure) ** (1.0 / self.exponent))
 
     def _pressed(self, trial: Array, r: StepLengths) -> Array:
-        """The trial (n, 3) with the normal traction of the law in its last column."""
+        """Return the trial (n, 3) with the normal traction of the law in its last column."""
         driving = np.maximum(-trial[:, 2], 0.0) / self.reference_pressure
         spring = r[0] * self.reference_closure / self.reference_pressure
         pressed = np.array(trial)
@@ -65,7 +66,7 @@ class Compliant(CoulombContact):
 
 
 def _share_of_power(total: Array, spring: float, exponent: float) -> Array:
-    """x^exponent, (n,), of the x >= 0 with x^exponent + spring x = total (n,) >= 0.
+    """Return x^exponent, (n,), of the x >= 0 with x^exponent + spring x = total (n,) >= 0.
 
     Newton's method on whichever of x and x^exponent makes the sum convex: from above it falls to the root.
     """

@@ -36,7 +36,7 @@ class PowerLaw(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
+        """Return kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
         pressure = _pressure(normal_traction, self.reference_pressure)
         return np.asarray(self.reference_conductivity * pressure**self.exponent)
 
@@ -62,7 +62,7 @@ class Saturating(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
+        """Return kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
         return np.asarray(-self.largest_conductivity * np.expm1(-_pressure(normal_traction, self.saturation_pressure)))
 
 
@@ -86,7 +86,7 @@ class Thresholded(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
+        """Return kappa (n,) of the normal traction (n,) [Pa], <= 0 in compression."""
         broken = np.clip((-normal_traction - self.threshold) / self.ramp, 0.0, 1.0)
         return np.asarray(self.contact_conductivity * broken)
 
@@ -120,7 +120,7 @@ class AcrossGap(ConductivityLaw):
         _check_residual_gap(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) of normal tractions (n,) [Pa], < 0 in contact, and normal gaps (n,) >= 0 [m]."""
+        """Return kappa (n,) of normal tractions (n,) [Pa], < 0 in contact, and normal gaps (n,) >= 0 [m]."""
         spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
         return np.asarray(spots + _plates(self.gap_constant, gap + self.residual_gap))
 
@@ -128,7 +128,7 @@ class AcrossGap(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Breakdown(ConductivityLaw):
-    """As AcrossGap, and beyond a breakdown field discharge conducts besides, in parallel to the capacitor.
+    """Conduction across the gap and, beyond a breakdown field, discharge in parallel to the capacitor.
 
     flux = gap_constant / g |drop| + breakdown_conductivity max(|drop| - breakdown_field g, 0), g = gap + residual_gap,
     with the sign of the drop; kappa = flux / drop is continuous and never below that of AcrossGap. The larger the
@@ -153,7 +153,7 @@ class Breakdown(ConductivityLaw):
         _check_residual_gap(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
+        """Return kappa (n,) of normal tractions (n,) [Pa], normal gaps (n,) >= 0 [m] and drops (n,) [V] or [A]."""
         spots = np.where(normal_traction < 0.0, self.contact_conductivity, 0.0)
         plates, size = gap + self.residual_gap, np.abs(drop)
         excess = np.maximum(size - self.breakdown_field * plates, 0.0)
@@ -164,7 +164,7 @@ class Breakdown(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class Robin(ConductivityLaw):
-    """One kappa on the whole zone under the indenter, in contact or not: a condition of the third kind.
+    """Condition of the third kind: the same kappa on the whole zone under the indenter, in contact or not.
 
     The linear case of all the others: a layer that covers the surface and touches the indenter everywhere. Source:
     Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).
@@ -179,12 +179,12 @@ class Robin(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """kappa everywhere, (n,)."""
+        """Return kappa everywhere, (n,)."""
         return np.full_like(normal_traction, self.kappa)
 
 
 def _check_residual_gap(law: AcrossGap | Breakdown) -> None:
-    """Raises CaseError where contact_conductivity would be ignored: a gap that closes altogether conducts perfectly."""
+    """Raise CaseError where contact_conductivity would be ignored: a gap that closes altogether conducts perfectly."""
     if law.residual_gap == 0.0 < law.gap_constant and law.contact_conductivity < math.inf:
         raise CaseError(
             f"{type(law).__name__}: contact_conductivity = {law.contact_conductivity:g} with residual_gap = 0 has no "
@@ -194,12 +194,12 @@ def _check_residual_gap(law: AcrossGap | Breakdown) -> None:
 
 
 def _pressure(normal_traction: Array, unit: float) -> Array:
-    """Contact pressure (n,) in units of one [Pa], zero where nothing presses."""
+    """Return the contact pressure (n,) in units of one [Pa], zero where nothing presses."""
     return np.asarray(np.maximum(-normal_traction, 0.0) / unit)
 
 
 def _plates(constant: float, distance: Array) -> Array:
-    """Conductivity (n,) of a gap as that of parallel plates at distances (n,) >= 0 [m]; inf at zero."""
+    """Return the conductivity (n,) of a gap as that of parallel plates at distances (n,) >= 0 [m]; inf at zero."""
     if constant == 0.0:
         return np.zeros_like(distance)
     with np.errstate(over="ignore"):  # a gap that is all but closed conducts as a closed one

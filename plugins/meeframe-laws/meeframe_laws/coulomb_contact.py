@@ -1,4 +1,4 @@
-"""What the normal laws of the interface share: isotropic Coulomb friction on the contact traction."""
+"""Isotropic Coulomb friction on the contact traction, shared by the normal laws of the interface."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -23,13 +23,13 @@ class CoulombContact(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Of isotropic-coulomb, (n, 3) [Pa]."""
+        """Return the traction of isotropic-coulomb, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
-        """Of isotropic-coulomb, (2, 2)."""
+        """Return the scaling of isotropic-coulomb, (2, 2)."""
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
-        """Of isotropic-coulomb, (n, 3, 3)."""
+        """Return the derivative of isotropic-coulomb, (n, 3, 3)."""
         return IsotropicCoulomb(self.mu).tangent(trial)

@@ -42,15 +42,15 @@ class NonAssociatedCoulomb(ContactLaw):
         self._associated()
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
+        """Return the radial return to the ellipse of half-axes mu1 |p_nu|, mu2 |p_nu|, (n, 3) [Pa]."""
         return self._associated().project(trial)
 
     def tangential_scaling(self) -> Array:
-        """M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
+        """Return M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
         return self._associated().tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """The traction with t + r_tau S g(t) = trial, (n, 3) [Pa], whatever r."""
+        """Return the traction with t + r_tau S g(t) = trial, (n, 3) [Pa], whatever r."""
         limit = _half_axes(self.mu1, self.mu2, self.angle)
         # M K^-2 M by its root, as it may be too distorted for eigenvalues
         _, size, turn = np.linalg.svd(_half_axes(1.0, 1.0 / self.slip_ratio, self.slip_angle) @ limit)
@@ -90,7 +90,7 @@ class SuperellipticCoulomb(ContactLaw):
         self.tangential_scaling()
 
     def project(self, trial: Array) -> Array:
-        """Nearest point of the limit in y = M^-1 t, (n, 3) [Pa]: the projection in the metric of S."""
+        """Return the nearest point of the limit in y = M^-1 t, (n, 3) [Pa]: the projection in the metric of S."""
         half_axes, axes = np.array([self.mu1, self.mu2]), _axes(self.angle)
         pressure = pressing(trial)
         point = (trial[:, :2] @ axes.T) / half_axes
@@ -101,12 +101,13 @@ class SuperellipticCoulomb(ContactLaw):
         return np.column_stack([(point * half_axes) @ axes, -pressure])
 
     def tangential_scaling(self) -> Array:
-        """M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
+        """Return M^2 / max(mu)^2 in the axes of the limit, (2, 2)."""
         return OrthotropicCoulomb(self.mu1, self.mu2, self.angle).tangential_scaling()
 
 
 def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
-    """y (m, 2) with (1 + c growth) y = point, |y| = radius and c >= 0, for points (m, 2) outside of radii (m,) > 0.
+    """Return y (m, 2) with (1 + c growth) y = point, |y| = radius and c >= 0, for points (m, 2) outside of radii (m,)
+    > 0.
 
     growth: (2,) > 0. 1/|y| is a concave function of c, so that Newton's method for 1/|y| = 1/radius rises to the root
     from c = 0 (More and Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553).
@@ -126,7 +127,7 @@ def shrunk_to_circle(point: Array, growth: Array, radius: Array) -> Array:
 
 
 def lame_norm(point: Array, n: float) -> Array:
-    """(|x|^n + |y|^n)^(1/n), (m,), of points (m, 2); n >= 1."""
+    """Return (|x|^n + |y|^n)^(1/n), (m,), of points (m, 2); n >= 1."""
     small, large = np.sort(np.abs(point), axis=1).T
     share = np.divide(small, large, out=np.zeros_like(large), where=large > 0.0)
     norm: Array = large * (1.0 + share**n) ** (1.0 / n)
@@ -134,7 +135,7 @@ def lame_norm(point: Array, n: float) -> Array:
 
 
 def nearest_on_lame_curve(point: Array, n: float) -> Array:
-    """Nearest points (m, 2) of |x|^n + |y|^n = 1, n >= 1, to points (m, 2) outside of it.
+    """Return the nearest points (m, 2) of |x|^n + |y|^n = 1, n >= 1, to points (m, 2) outside of it.
 
     By symmetry a >= b >= 0 for the point and x >= y = u x for its nearest one, x = (1 + u^n)^(-1/n). The way from one
     to the other is normal to the curve where h(u) = (a - x) u^(n - 1) - (b - u x) = 0. h(0) <= 0 <= h(1) but for a
@@ -165,13 +166,13 @@ def nearest_on_lame_curve(point: Array, n: float) -> Array:
 
 
 def _axes(angle: float) -> Array:
-    """Directions at an angle [rad] and a right angle further as rows, (2, 2)."""
+    """Return the directions at an angle [rad] and a right angle further as rows, (2, 2)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
 
 def _half_axes(first: float, second: float, angle: float) -> Array:
-    """The symmetric matrix (2, 2) that makes an ellipse of these half-axes of the unit circle."""
+    """Return the symmetric matrix (2, 2) that makes an ellipse of these half-axes of the unit circle."""
     axes = _axes(angle)
     ellipse: Array = axes.T @ np.diag([first, second]) @ axes
     return ellipse

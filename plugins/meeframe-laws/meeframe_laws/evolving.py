@@ -41,25 +41,27 @@ class SlipWeakening(ContactLaw):
             )
 
     def coefficient(self, slip_path: Array) -> Array:
-        """mu (n,) after slip paths (n,) [m]."""
+        """Return mu (n,) after slip paths (n,) [m]."""
         strength = np.maximum(self.slip_distance - slip_path, 0.0) / self.slip_distance
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * strength
         return mu
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius mu_static |p_nu|, which holds all tractions of the law, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu_static |p_nu|, which holds all tractions of the law, (n,
+        3) [Pa]."""
         return returned_to_disc(trial, self.mu_static * pressing(trial))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if mu_static is zero."""
+        """Return the identity; zero if mu_static is zero."""
         return isotropic_scaling(self.mu_static)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Radial return to the disc of radius mu |p_nu|, mu that of the slip of this increment alone, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu |p_nu|, mu that of the slip of this increment alone, (n,
+        3) [Pa]."""
         return returned_to_disc(trial, self.coefficient(sheared(gap)) * pressing(trial))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
-        """The law on surfaces that have slipped already."""
+        """Return the law on surfaces that have slipped already."""
         return _Increment(self, lambda trial, slip: self.coefficient(slip_path + slip) * pressing(trial))
 
 
@@ -94,33 +96,36 @@ class RateAndPressure(ContactLaw):
         check_quantities(self)
 
     def coefficient(self, speed: Array) -> Array:
-        """mu(v) (n,) at speeds (n,) >= 0 [m/s]."""
+        """Return mu(v) (n,) at speeds (n,) >= 0 [m/s]."""
         with np.errstate(over="ignore"):  # infinitely fast it is then
             static = np.exp(-((speed / self.reference_speed) ** self.speed_exponent))
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * static
         return mu
 
     def limit(self, trial: Array, mu: Array | float) -> Array:
-        """Largest tangential traction (n,) [Pa] at the pressure of trials (n, 3) and coefficients mu (n,)."""
+        """Return the largest tangential traction (n,) [Pa] at the pressure of trials (n, 3) and coefficients mu
+        (n,)."""
         pressure = pressing(trial)
         n = self.pressure_exponent
         limit: Array = mu * self.reference_pressure ** (1.0 - n) * pressure**n
         return limit
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the limit of the larger coefficient, which holds all tractions of the law, (n, 3) [Pa]."""
+        """Return the radial return to the limit of the larger coefficient, which holds all tractions of the law, (n,
+        3) [Pa]."""
         return returned_to_disc(trial, self.limit(trial, max(self.mu_static, self.mu_kinetic)))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if both coefficients are zero."""
+        """Return the identity; zero if both coefficients are zero."""
         return isotropic_scaling(max(self.mu_static, self.mu_kinetic))
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Radial return to the limit of infinitely slow slip, (n, 3) [Pa]; see for_increment."""
+        """Return the radial return to the limit of infinitely slow slip, (n, 3) [Pa]; see for_increment."""
         return returned_to_disc(trial, self.limit(trial, self.mu_static))
 
     def for_increment(self, slip_path: Array, duration: float | None) -> ContactLaw:
-        """The law of an increment that takes a duration [s]. Raises CaseError unless that is positive and finite."""
+        """Return the law of an increment that takes a duration [s]. Raises CaseError unless that is positive and
+        finite."""
         if duration is None or not 0.0 < duration < math.inf:
             raise CaseError(
                 f"RateAndPressure: duration of the increment = {duration}; allowed: a positive number of seconds, as "

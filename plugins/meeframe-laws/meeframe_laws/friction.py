@@ -36,11 +36,11 @@ class Tresca(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius `limit` where p_nu < 0, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius `limit` where p_nu < 0, (n, 3) [Pa]."""
         return returned_to_disc(trial, self.limit)
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if the limit is zero."""
+        """Return the identity; zero if the limit is zero."""
         return isotropic_scaling(self.limit)
 
 
@@ -61,13 +61,13 @@ class CappedCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius min(mu |p_nu|, limit), (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius min(mu |p_nu|, limit), (n, 3) [Pa]."""
         pressure = pressing(trial)
         shear = np.multiply(self.mu, pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
         return returned_to_disc(trial, np.minimum(shear, self.limit))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if either limit is zero."""
+        """Return the identity; zero if either limit is zero."""
         return isotropic_scaling(min(self.mu, self.limit))
 
 
@@ -89,21 +89,22 @@ class RegularisedCoulomb(ContactLaw):
         check_quantities(self)
 
     def project(self, trial: Array) -> Array:
-        """Radial return to the disc of radius mu |p_nu|, which holds all tractions of the law, (n, 3) [Pa]."""
+        """Return the radial return to the disc of radius mu |p_nu|, which holds all tractions of the law, (n, 3)
+        [Pa]."""
         return returned_to_disc(trial, self.mu * pressing(trial))
 
     def tangential_scaling(self) -> Array:
-        """The identity; zero if mu is zero."""
+        """Return the identity; zero if mu is zero."""
         return isotropic_scaling(self.mu)
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """The traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip that causes it."""
+        """Return the traction with t + r_tau g(t) = trial, (n, 3) [Pa], where g(t) is the slip that causes it."""
         limit, width = self.mu * pressing(trial), r[1] * self.slip_length
         return along(trial, smoothed_friction(sheared(trial), limit, min(max(width, _FLOATS.tiny), _FLOATS.max)))
 
 
 def smoothed_friction(trial: Array, limit: Array, width: float) -> Array:
-    """limit x / sqrt(width^2 + x^2), (n,) [Pa], of the x with limit x / sqrt(width^2 + x^2) + x = trial.
+    """Return limit x / sqrt(width^2 + x^2), (n,) [Pa], of the x with limit x / sqrt(width^2 + x^2) + x = trial.
 
     trial, limit: (n,) >= 0 [Pa]; width: > 0 [Pa]. The left side is concave, and at most limit x / width + x and
     limit + x: Newton's method rises to the root from where the smaller of these reaches the trial.

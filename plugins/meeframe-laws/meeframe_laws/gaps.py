@@ -40,7 +40,7 @@ class SignoriniGap(CoulombContact):
         check_quantities(self)
 
     def initial_gap(self, points: Array) -> Array:
-        """h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
+        """Return h + waves, (n,) [m], at points (n, 3); inf where the surface has no height, which cases refuse."""
         gap = np.zeros(len(points))
         for along, wavelength, phase in zip(
             points.T, (self.wavelength_1, self.wavelength_2), (self.phase_1, self.phase_2), strict=False

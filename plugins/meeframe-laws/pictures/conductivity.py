@@ -32,7 +32,7 @@ DASHED: Final[dict[str, Any]] = {"color": "k", "linestyle": "--", "linewidth": 1
 
 @cache
 def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactState]:
-    """The sphere at a potential [V], no friction, insulated magnetically."""
+    """Return the sphere at a potential [V], no friction, insulated magnetically."""
     medium = library_material("batio3-cofe2o4")
     case = SphereCase(medium, Signorini(), law, Insulating(), CELLS, drag=0.0, potentials=(volts, 0.0))
     problem = case.problem()
@@ -43,18 +43,18 @@ def solved(law: ConductivityLaw, volts: float) -> tuple[ContactProblem, ContactS
 
 
 def middle(problem: ContactProblem) -> tuple[Any, Array]:
-    """Which nodes are on y = 0, and x [mm] there."""
+    """Return which nodes are on y = 0, and x [mm] there."""
     row = np.abs(problem.system.points[:, 1]) < 1e-9
     return row, problem.system.points[row, 0] / MM
 
 
 def style(number: int, law: ConductivityLaw) -> dict[str, Any]:
-    """Of the curve of a law; dashed black for the perfect conductor."""
+    """Return the line style of a law; dashed black for the perfect conductor."""
     return DASHED if law == PERFECT else {"color": COLOURS[number]}
 
 
 def flux_profile(axes: Any, laws: dict[str, ConductivityLaw], volts: float = 20 * KV) -> None:
-    """Flux density on y = 0."""
+    """Plot the flux density on y = 0."""
     for number, (label, law) in enumerate(laws.items()):
         problem, state = solved(law, volts)
         row, x = middle(problem)
@@ -63,7 +63,7 @@ def flux_profile(axes: Any, laws: dict[str, ConductivityLaw], volts: float = 20 
 
 
 def over_pressure(axes: Any, laws: dict[str, ConductivityLaw]) -> None:
-    """kappa over pressure."""
+    """Plot kappa over pressure."""
     pressure = np.linspace(0.0, 2.0, 401) * GPA
     for number, (label, law) in enumerate(laws.items()):
         axes.plot(pressure / GPA, contact_conductivity(law, -pressure) / MICRO, color=COLOURS[number], label=label)
@@ -71,7 +71,7 @@ def over_pressure(axes: Any, laws: dict[str, ConductivityLaw]) -> None:
 
 
 def power(formula: Any, contact: Any) -> None:
-    """Exponents; the charge follows the pressure."""
+    """Plot several exponents; the charge follows the pressure."""
     laws: dict[str, ConductivityLaw] = {
         f"exponent {exponent:g}": PowerLaw(10 * MICRO, GPA, exponent) for exponent in (0.5, 0.95, 2.0)
     }
@@ -80,7 +80,7 @@ def power(formula: Any, contact: Any) -> None:
 
 
 def saturating(formula: Any, contact: Any) -> None:
-    """Hardnesses; where the pressure is far above the hardness the law is a step."""
+    """Plot several hardnesses; where the pressure is far above the hardness the law is a step."""
     laws: dict[str, ConductivityLaw] = {
         f"saturation_pressure {p:g} GPa": Saturating(10 * MICRO, p * GPA) for p in (0.1, 0.5, 2.0)
     }
@@ -89,7 +89,7 @@ def saturating(formula: Any, contact: Any) -> None:
 
 
 def thresholded(formula: Any, contact: Any) -> None:
-    """Thresholds; a disc that conducts within the contact."""
+    """Plot several thresholds; a disc that conducts inside the contact."""
     laws: dict[str, ConductivityLaw] = {
         f"threshold {p:g} GPa": Thresholded(10 * MICRO, p * GPA, 0.1 * GPA) for p in (0.3, 0.9, 1.5)
     }
@@ -100,7 +100,7 @@ def thresholded(formula: Any, contact: Any) -> None:
 
 
 def across_gap(formula: Any, contact: Any) -> None:
-    """Residual gaps; the charge beside the contact."""
+    """Plot several residual gaps; the charge beside the contact."""
     gap = np.linspace(0.0, 20.0, 401) * UM
     laws: dict[str, ConductivityLaw] = {
         "air": AcrossGap(VACUUM_PERMITTIVITY, np.inf, 1 * UM),
@@ -115,7 +115,7 @@ def across_gap(formula: Any, contact: Any) -> None:
 
 
 def breakdown(formula: Any, contact: Any) -> None:
-    """Flux over drop at one gap; the field in the gap beside the contact."""
+    """Plot flux over drop at one gap, and the field in the gap beside the contact."""
     volts, field, unit = 2 * KV, 30e6, 20 * MICRO
     drop = np.linspace(0.0, 1.0, 201) * KV
     laws: dict[str, ConductivityLaw] = {
@@ -143,7 +143,7 @@ def breakdown(formula: Any, contact: Any) -> None:
 
 
 def robin(formula: Any, contact: Any) -> None:
-    """One conductivity everywhere; potentials that it holds, on the whole zone."""
+    """Plot one conductivity everywhere, at several potentials, on the whole zone."""
     gap = np.array([-1.0, 0.0, 1.0])
     formula.plot(gap, [20.0] * 3, color=COLOURS[0], label="robin")
     formula.step([-1.0, 0.0, 1.0], [20.0, 20.0, 0.0], **DASHED, label="step")

@@ -33,13 +33,13 @@ SLIDING: Final = 60 * UM
 
 @cache
 def at_rest(cells: int) -> ContactProblem:
-    """The sphere, pressed in and not dragged."""
+    """Return the sphere, pressed in and not dragged."""
     medium, insulating = library_material("batio3-cofe2o4"), Insulating()
     return SphereCase(medium, IsotropicCoulomb(0.0), insulating, insulating, cells, drag=0.0).problem()
 
 
 def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, duration: float | None = None) -> Any:
-    """(states, forces (m, 3) [N]) of increments of that duration [s] along drags [m] in the plane."""
+    """Return (states, forces (m, 3) [N]) of increments of that duration [s] along drags [m] in the plane."""
     rest = at_rest(cells)
     n, start = len(rest.gap), None
     slipped, path = np.zeros((n, 2)), np.zeros(n)
@@ -58,12 +58,12 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
 
 
 def along(drags: Iterable[float]) -> list[tuple[float, float]]:
-    """Drags along the first axis."""
+    """Drag along the first axis."""
     return [(float(drag), 0.0) for drag in drags]
 
 
 def middle_row(state: ContactState) -> tuple[Array, Array]:
-    """x [mm] and tractions (k, 3) [MPa] on y = 0."""
+    """Return x [mm] and tractions (k, 3) [MPa] on y = 0."""
     points = at_rest(FINE).system.points
     row = np.abs(points[:, 1]) < 1e-9
     return points[row, 0] / MM, state.load[row, :3] / MPA
@@ -95,7 +95,7 @@ def capped(formula: Any, contact: Any) -> None:
 
 
 def force_over_drag(axes: Any, laws: dict[str, ContactLaw], drags: Array, durations: Array | None = None) -> None:
-    """Tangential over normal force; durations: of an increment [s], for each law."""
+    """Plot tangential over normal force; durations: of an increment [s], for each law."""
     for k, (label, law) in enumerate(laws.items()):
         force = history(law, along(drags), COARSE, None if durations is None else float(durations[k]))[1]
         style = {"color": "k", "linestyle": "--", "linewidth": 1.0} if label.startswith("Coulomb") else {}
@@ -104,7 +104,7 @@ def force_over_drag(axes: Any, laws: dict[str, ContactLaw], drags: Array, durati
 
 
 def regularised(formula: Any, contact: Any) -> None:
-    """Traction over slip; force over drag for several slip lengths."""
+    """Plot traction over slip, and force over drag for several slip lengths."""
     x = np.linspace(-6.0, 6.0, 300)
     formula.plot(x, np.sign(x), "k--", linewidth=1.0, label="Coulomb")
     formula.plot(x, x / np.sqrt(1.0 + x**2), color=COLOURS[0], label="regularised")
@@ -123,7 +123,7 @@ def regularised(formula: Any, contact: Any) -> None:
 
 
 def weakening(formula: Any, contact: Any) -> None:
-    """mu over slip path; force over drag: a peak, then sliding."""
+    """Plot mu over slip path, and force over drag: a peak, then sliding."""
     law, path = SlipWeakening(0.4, 0.2, 20 * UM), np.linspace(0.0, 40.0, 100)
     formula.plot(path, law.coefficient(path * UM), color=COLOURS[0])
     formula.set(xlabel="slip path [µm]", ylabel="µ", ylim=(0.0, 0.45))
@@ -137,7 +137,7 @@ def weakening(formula: Any, contact: Any) -> None:
 
 
 def rate(formula: Any, contact: Any) -> None:
-    """mu over speed; force over drag at three speeds."""
+    """Plot mu over speed, and force over drag at three speeds."""
     speed = np.geomspace(1e-2, 1e2, 200)
     for exponent, colour in zip((0.5, 1.0, 2.0), COLOURS, strict=False):
         law = RateAndPressure(0.4, 0.2, 1.0, exponent)
@@ -150,13 +150,13 @@ def rate(formula: Any, contact: Any) -> None:
 
 
 def limit_curve(axes: Any, corners: Array, **style: Any) -> None:
-    """A closed curve (k, 2) in units of the pressure."""
+    """Plot a closed curve (k, 2) in units of the pressure."""
     axes.plot(*corners.T, **style)
     axes.set(xlabel=r"$t_1/p$", ylabel=r"$t_2/p$", aspect="equal")
 
 
 def lame(mu1: float, mu2: float, n: float) -> Array:
-    """Points (k, 2) of |x/mu1|^n + |y/mu2|^n = 1."""
+    """Return the points (k, 2) of |x/mu1|^n + |y/mu2|^n = 1."""
     angle = np.linspace(0.0, 2.0 * np.pi, 401)
     c, s = np.cos(angle), np.sin(angle)
     size = (np.abs(c) ** n + np.abs(s) ** n) ** (-1.0 / n)
@@ -164,7 +164,7 @@ def lame(mu1: float, mu2: float, n: float) -> Array:
 
 
 def force_over_direction(axes: Any, laws: dict[str, ContactLaw]) -> None:
-    """Angle of the friction force over that of the drag, all slipping."""
+    """Plot the angle of the friction force over that of the drag, all slipping."""
     angles = np.radians(np.linspace(0.0, 90.0, 19))
     for k, (label, law) in enumerate(laws.items()):
         found = []

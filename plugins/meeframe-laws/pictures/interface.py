@@ -32,7 +32,7 @@ YOUNG, POISSON, RADIUS, APPROACH, SIDE, CELLS = 100 * GPA, 0.3, 0.1, 50 * UM, 6 
 
 
 def solved(problem: ContactProblem, start: ContactState | None = None) -> ContactState:
-    """The solution; raises RuntimeError if there is none."""
+    """Return the solution; raises RuntimeError if there is none."""
     solution = solve(problem, SemismoothNewton(), start=start)
     if solution.status is not Status.CONVERGED:
         raise RuntimeError(f"{problem.contact_law}: {solution.message}")
@@ -41,30 +41,30 @@ def solved(problem: ContactProblem, start: ContactState | None = None) -> Contac
 
 @cache
 def block() -> DenseSystem:
-    """An elastic half space under the sphere."""
+    """Return an elastic half space under the sphere."""
     return elastic_half_space(YOUNG, POISSON, SIDE, CELLS)
 
 
 def paraboloid(system: ReducedSystem, radius: float) -> Array:
-    """Its height over the nodes (n,) [m]."""
+    """Return the height of a paraboloid over the nodes (n,) [m]."""
     height: Array = (system.points**2).sum(axis=1) / (2.0 * radius)
     return height
 
 
 def sphere(law: ContactLaw, drag: float = 0.0) -> ContactState:
-    """Pressed on the half space and dragged."""
+    """Return the pressed on the half space and dragged."""
     height = paraboloid(block(), RADIUS) + law.initial_gap(block().points)
     return solved(indentation_problem(block(), height, APPROACH, law, translation=(drag, 0.0)))
 
 
 def middle_row(state: ContactState) -> tuple[Array, Array]:
-    """x [mm] and tractions (k, 3) [GPa] on y = 0."""
+    """Return x [mm] and tractions (k, 3) [GPa] on y = 0."""
     row = np.abs(block().points[:, 1]) < 1e-9
     return block().points[row, 0] / MM, state.load[row, :3] / GPA
 
 
 def compliant(formula: Any, contact: Any) -> None:
-    """Pressure over closure; pressure in the middle for growing reference closures."""
+    """Plot pressure over closure, and the pressure in the middle for growing reference closures."""
     closure = np.linspace(0.0, 1.5, 200)
     for exponent, colour in zip((1.0, 2.0, 3.3), COLOURS, strict=False):
         formula.plot(closure, closure**exponent, color=colour, label=f"exponent {exponent:g}")
@@ -83,7 +83,7 @@ def _pressure(state: ContactState) -> tuple[Array, Array]:
 
 
 def dmt(formula: Any, contact: Any) -> None:
-    """Attraction over gap; force over distance of stiff and soft bodies."""
+    """Plot attraction over gap, and force over distance of stiff and soft bodies."""
     work, z0, radius = 0.05, 0.3 * NM, 1 * UM
     law, gap = DMT(work, z0), np.linspace(0.0, 1.5, 300) * NM
     formula.plot(gap / NM, law.adhesion(gap) / MPA, color=COLOURS[0], label="w = 50 mJ/m², $z_0$ = 0.3 nm")
@@ -118,7 +118,7 @@ def dmt_coulomb(formula: Any, contact: Any) -> None:
 
 
 def dugdale(formula: Any, contact: Any) -> None:
-    """Attraction over gap; force over approach against the theory of Maugis."""
+    """Plot attraction over gap, and force over approach against the theory of Maugis."""
     work, radius, modulus = 0.05, 1 * UM, 4 * GPA
     gap = np.linspace(0.0, 2.0, 400)
     for transition, colour in zip((0.2, 0.4, 2.0), COLOURS, strict=False):
@@ -143,7 +143,7 @@ def dugdale(formula: Any, contact: Any) -> None:
 
 
 def signorini_gap(formula: Any, contact: Any) -> None:
-    """The waves; pressure under a sphere on them."""
+    """Plot the waves, and the pressure under a sphere on them."""
     law = SignoriniGap(amplitude=2 * UM, wavelength_1=2 * MM, mu=0.0)
     x = np.linspace(-2.0, 2.0, 400) * MM
     waves = law.initial_gap(np.column_stack([x, np.zeros((len(x), 2))]))

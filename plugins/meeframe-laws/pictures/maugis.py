@@ -27,7 +27,7 @@ PARAMETERS, TRANSITIONS = (0.1, 0.3, 0.5, 1.0), (0.4, 0.2, 1.0)
 
 
 def error(parameter: float, transition: float, cells: int) -> float:
-    """Of the force, root mean square over CONTACTS, in parts of pi w R.
+    """Return the root mean square error of the force over CONTACTS, in units of pi w R.
 
     Raises RuntimeError if the iteration does not converge.
     """
@@ -46,7 +46,7 @@ def error(parameter: float, transition: float, cells: int) -> float:
 
 
 def least_cells(parameter: float, transition: float) -> int:
-    """Cells from which on none snaps into contact on its own, over the width that `error` takes."""
+    """Return the cells from which on none snaps into contact on its own, over the width that `error` takes."""
     unit = Maugis(RADIUS, MODULUS, WORK, 1.0)
     theory = replace(unit, stress=parameter / unit.transition)
     width = 2.4 * theory.at(CONTACTS[-1] * theory.contact_unit)[0]

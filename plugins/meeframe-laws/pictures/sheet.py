@@ -1,4 +1,4 @@
-"""What the pictures of the laws share: a sheet with the formula on the left and a contact on the right."""
+"""Common sheet of the laws' pictures, with the formula on the left and a contact on the right."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -235,7 +235,7 @@ def test_the_documented_selections_work(read, tmp_path, monkeypatch):
     found: dict = {}
     exec(select, found)
     np.testing.assert_array_equal(found["deep"], numbers[:, 1])
-    np.testing.assert_array_equal(found["rough"], numbers[2])
+    np.testing.assert_array_equal(found["frictional"], numbers[2])
     np.testing.assert_array_equal(found["insulating"], numbers[:, :, 0])
 
 

@@ -93,7 +93,7 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
 
 @njit(cache=True, nogil=True)
 def piece_starts(elements):
-    """Where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
+    """Return where each run of equal numbers in elements (n,) starts, and n: (m + 1,)."""
     starts = np.empty(len(elements) + 1, np.int64)
     count = 0
     for point in range(len(elements)):
@@ -121,7 +121,7 @@ def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel,
 
 @njit(cache=True, nogil=True)
 def accumulate_own(u, t, shape_weights, weights, source_shape, value_nodes, flux_nodes, value_panel, flux_panel):
-    """As accumulate, for one element that holds the source; t multiplies N_a(x) - N_a(source), which is integrable.
+    """Accumulate over the element that holds the source; t multiplies N_a(x) - N_a(source), which is integrable.
 
     weights: (n,) of the points; source_shape: (k,); value_nodes, flux_nodes: (k,).
     """
@@ -203,7 +203,7 @@ def enter_rows(
 
 @njit(cache=True, nogil=True)
 def _tabulated(order, rules):
-    """The smallest tabulated order that is not below this one, or the number of orders in the table."""
+    """Return the smallest tabulated order that is not below this one, or the number of orders in the table."""
     while order < len(rules.starts) and rules.starts[order, order] < 0:
         order += 1
     return min(order, len(rules.starts))

@@ -1,7 +1,7 @@
-"""Siconos as the judge: it is handed the numbers of a file of FCLIB and nothing else of ours.
+"""Solve a problem with Siconos, from the numbers of an FCLIB file only.
 
-The file is read by h5py and SciPy, not by meeframe. Siconos runs in a Python that has it; that of Debian's package
-python3-siconos is /usr/bin/python3. MEEFRAME_SICONOS_PYTHON names another one.
+h5py and SciPy read the file, not meeframe. Siconos runs in a Python that has it; Debian's package python3-siconos uses
+/usr/bin/python3. MEEFRAME_SICONOS_PYTHON names another one.
 """
 
 import os
@@ -22,16 +22,16 @@ from meeframe.fields import Array
 SOLVERS: Final = ("NSGS", "NSN_AC")
 """Nonsmooth Gauss-Seidel; Newton on the function of Alart and Curnier."""
 TOLERANCE: Final = 1e-13
-"""Of Siconos's error, relative to |q|."""
+"""Tolerance of Siconos's error, relative to |q|."""
 MISSING: Final = (
-    "Siconos is not installed: apt-get install python3-siconos, or MEEFRAME_SICONOS_PYTHON names a Python that has it"
+    "Siconos is not installed; run apt-get install python3-siconos, or set MEEFRAME_SICONOS_PYTHON to a Python with it"
 )
 _SCRIPT: Final = Path(__file__).with_name("siconos_solver.py")
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
-    """What Siconos finds. r: (3m,) reactions; u: (3m,); converged: by its own error; iterations; seconds."""
+class SiconosSolution:
+    """Solution by Siconos. r: (3m,) reactions; u: (3m,) gaps; converged: by its error; iterations; seconds."""
 
     r: Array
     u: Array
@@ -42,7 +42,7 @@ class Verdict:
 
 @cache
 def siconos_python() -> str | None:
-    """The Python that has Siconos, None if there is none."""
+    """Return the Python that has Siconos, or None."""
     for python in (os.environ.get("MEEFRAME_SICONOS_PYTHON"), sys.executable, "/usr/bin/python3"):
         if python and Path(python).exists():
             asked = subprocess.run([python, "-I", "-c", "import siconos.numerics"], capture_output=True, check=False)
@@ -51,11 +51,11 @@ def siconos_python() -> str | None:
     return None
 
 
-def siconos_solves(path: Path, solver: str) -> Verdict:
-    """Siconos's solution of the problem in a file. Raises RuntimeError where it is not installed or breaks off.
+def siconos_solves(path: Path, solver: str) -> SiconosSolution:
+    """Solve the problem in a file with Siconos. Raises RuntimeError if it is not installed or fails.
 
-    It works in units in which the compliance of a contact and the gaps are of the order of one: its error adds up
-    forces and gaps. They are powers of two, so that no digit changes.
+    The units make the compliance of a contact and the gaps of order one, because Siconos's error adds up forces and
+    gaps. They are powers of two, so no digit changes.
     """
     python = siconos_python()
     if python is None:
@@ -69,9 +69,9 @@ def siconos_solves(path: Path, solver: str) -> Verdict:
         command = [python, "-I", str(_SCRIPT), solver, source, target]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=one_thread)
         if done.returncode != 0:
-            raise RuntimeError(f"Siconos broke off: {done.stderr}")
+            raise RuntimeError(f"Siconos failed: {done.stderr}")
         found = np.load(target)
-        return Verdict(
+        return SiconosSolution(
             found["r"] * (length / compliance),
             found["u"] * length,
             int(found["info"]) == 0,
@@ -81,7 +81,7 @@ def siconos_solves(path: Path, solver: str) -> Verdict:
 
 
 def read(path: Path) -> tuple[Array, Array, Array]:
-    """W (3m, 3m), q (3m,) and mu (m,) of a file that has compressed columns."""
+    """Read W (3m, 3m), q (3m,) and mu (m,) from a file with compressed columns."""
     with h5py.File(path) as file:
         w, vectors = file["fclib_local/W"], file["fclib_local/vectors"]
         shape = tuple(int(w[name][0]) for name in ("m", "n"))

@@ -1,0 +1,24 @@
+"""Small cases of all formulations, laws and solvers give what is recorded in validation/frozen/record.json."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "frozen"))
+
+import record
+from frozen_cases import CASES
+
+RECORDED = record.read_record()
+
+
+def test_the_record_has_all_cases():
+    assert list(RECORDED) == list(CASES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_values_are_those_recorded(name):
+    found = record.check_one(name, RECORDED)
+    assert not found.problems
+    assert found.difference <= record.ALLOWED, found.where
