@@ -12,7 +12,7 @@ import numpy as np
 from meeframe.elements._kernels.quadrature_order import MODERATE_ANISOTROPY
 from meeframe.elements.base import SurfaceElement, shape_derivatives
 from meeframe.elements.quadrature import pair_rule
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.greens.base import Kernel
 from meeframe.greens.directions import spread_directions
 
@@ -30,7 +30,7 @@ def traction_principal_value(
     anisotropy: float = MODERATE_ANISOTROPY,
 ) -> Array:
     """Return the contribution of one element to the principal value of int T_JK N_a dS, source at one of its nodes,
-    (n, 5, 5).
+    (n, fields, fields).
 
     nodes: (n, 3), in the unit of length of the kernel. Guiggiani and Gigante (J. Appl. Mech. 57, 1990, 906): with the
     element's tangent map A at the source, offset y in the reference domain, the singular part T(A y, normal) of the
@@ -55,7 +55,7 @@ def traction_principal_value(
 
 
 def free_term(kernel: Kernel, facets: Array) -> Array:
-    """Return the free term c_JK of eq. (19) at a node, (5, 5), from the tangent cone of the body there.
+    """Return the free term c_JK of eq. (19) at a node, (fields, fields), from the tangent cone of the body there.
 
     facets: (f, 3, 3), in any order, one for each element that meets at the node, as tangent_facet makes them: start
     direction, end direction, outward unit normal. c = -(integral of T(e, normal e) over the part of the unit sphere
@@ -66,7 +66,7 @@ def free_term(kernel: Kernel, facets: Array) -> Array:
     points, weights = _fan(_apex(arcs[0]), *arcs)
     spheres = np.floor(weights.sum() / (4.0 * np.pi))
     traction = kernel.evaluate(points, points)[1]
-    inside: Array = -np.einsum("m,mjk->jk", weights, traction) - spheres * np.eye(N_FIELDS)
+    inside: Array = -np.einsum("m,mjk->jk", weights, traction) - spheres * np.eye(traction.shape[1])
     return inside
 
 

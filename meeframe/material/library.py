@@ -12,6 +12,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
+from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
 from meeframe.material.material import Material
 from meeframe.material.tables import check_keys, inline_material, quantity, read_material, rotate_by_table
 
@@ -79,7 +80,9 @@ def library_material(name: str, **options: float) -> Material:
     return entry.make(**options)
 
 
-def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> Material:
+def material_from_table(
+    table: Mapping[str, Any], directory: Path = Path(), scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
+) -> Material:
     """Return the material of a case file's [material] table.
 
     The table is one of
@@ -88,13 +91,22 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
     - {components = {...}, symmetry, name, source}: see meeframe.material.tables.inline_material;
     - {file = "..."}: a material file, its path relative to `directory`;
 
-    each with an optional rotation = {...}. Quantities are texts such as '226 GPa' or SI numbers.
+    each with an optional rotation = {...} and the coefficients of further scalar fields: one number, or three rows of
+    three. Quantities are texts such as '226 GPa' or SI numbers. scalar_fields: the further fields that a table may
+    have.
 
     Raises
     ------
     MaterialError
         If the table is not acceptable; the message names key, value and what is allowed.
     """  # fmt: skip
+    given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
+    if given:
+        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in given}}
+        material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
+        for field, value in given.items():
+            material = material.with_field(field, _coefficient(field, value))
+        return rotate_by_table(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
         raise MaterialError("a material needs one of name (from the library), components or file")
@@ -111,6 +123,15 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
         if key in table
     }
     return rotate_by_table(library_material(entry.name, **options), table)
+
+
+def _coefficient(field: ScalarField, value: Any) -> Array | float:
+    """Return the coefficient of a scalar field that a table gives: one number or three rows of three, SI units."""
+    if not isinstance(value, list | tuple):
+        return quantity(field.coefficient, value, field.coefficient_unit)
+    if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):
+        raise MaterialError(f"{field.coefficient} is {value!r}, must be one number or three rows of three")
+    return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
 def _entry(name: Any) -> LibraryEntry:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import FLUX_NAMES, N_FIELDS, VALUE_NAMES, Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.mesh.surface import SurfaceMesh
 
 
@@ -14,8 +14,9 @@ from meeframe.mesh.surface import SurfaceMesh
 class BoundaryCondition:
     """One field prescribed on one face group: its value (displacement, potential) or its flux (traction, D.nu, B.nu).
 
-    group: face group; field: 0..4 in global axes; kind: what is prescribed; data: SI units, one number or one per point
-    of mesh.group_points(group). Groups and fields without a condition have zero flux. Sign: outward normal.
+    group: face group; field: column of the field in global axes; kind: what is prescribed; data: SI units, one number
+    or one per point of mesh.group_points(group). Groups and fields without a condition have zero flux. Sign: outward
+    normal.
     """
 
     group: str
@@ -28,14 +29,16 @@ class BoundaryCondition:
 class Body:
     """A body, its boundary conditions and its potential contact zone.
 
-    stiffness: extended stiffness C_iJKm, (3, 5, 5, 3) [SI]; contact_group: the face group that may come into contact
-    (None: no contact zone, a plain boundary value problem). No condition may name the contact group.
+    stiffness: extended stiffness C_iJKm, (3, fields, fields, 3) [SI]; contact_group: the face group that may come into
+    contact (None: no contact zone, a plain boundary value problem); fields: names of the columns. No condition may name
+    the contact group.
     """
 
     stiffness: Array
     mesh: SurfaceMesh
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
+    fields: FieldSet = MEE
 
 
 def check_conditions(body: Body) -> None:
@@ -45,7 +48,7 @@ def check_conditions(body: Body) -> None:
     """
     seen: set[tuple[str, int]] = set()
     for condition in body.conditions:
-        _check_condition(condition, len(body.mesh.group_points(condition.group)))
+        _check_condition(condition, len(body.mesh.group_points(condition.group)), body.fields.size)
         if condition.group == body.contact_group:
             others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
             raise CaseError(
@@ -54,17 +57,17 @@ def check_conditions(body: Body) -> None:
             )
         key = (condition.group, condition.field)
         if key in seen:
-            name = f"{VALUE_NAMES[condition.field]} or {FLUX_NAMES[condition.field]}"
+            name = f"{body.fields.value_names[condition.field]} or {body.fields.flux_names[condition.field]}"
             raise CaseError(f"boundary conditions on {condition.group!r} prescribe {name} twice")
         seen.add(key)
 
 
-def _check_condition(condition: BoundaryCondition, n_points: int) -> None:
+def _check_condition(condition: BoundaryCondition, n_points: int, n_fields: int) -> None:
     name = f"boundary condition on {condition.group!r}"
     if condition.kind not in ("value", "flux"):
         raise CaseError(f"{name}: kind = {condition.kind!r}; allowed: 'value', 'flux'")
-    if condition.field not in range(N_FIELDS):
-        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {N_FIELDS - 1}")
+    if condition.field not in range(n_fields):
+        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {n_fields - 1}")
     if np.shape(condition.data) not in ((), (n_points,)):
         raise CaseError(f"{name}: data of shape {np.shape(condition.data)}; allowed: one number or ({n_points},)")
     if not np.isfinite(condition.data).all():

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.elements.base import shape_functions
-from meeframe.fields import ELECTRIC, Array, Indices
+from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.mesh.body import Body
 from meeframe.mesh.parts import body_parts
 from meeframe.mesh.surface import SurfaceMesh
@@ -42,9 +42,9 @@ def slender_parts(body: Body, ratio: float) -> tuple[Slender, ...]:
     mesh = body.mesh
     if mesh.semi_infinite:
         return ()
-    held = np.zeros((len(mesh.points), ELECTRIC), bool)
+    held = np.zeros((len(mesh.points), N_MECHANICAL), bool)
     for condition in body.conditions:
-        if condition.kind == "value" and condition.field < ELECTRIC:
+        if condition.kind == "value" and condition.field < N_MECHANICAL:
             held[mesh.group_points(condition.group), condition.field] = True
     part = body_parts(mesh)
     triangles, points = _triangles(mesh)

@@ -9,6 +9,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.system import HalfSpaceSystem
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import AT_REST, ContactProblem
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -59,7 +60,7 @@ def test_inverse_where_nodes_do_not_know_of_each_other() -> None:
     gap, angle = np.where(kind == 0, 1.0, -1.0), RANDOM.random(N) * 2.0 * np.pi
     dragged = MU * np.choose(kind, [0.0, 0.5, 10.0, 1.1]) * [np.cos(angle), np.sin(angle)]
     flux = StepConductivity(np.inf)
-    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, dragged.T, none[:, :2])
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, dragged.T, none[:, :2])
     equation = Equation.of(problem)
     blocks = equation.at(none, np.zeros(N), np.zeros(N, bool), AT_REST).linearise()
     rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
@@ -78,7 +79,7 @@ def test_inverse_where_nodes_are_all_but_closed() -> None:
     system = Springs(points, frames, np.ones(N), (), none, compliance)
     gap, flux = np.where(grazing, 0.0, -1.0), StepConductivity(np.inf)
     potentials = np.tile([0.4, 0.2], (N, 1))
-    problem = ContactProblem(system, IsotropicCoulomb(MU), flux, flux, gap, none[:, :2], potentials)
+    problem = ContactProblem(system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, none[:, :2], potentials)
     equation = Equation.of(problem)
     blocks = equation.at(none, np.full(N, 1.0 - 1e-10), grazing, AT_REST).linearise()
     rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
@@ -100,7 +101,7 @@ def test_nodes_that_hardly_slip_cost_as_much_in_all_directions(law: ContactLaw, 
     none = np.zeros_like(system.offset)
     gap = np.where(np.hypot(*system.points.T[:2]) < 0.35, -1e-3, np.inf)
     flux = Insulating()
-    problem = ContactProblem(system, law, flux, flux, gap, none[:, :2], none[:, :2])
+    problem = ContactProblem(system, law, flux_channels(flux, flux), gap, none[:, :2], none[:, :2])
     equation = Equation.of(problem)
 
     def products(angle: float) -> int:
@@ -133,7 +134,7 @@ def test_contact_without_friction_costs_less_by_what_goes_on_beside_it(
     none, flux = np.zeros_like(system.offset), StepConductivity(kappa)
     x, y = system.points.T[:2]
     gap = np.where(np.hypot((x + 0.5) % 0.25 - 0.125, (y + 0.5) % 0.25 - 0.125) < 0.08, -1e-3, np.inf)  # 16 spots
-    problem = ContactProblem(system, Signorini(), flux, flux, gap, none[:, :2], none[:, :2])
+    problem = ContactProblem(system, Signorini(), flux_channels(flux, flux), gap, none[:, :2], none[:, :2])
     equation = Equation.of(problem)
     blocks = equation.at(none, np.zeros(len(gap)), np.zeros(len(gap), bool), AT_REST).linearise()
     rows = Rows.of(equation, blocks, _coupled(blocks), np.dtype(float))
