@@ -11,7 +11,7 @@ from meeframe.common.errors import CaseError
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.indenters.base import Indenter
-from meeframe.mesh.zone import ContactZone, frames_of
+from meeframe.mesh.zone import ContactZone, local_frames
 
 Flags = NDArray[np.bool_]
 
@@ -25,7 +25,7 @@ class Placement:
     """Position of an indenter just touching: approach zero.
 
     axis: direction from which the indenter comes, pointing away from the body; with the global x3 axis (the default)
-    the indenter's own axes are the global ones, else e1, e2 of frames_of(axis).
+    the indenter's own axes are the global ones, else e1, e2 of local_frames(axis).
     x, y: where its lowest point stands in those axes, from the origin [m]; along the axis it stands level with the
     highest point of the contact zone. rotation: of the shape in its own plane, then tilt_2 about e2, then tilt_1 about
     e1, all right-handed, about the lowest point that it has upright, exact for any angle [rad]; that point stays
@@ -51,7 +51,7 @@ class Placement:
     @property
     def base(self) -> Array:
         """Axes of the place, rows e1, e2, axis, (3, 3)."""
-        base: Array = frames_of(np.array([self.axis]) / math.hypot(*self.axis))[0]
+        base: Array = local_frames(np.array([self.axis]) / math.hypot(*self.axis))[0]
         return base
 
     @property

@@ -11,7 +11,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
 from meeframe.laws.base import ConductivityLaw, ContactLaw
-from meeframe.mesh import FrictionAxes, check_contact_zone, zone_frames
+from meeframe.mesh import FrictionAxes, check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
@@ -35,7 +35,7 @@ class Case(CaseData):
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
     contact; steps: load steps, one after the other; potentials: electric [V] and magnetic [A] potential of the indenter
     from the beginning; restart: the state to go on from, with potentials of its own, in place of the undeformed body;
-    axes: which way the local axis e1 points, from which a contact law measures its angle, by default as frames_of has
+    axes: direction of the local axis e1, from which a contact law measures its angle, by default as local_frames has
     it; second_body: the second of two deformable bodies, whose supports and grounds move as the indenter, and whose
     distance from the first is the indenter's shape; text: the case file, verbatim, kept with the result.
 
@@ -59,7 +59,7 @@ class Case(CaseData):
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
-        place = zone_frames(self.mesh, self.zone)
+        place = find_contact_zone(self.mesh, self.zone)
         gap_of_law(self.contact_law, place.points)
         check_tractions(self.contact_law, len(place.points))
         for law in (self.electric_law, self.magnetic_law):
@@ -125,7 +125,7 @@ def check_title(title: str) -> None:
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
     """Raises CaseError unless a part of the indenter lies above the contact zone."""
-    if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
+    if not np.isfinite(initial_gap(indenter, find_contact_zone(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
 
 
@@ -137,6 +137,6 @@ def resistance(
     laws: tuple[ContactLaw, ConductivityLaw, ConductivityLaw],
 ) -> NDArray[np.bool_]:
     """Which of the indenter's motions the laws of contact, electric and magnetic conductivity may resist, (8,)."""
-    place = zone_frames(mesh, zone)
+    place = find_contact_zone(mesh, zone)
     frames, reference = frames_along(place, axes), placement.reference(place.points)
     return resisted(motion_modes(place.points, frames, placement.base, reference), *laws)

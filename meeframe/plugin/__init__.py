@@ -59,8 +59,8 @@ if TYPE_CHECKING:
     from meeframe.mesh.body import check_conditions as check_conditions
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
-    from meeframe.mesh.zone import frames_of as frames_of
-    from meeframe.mesh.zone import zone_frames as zone_frames
+    from meeframe.mesh.zone import find_contact_zone as find_contact_zone
+    from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
     from meeframe.system.capabilities import APPROXIMATE_TOLERANCE as APPROXIMATE_TOLERANCE
@@ -143,8 +143,8 @@ _HOMES = {
     "BoundaryCondition": "meeframe.mesh.body",
     "check_conditions": "meeframe.mesh.body",
     "ContactZone": "meeframe.mesh.zone",
-    "zone_frames": "meeframe.mesh.zone",
-    "frames_of": "meeframe.mesh.zone",
+    "find_contact_zone": "meeframe.mesh.zone",
+    "local_frames": "meeframe.mesh.zone",
     "SurfaceMesh": "meeframe.mesh.surface",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",

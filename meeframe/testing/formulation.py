@@ -11,7 +11,7 @@ from meeframe.fields import ELECTRIC, Array
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.material import library_material, rotation_about
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.solvers import SemismoothNewton, solve
 from meeframe.system.capabilities import EdgeResolution
@@ -67,7 +67,7 @@ def check_formulation(
 
 def check_form(system: ReducedSystem, body: Body) -> None:
     """Shapes, finite numbers; points, frames and weights of the body's contact zone."""
-    zone = zone_frames(body.mesh, body.contact_group or "")
+    zone = find_contact_zone(body.mesh, body.contact_group or "")
     n, size = len(system.points), np.ptp(zone.points, axis=0).max()
     shapes = {"points": (n, 3), "frames": (n, 3, 3), "weights": (n,), "offset": (n, 5)}
     for name, shape in shapes.items():

@@ -53,9 +53,9 @@ class System:
 class Problem:
     """Data that every assembly task reads.
 
-    mesh: in units of the system; own_shape: (o, k) shape functions at Sources.own_xi, zero-padded; accuracy, rules: how
-    the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body; planes:
-    for each block whose elements are all plane, their normals (e, 3).
+    mesh: in units of the system; own_shape: (o, k) shape functions at Sources.source_xi, zero-padded; accuracy, rules:
+    how the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body;
+    planes: for each block whose elements are all plane, their normals (e, 3).
     """
 
     mesh: SurfaceMesh
@@ -214,7 +214,7 @@ def _add_planes(problem: Problem, number: int, count: int, buffers: kernels.Buff
 def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, panels: _Panels) -> kernels.Buffers:
     """Add one element that holds the source; returns the buffers, enlarged if need be."""
     sources = problem.sources
-    number, element, xi = sources.own_block[own], sources.own_element[own], sources.own_xi[own]
+    number, element, xi = sources.own_block[own], sources.own_element[own], sources.source_xi[own]
     block = problem.mesh.blocks[number]
     position = sources.position[source]
     table = shape_table(block.element)
@@ -278,5 +278,5 @@ def _own_shapes(mesh: SurfaceMesh, sources: Sources) -> Array:
     shapes = np.zeros((len(sources.own_block), sources.shape.shape[1]))
     for number, block in enumerate(mesh.blocks):
         rows = sources.own_block == number
-        shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.own_xi[rows])
+        shapes[rows, : block.connectivity.shape[1]] = shape_functions(block.element, sources.source_xi[rows])
     return shapes

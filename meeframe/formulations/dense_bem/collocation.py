@@ -23,7 +23,7 @@ class Sources:
     """Collocation points.
 
     position: (s, 3); row: (s, 5) row of each field's equation, NONE where it is not collocated;
-    own_start: (s + 1,) into own_block, own_element and own_xi (o, 2), the elements that hold each point;
+    own_start: (s + 1,) into own_block, own_element and source_xi (o, 2), the elements that hold each point;
     mesh_points, shape: (s, k) mesh points and shape values that interpolate at it, zero-padded.
     """
 
@@ -32,7 +32,7 @@ class Sources:
     own_start: Indices
     own_block: Indices
     own_element: Indices
-    own_xi: Array
+    source_xi: Array
     mesh_points: Indices
     shape: Array
 
@@ -119,7 +119,7 @@ def _join(a: Sources, b: Sources) -> Sources:
         own_start,
         stack("own_block").astype(np.int64),
         stack("own_element").astype(np.int64),
-        stack("own_xi"),
+        stack("source_xi"),
         stack("mesh_points").astype(np.int64),
         stack("shape"),
     )

@@ -20,7 +20,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.mesh import check_mesh, zone_frames
+from meeframe.mesh import check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
 from meeframe.system.dense import in_local_frames
@@ -71,7 +71,7 @@ class DenseBEM(Formulation):
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
         solution = self._solve(body, progress)
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         offset, compliance = zone_relation(solution)
         parts = zone.points, zone.frames, zone.weights, zone.cells
         return in_local_frames(*parts, offset, compliance, solution.fields)

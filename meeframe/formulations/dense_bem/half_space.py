@@ -5,7 +5,7 @@ import numpy as np
 from meeframe.fields import N_FIELDS, Array
 from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.mesh.topology import outer_polygon
+from meeframe.mesh.topology import boundary_polygon
 
 GAUSS_POINTS = 24
 
@@ -18,7 +18,7 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     is odd, and the free term is one half. With T = t(theta) / rho^2 and the outer edge at rho = R(theta) the integral
     outside is - int t ln R dtheta, here a line integral along that edge.
     """
-    sides = mesh.points[outer_polygon(mesh)]
+    sides = mesh.points[boundary_polygon(mesh)]
     abscissae, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     fractions = (1.0 + abscissae) / 2.0
     start, along = sides[:, 0], sides[:, 1] - sides[:, 0]

@@ -14,7 +14,7 @@ from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
 from meeframe.mesh.surface import SurfaceMesh
-from meeframe.mesh.topology import outer_polygon
+from meeframe.mesh.topology import boundary_polygon
 from meeframe.system.reduced import NodalFields
 
 NONE = -1
@@ -81,7 +81,7 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
         contact = patches.group == body.mesh.group(body.contact_group)
     _check_zone(body, values, patches.point[contact])
     if body.mesh.semi_infinite:
-        edge = np.unique(outer_polygon(body.mesh))
+        edge = np.unique(boundary_polygon(body.mesh))
         values[edge] = np.where(np.isnan(values[edge]), 0.0, values[edge])
         flux_unknown[np.isin(patches.point, edge)] = False
 

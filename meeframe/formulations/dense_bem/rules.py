@@ -39,7 +39,7 @@ def tabulate(block: ElementBlock, points: Array, tolerance: float) -> RuleTable:
     extents = element_extents(block.element, nodes, tolerance)
     degree = shape_degree(shape_table(block.element))
     table = positions, normals, shape_weights
-    return RuleTable(extents.centres, extents.sizes, extents.least_orders, degree, triangle, starts, *table)
+    return RuleTable(extents.centres, extents.sizes, extents.min_orders, degree, triangle, starts, *table)
 
 
 def plane_normals(rules: RuleTable) -> Array | None:

@@ -163,7 +163,7 @@ def _compare(total, previous, change, largest):
 
 
 @njit(cache=True, nogil=True)
-def line_integrals(stiffness, triad, points, most_points, tolerance, with_tangents):
+def line_integrals(stiffness, triad, points, max_points_per_direction, tolerance, with_tangents):
     """Return the modulation (n, 3, 15) = H, A, B on triads (n, 3, 3), or H alone, (n, 1, 15), and whether all of them
     converged.
 
@@ -192,7 +192,7 @@ def line_integrals(stiffness, triad, points, most_points, tolerance, with_tangen
         _add_angles(forms, 0.0, step, count, with_tangents, total, work)
         settled = np.arange(LANES) >= used
         while not settled.all():
-            if count > most_points:
+            if count > max_points_per_direction:
                 return modulation, False
             previous = total.copy()
             _add_angles(forms, 0.5 * step, step, count, with_tangents, total, work)

@@ -23,7 +23,7 @@ from meeframe.plugin import (
     FieldScaling,
     Indices,
     MaterialError,
-    frames_of,
+    local_frames,
     surface_compliance,
 )
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
@@ -148,7 +148,7 @@ def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -
     of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
     """
     nu = np.asarray(normal, float) / np.linalg.norm(normal)
-    mean = PointResponse.of(stiffness, frames_of(nu[None])[0]).even[0, 0, NORMAL]
+    mean = PointResponse.of(stiffness, local_frames(nu[None])[0]).even[0, 0, NORMAL]
     return float(1.0 / (np.pi * mean * FieldScaling.of(stiffness).factors[2] ** 2))
 
 

@@ -85,6 +85,7 @@ def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) 
     return np.asarray(distance < spacings * WIDTH / (n - 1))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("moved", [False, True], ids=["given", "free"])
 def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool) -> None:
     """Every coarse node is far below the asperities that overlap: the residual is measured in what these bear."""
@@ -122,6 +123,7 @@ def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
 
 
+@pytest.mark.full(except_for=1)
 @SOLVERS
 def test_indenters_that_cover_no_node(solver: Solver) -> None:
     """They bear nothing: at a given motion that is so, a given force is not met."""
@@ -457,6 +459,7 @@ def _kinked(prolonged: Array, nodes: Indices) -> Array:
     return kinked
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]

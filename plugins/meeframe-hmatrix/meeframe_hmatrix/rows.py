@@ -133,7 +133,7 @@ def _own(integrals: Integrals, source: int, kind: Kind) -> tuple[Indices, Array]
     sources, number = integrals.sources, integrals.tree.sources[source]
     held = np.arange(sources.own_start[number], sources.own_start[number + 1])
     held = held[sources.own_block[held] == kind.block]
-    return sources.own_element[held], sources.own_xi[held]
+    return sources.own_element[held], sources.source_xi[held]
 
 
 def local(rows: Indices, cluster: Cluster) -> Indices:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from meeframe.plugin import N_FIELDS, Array, Indices, SurfaceElement
-from meeframe.plugin.surfaces import ORDER, gauss_rule, normal_vectors, shape_functions
+from meeframe.plugin.surfaces import VOLUME_ORDER, gauss_rule, normal_vectors, shape_functions
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
 
@@ -58,7 +58,7 @@ def _products(mesh: VolumeMesh, cells: Indices) -> Array:
 
 def face_masses(points: Array, element: SurfaceElement, connectivity: Indices) -> Array:
     """int N_a N_b dS of each face, (f, k, k); connectivity (f, k)."""
-    xi, weights = gauss_rule(element.reference, ORDER)
+    xi, weights = gauss_rule(element.reference, VOLUME_ORDER)
     shape = shape_functions(element, xi)
     measures = np.linalg.norm(normal_vectors(points, element, connectivity, xi), axis=-1) * weights
     masses: Array = np.einsum("fm,ma,mb->fab", measures, shape, shape, optimize=True)

@@ -6,7 +6,16 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.plugin import Array, Body, BoundaryCondition, ContactZone, Indices, MeshError, SurfaceMesh, zone_frames
+from meeframe.plugin import (
+    Array,
+    Body,
+    BoundaryCondition,
+    ContactZone,
+    Indices,
+    MeshError,
+    SurfaceMesh,
+    find_contact_zone,
+)
 from meeframe.plugin.surfaces import ElementBlock, area, shape_functions
 from meeframe_skfem.locate import interpolation, nearest
 from meeframe_skfem.volume import Faces, VolumeMesh, boundary_faces
@@ -52,7 +61,7 @@ def match(body: Body, volume: VolumeMesh) -> Matched:
     surface = SurfaceMesh(points, (block,), body.mesh.group_names)
     _check_areas(body.mesh, surface)
     conditions = _carried(body, surface, REACH * size)
-    zone = zone_frames(body.mesh, body.contact_group)
+    zone = find_contact_zone(body.mesh, body.contact_group)
     zone_points = _zone_points(zone, surface, body.contact_group)
     return Matched(volume, faces, replace(body, mesh=surface, conditions=conditions), nodes, zone, zone_points)
 

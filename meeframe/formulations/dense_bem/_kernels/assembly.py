@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, pair_rule
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, element_rule
 from meeframe.elements._kernels.quadrature_order import required_orders
 from meeframe.elements._kernels.shape import map_rule
 
@@ -36,14 +36,14 @@ class Buffers(NamedTuple):
 class RuleTable(NamedTuple):
     """Tensor rules on all elements of a block.
 
-    centres (e, 3), sizes (e, 2), least_orders (e,), degree: for required_orders; square: both directions get the larger
+    centres (e, 3), sizes (e, 2), min_orders (e,), degree: for required_orders; square: both directions get the larger
     order; starts: (orders, orders) first row of the rules of those orders along xi and eta, negative where they are not
     tabulated, in positions (., 3), normals (., 3) and shape_weights (., k).
     """
 
     centres: np.ndarray
     sizes: np.ndarray
-    least_orders: np.ndarray
+    min_orders: np.ndarray
     degree: int
     square: bool
     starts: np.ndarray
@@ -226,8 +226,8 @@ def far_points(source, own, accuracy, rules, out):
         xi, eta = required_orders(distance, size_xi, size_eta, rules.degree, accuracy.tolerance, accuracy.anisotropy)
         if rules.square:
             xi = eta = max(xi, eta)
-        xi = _tabulated(max(xi, rules.least_orders[element]), rules)
-        eta = _tabulated(max(eta, rules.least_orders[element]), rules)
+        xi = _tabulated(max(xi, rules.min_orders[element]), rules)
+        eta = _tabulated(max(eta, rules.min_orders[element]), rules)
         if xi == n_orders or eta == n_orders:
             out.near[n_near] = element
             n_near += 1
@@ -253,12 +253,12 @@ def adaptive_points(source, points, connectivity, element, xi, table, accuracy, 
     """Append the adaptive rule of one element to the buffers after count points.
 
     points: (p, 3) of the mesh; connectivity: (e, k); xi: (2,) reference coordinates of the source where the element
-    holds it, else NaN. Returns the new count or a negative code of pair_rule.
+    holds it, else NaN. Returns the new count or a negative code of element_rule.
     """
     nodes = np.empty((connectivity.shape[1], 3))
     for a in range(connectivity.shape[1]):
         nodes[a] = points[connectivity[element, a]]
-    n = pair_rule(
+    n = element_rule(
         source, nodes, table, xi, accuracy.tolerance, gauss, out.reference, out.reference_weights, accuracy.anisotropy
     )
     if n < 0:

@@ -51,6 +51,7 @@ END = "os.kill(os.getpid(), signal.{signal})"
 END_WHILE_LETTING_GO = "Kept(); time.sleep(1)"  # Python ignores what is raised there
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("name", "end", "status"),
     [
@@ -100,6 +101,7 @@ except typer.Exit as ended:
 """
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_interruptions_in_compiled_code(name):
     done = python("-c", IN_COMPILED_CODE.replace("{signal}", name))

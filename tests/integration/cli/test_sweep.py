@@ -131,6 +131,7 @@ def test_a_grid_end_to_end(study, tmp_path, log):
     expected = found["formulation.stiffness"] * np.maximum(found["steps[1].approach"], 0.0)
     np.testing.assert_allclose(found.max_pressure, expected.broadcast_like(found.max_pressure), rtol=1e-9)
     assert (found.max_pressure.units, found.normal_force.units, found.zone_pressure.units) == ("Pa", "N", "Pa")
+    assert (found.max_pressure.long_name, found.zone_pressure.long_name) == ("largest pressure", "contact pressure")
     depth = np.maximum(found["steps[1].approach"] - (found.x**2 + found.y**2) / 0.2, 0.0)
     pressure = found["formulation.stiffness"] * depth
     np.testing.assert_allclose(found.zone_pressure, pressure.broadcast_like(found.zone_pressure), rtol=1e-6, atol=1.0)
@@ -291,6 +292,7 @@ MAIN = (
 )  # fmt: skip
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, death, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
@@ -320,6 +322,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"
@@ -358,6 +361,7 @@ def assert_nothing_twice(out, log, before, solved):
     assert len(log("reduced")) == 1, "nor the reduced system"
 
 
+@pytest.mark.full
 def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     out, file, told = tmp_path / "out", study(LINE, free=6), tmp_path / "told"
     with started("-m", "meeframe", *command(file, out, "--workers", 2), told=told) as process:
@@ -375,6 +379,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("axis", "reductions"),
     [
@@ -392,6 +397,7 @@ def test_the_first_reductions_have_the_threads_of_all_that_wait(study, tmp_path,
     assert set(log("threads")) - set(of_reductions) == {"threads of a point: 1, of libraries: 1"}
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("options", "reduction", "point"),
     [
@@ -443,6 +449,7 @@ def meeframe_solvers():
 """
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):
@@ -462,9 +469,7 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
         for options in ((), ("--overwrite",)):
             status, _, complained = sweep(file, out, *options)
             assert status == 2
-            assert f"error: folder {out} is in use: another process writes a sweep there" in " ".join(
-                complained.split()
-            )
+            assert f"error: folder {out} is in use: another process writes there" in " ".join(complained.split())
         workers = process.children(recursive=True)
         process.kill()
         process.wait()

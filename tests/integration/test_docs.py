@@ -18,7 +18,7 @@ from meeframe.plugin.registry import load
 from meeframe.plugin.sources import OWN_PACKAGES
 from meeframe.study.validate import known_cases
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 TOP_PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 PAGES = [*TOP_PAGES, *sorted((ROOT / "docs").rglob("*.md"))]
@@ -94,14 +94,14 @@ def test_pictures_are_there_and_small():
 
 
 def test_two_commands_do_all_setup():
-    """One runs the main job, one the tests; the latter is what the continuous integration runs."""
+    """One runs the main job, one the tests; continuous integration runs the latter with the full tier."""
     (_, job), (_, tests) = blocks(README, "sh")
     setup = "pip install uv && "
     assert job.strip().startswith(setup)
     command = shlex.split(job.strip().removeprefix(setup))
     assert command[:4] == ["uv", "run", "meeframe", "run"]
     assert (ROOT / command[4]) == EMII
-    assert tests.strip().removeprefix(setup) in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert f"{tests.strip().removeprefix(setup)} --full" in (ROOT / ".ci" / "run").read_text("utf-8").splitlines()
 
 
 def test_what_is_inside_names_everything_registered():

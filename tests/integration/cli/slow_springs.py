@@ -9,7 +9,7 @@ import numpy as np
 from numba import get_num_threads
 from threadpoolctl import threadpool_info
 
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.plugin import DenseSystem, Formulation, NodalFields, Quantity, Record, Solver, hookimpl, silent
 from meeframe.solvers import SemismoothNewton
 
@@ -44,7 +44,7 @@ class Springs(Formulation):
     def reduce(self, body, progress=silent):
         note(self.log, f"reduced {self.stiffness!r}")
         note_threads(self.log, "a reduction")
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         n = len(zone.points)
         matrix = np.zeros((n, 5, n, 5))
         for node in range(n):

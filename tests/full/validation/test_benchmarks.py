@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BENCHMARKS = ROOT / "validation" / "benchmarks"
 MACHINE = {"date": "2026-11-23", "commit": "0d378ea+", "processor": "one", "cores": 2, "load": 0.14}
 MACHINE |= {"versions": {"numpy": "2.4.6", "tamaas": "2.9.0"}}

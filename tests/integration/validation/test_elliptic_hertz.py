@@ -7,7 +7,7 @@ import pytest
 
 import meeframe
 
-CASE = Path(__file__).parents[2] / "validation" / "elliptic_hertz" / "paraboloid.toml"
+CASE = Path(__file__).parents[3] / "validation" / "elliptic_hertz" / "paraboloid.toml"
 RADII = 'name = "paraboloid"\nradius_x = "200 mm"\nradius_y = "20 mm"'
 HEIGHTS = 'name = "heights"\nfile = "paraboloid.csv"\ninterpolation = "cubic"'
 

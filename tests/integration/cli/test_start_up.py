@@ -80,6 +80,7 @@ def test_garbage_is_looked_for_again_once_all_is_loaded():
         gc.unfreeze()
 
 
+@pytest.mark.full
 def test_the_second_process_compiles_nothing(case_file, tmp_path):
     """numba says what it takes from its cache and what it puts there."""
     run = "-m", "meeframe", "run", case_file, "--overwrite", "--out", tmp_path / "out"

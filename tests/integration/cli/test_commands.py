@@ -44,7 +44,7 @@ def test_slender_bodies_are_warned_of(case_file, tmp_path):
     status, out, err = meeframe_command("check", case_file)
     assert status == 0
     assert "ok: material" in out
-    assert err.startswith("warning: the body reaches 2 m from its supports")
+    assert err.startswith("warning: the body extends 2 m from its supports")
     assert err.count("\n") == 1
     assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0
     first, second = json.loads((tmp_path / "out" / "summary.json").read_text())["steps"]

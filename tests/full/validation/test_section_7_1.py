@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "validation" / "transversely_isotropic_indentation"
+FOLDER = Path(__file__).parents[3] / "validation" / "transversely_isotropic_indentation"
 CONDITIONS = ("EMII", "ECMII", "EIMCI", "EMCI")
 
 

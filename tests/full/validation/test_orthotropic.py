@@ -12,7 +12,7 @@ from meeframe.material.half_space import surface_compliance
 from meeframe.study.reports.study import study_json
 from meeframe.study.solve import solve_study
 
-STUDIES = Path(__file__).parents[2] / "validation"
+STUDIES = Path(__file__).parents[3] / "validation"
 COARSE = (("divisions = 16", "divisions = 12"), ("rings = 7", "rings = 4"))
 
 

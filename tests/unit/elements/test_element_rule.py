@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.elements._kernels import quadrature as kernels
 from meeframe.elements.base import shape_functions
-from meeframe.elements.quadrature import gauss_table, pair_rule, shape_table
+from meeframe.elements.quadrature import element_rule, gauss_table, shape_table
 from meeframe.testing.polygon import single_layer, solid_angle
 
 
@@ -62,7 +62,7 @@ def test_flat_element_near_and_far(corners, quadratic, tolerance):
     for place, direction in places(corners):
         for distance in (1e-3, 1e-2, 0.1, 0.5, 3.0):
             source = place + distance * size * direction
-            single, double, absolute = layers(pair_rule(element, nodes, source, tolerance), source)
+            single, double, absolute = layers(element_rule(element, nodes, source, tolerance), source)
             assert single == pytest.approx(single_layer(corners, source), rel=tolerance)
             assert abs(double - solid_angle(corners, source)) < tolerance * absolute
 
@@ -72,7 +72,7 @@ def test_elongated_element_is_cheap():
     counts = []
     for length in (1.0, 50.0):
         nodes = np.array([[0, 0, 0], [length, 0, 0], [length, 1, 0], [0, 1, 0]])
-        counts.append(len(pair_rule(Quad4(), nodes, np.array([length / 2, 0.5, 1e-2]), 1e-6).weights))
+        counts.append(len(element_rule(Quad4(), nodes, np.array([length / 2, 0.5, 1e-2]), 1e-6).weights))
     assert counts[1] < 3 * counts[0]
 
 
@@ -82,7 +82,7 @@ def test_weakly_singular_at_every_node(corners, quadratic):
     element, nodes = flat(corners, quadratic)
     for xi, source in zip(element.nodes, nodes, strict=True):
         for tolerance in (1e-6, 1e-11):
-            single, _, _ = layers(pair_rule(element, nodes, source, tolerance, xi), source)
+            single, _, _ = layers(element_rule(element, nodes, source, tolerance, xi), source)
             assert single == pytest.approx(single_layer(corners, source), rel=tolerance)
 
 
@@ -90,7 +90,7 @@ def test_weakly_singular_inside():
     for xi in ([0.3, -0.8], [0.99, 0.999], [1.0, 0.4]):
         nodes = FLAT["trapezoid"]
         source = shape_functions(Quad4(), np.array([xi]))[0] @ nodes
-        single, _, _ = layers(pair_rule(Quad4(), nodes, source, 1e-9, np.array(xi)), source)
+        single, _, _ = layers(element_rule(Quad4(), nodes, source, 1e-9, np.array(xi)), source)
         assert single == pytest.approx(single_layer(nodes, source), rel=1e-9)
 
 
@@ -98,7 +98,7 @@ def test_function_that_vanishes_at_the_source():
     """int x y / r^3 dS over [0, a] x [0, b] from the origin is a + b - sqrt(a^2 + b^2)."""
     a, b = 3.0, 0.4
     nodes = np.array([[0, 0, 0], [a, 0, 0], [a, b, 0], [0, b, 0]])
-    rule = pair_rule(Quad4(), nodes, nodes[0], 1e-10, Quad4().nodes[0])
+    rule = element_rule(Quad4(), nodes, nodes[0], 1e-10, Quad4().nodes[0])
     x, y = rule.positions[:, 0], rule.positions[:, 1]
     value = rule.measures @ (x * y / np.hypot(x, y) ** 3)
     assert value == pytest.approx(a + b - hypot(a, b), rel=1e-10)
@@ -142,7 +142,7 @@ def area_ratio(rho):
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
 def test_curved_element_near(patch, height, tolerance):
     nodes, source = paraboloid(patch), np.array([0.0, 0.0, height])
-    rule = pair_rule(Quad9(), nodes, source, tolerance)
+    rule = element_rule(Quad9(), nodes, source, tolerance)
     distance = np.linalg.norm(rule.positions - source, axis=1)
 
     def ray(power):
@@ -161,7 +161,7 @@ def test_curved_element_near(patch, height, tolerance):
 def test_curved_element_weakly_singular(patch, tolerance):
     nodes, source = paraboloid(patch), np.zeros(3)
     own = -np.array([(patch[1] + patch[0]) / (patch[1] - patch[0]), (patch[3] + patch[2]) / (patch[3] - patch[2])])
-    rule = pair_rule(Quad9(), nodes, source, tolerance, own)
+    rule = element_rule(Quad9(), nodes, source, tolerance, own)
     single = rule.measures @ (1 / np.linalg.norm(rule.positions, axis=1))
 
     def ray(rim):
@@ -176,7 +176,7 @@ def test_solid_angle_of_a_curved_element_is_that_of_its_rim():
     nodes[8, 2] = 0.4
     corners = nodes[:4]
     for source in ([0.1, 0.2, 0.5], [0.0, 0.0, 0.401], [0.0, 0.0, 0.399], [1.001, 0.3, 0.0], [0.2, -0.1, -0.3]):
-        _, double, absolute = layers(pair_rule(Quad9(), nodes, np.array(source), 1e-8), np.array(source))
+        _, double, absolute = layers(element_rule(Quad9(), nodes, np.array(source), 1e-8), np.array(source))
         exact = solid_angle(corners, np.array(source))
         if 0 < source[2] < 0.4:
             # between the raised element and the plane of its rim: the other side of a closed surface
@@ -187,7 +187,7 @@ def test_solid_angle_of_a_curved_element_is_that_of_its_rim():
 def test_kernel_says_when_the_buffer_is_too_small():
     points, weights = np.empty((10, 2)), np.empty(10)
     nodes, source = FLAT["square"], np.array([0.5, 0.5, 0.01])
-    count = kernels.pair_rule(
+    count = kernels.element_rule(
         source, nodes, shape_table(Quad4()), np.full(2, np.nan), 1e-6, gauss_table(), points, weights
     )
     assert count == kernels.BUFFER_TOO_SMALL
@@ -196,16 +196,16 @@ def test_kernel_says_when_the_buffer_is_too_small():
 @pytest.mark.parametrize("element", ELEMENTS.values(), ids=ELEMENTS)
 def test_source_on_an_element_that_does_not_hold_it(element):
     nodes = np.column_stack([element.nodes, np.zeros(len(element.nodes))])
-    with pytest.raises(MeshError, match=rf"{element.name} that does not hold it"):
-        pair_rule(element, nodes, np.array([0.3, 0.4, 0.0]), 1e-6)
+    with pytest.raises(MeshError, match=rf"{element.name} element of which it is not a node"):
+        element_rule(element, nodes, np.array([0.3, 0.4, 0.0]), 1e-6)
 
 
 def test_rules_do_not_depend_on_the_unit_of_length():
     nodes = paraboloid(PATCHES["inside"])
     source = np.array([0.2, 0.1, 0.3])
     for element, shape in ((Quad9(), nodes), (Quad8(), nodes[:8])):
-        large = pair_rule(element, shape, source, 1e-6)
-        small = pair_rule(element, 1e-6 * shape, 1e-6 * source, 1e-6)
+        large = element_rule(element, shape, source, 1e-6)
+        small = element_rule(element, 1e-6 * shape, 1e-6 * source, 1e-6)
         assert np.allclose(large.points, small.points)
         assert small.measures.sum() == pytest.approx(1e-12 * large.measures.sum())
 

@@ -15,7 +15,7 @@ from meeframe.testing import check_contact_law
 from meeframe.testing.contact import check_monotone
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
-PAGE = Path(__file__).parents[2] / "docs" / "plugins.md"
+PAGE = Path(__file__).parents[3] / "docs" / "plugins.md"
 STIFFNESS = 1e12
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from meeframe.cli import app
 from meeframe.model import solve
 
-STUDIES = Path(__file__).parents[2] / "validation"
+STUDIES = Path(__file__).parents[3] / "validation"
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.plugin import NodalFields, Persistence, PersistentFormulation, Record, ReducedSystem, hookimpl, silent
 
 COMPLIANCE = 1e-14 * np.array([1.0, 1.0, 1.0, 1e13, 1e8])
@@ -72,7 +72,7 @@ class Springs(PersistentFormulation):
 
     def reduce(self, body, progress=silent):
         reach("reduce", self.fails)
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         offset = np.zeros((len(zone.points), 5))
         return Bed(zone.points, zone.frames, zone.weights, zone.cells, offset, self.fails)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "validation" / "exact_friction"
+FOLDER = Path(__file__).parents[3] / "validation" / "exact_friction"
 EXACT, COUPLED = (0.0, True), (0.5, False)
 
 

@@ -15,7 +15,7 @@ from meeframe.results.fclib import LocalProblem, write_local
 from meeframe.study.validate import Skip
 from meeframe.study.validate import load_case as load_validation
 
-FOLDER = Path(__file__).parents[2] / "validation" / "fclib"
+FOLDER = Path(__file__).parents[3] / "validation" / "fclib"
 
 
 @contextmanager

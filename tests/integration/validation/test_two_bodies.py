@@ -12,7 +12,7 @@ from meeframe.elements import Quad4
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.model.solve import reduce
 
-FOLDER = Path(__file__).parents[2] / "validation" / "two_bodies"
+FOLDER = Path(__file__).parents[3] / "validation" / "two_bodies"
 
 
 def load_study():

@@ -25,7 +25,7 @@ from meeframe.study.reports.validation_page import page
 from meeframe.study.reports.validation_table import validation_json, validation_table
 from meeframe.study.validate import Check, Claim, Curve, Map, Plot, Skip, Verdict, validate
 
-FOLDER = Path(__file__).parents[2] / "validation"
+FOLDER = Path(__file__).parents[3] / "validation"
 _spec = importlib.util.spec_from_file_location("trust", FOLDER / "trust.py")
 trust = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(trust)
@@ -244,7 +244,7 @@ def test_the_page_names_what_was_not_run(tmp_path):
 
 
 def test_the_example_of_the_page_is_a_case(tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "trust.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "trust.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     make_case(tmp_path / "cases")
     (tmp_path / "cases" / "one" / "checks.py").write_text(example)

@@ -10,7 +10,7 @@ from meeframe.model.load import case_from_tables
 from meeframe.model.solve import solve_case
 from meeframe.results.records import RunStatus, resultants
 
-CASE = Path(__file__).parents[2] / "validation" / "load_histories" / "loop.toml"
+CASE = Path(__file__).parents[3] / "validation" / "load_histories" / "loop.toml"
 
 
 @pytest.fixture(scope="module")

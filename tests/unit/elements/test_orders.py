@@ -5,7 +5,7 @@ import pytest
 
 from meeframe.elements import Quad4, Quad9, Tri3
 from meeframe.elements._kernels.quadrature import required_orders, shape_degree
-from meeframe.elements.quadrature import MOST_GAUSS_POINTS, element_extents, pair_rule, shape_table, tensor_rule
+from meeframe.elements.quadrature import MAX_GAUSS_POINTS, element_extents, element_rule, shape_table, tensor_rule
 from meeframe.greens import LineIntegral
 from meeframe.material import library_material
 from meeframe.testing.polygon import single_layer
@@ -35,7 +35,7 @@ def test_pair_rule_keeps_every_tolerance_at_logarithmic_cost(place):
     exact = single_layer(SQUARE, source)
     counts = []
     for tolerance in 10.0 ** -np.arange(2, 14):
-        rule = pair_rule(Quad4(), SQUARE, source, tolerance)
+        rule = element_rule(Quad4(), SQUARE, source, tolerance)
         counts.append(len(rule.weights))
         assert abs(single(rule, source) / exact - 1) < max(tolerance, 1e-13)
     # each direction's order grows as log(1/tolerance)
@@ -45,7 +45,7 @@ def test_pair_rule_keeps_every_tolerance_at_logarithmic_cost(place):
 
 def test_cost_of_nearness_grows_with_its_logarithm():
     distances = 10.0 ** -np.arange(1, 8)
-    counts = [len(pair_rule(Quad4(), SQUARE, np.array([0.1, 0.2, d]), 1e-6).weights) for d in distances]
+    counts = [len(element_rule(Quad4(), SQUARE, np.array([0.1, 0.2, d]), 1e-6).weights) for d in distances]
     assert np.diff(counts).max() < 1.5 * np.diff(counts).min()
 
 
@@ -73,11 +73,11 @@ def test_required_orders_suffice_for_the_kernels(element, nodes, material):
             direction = rng.normal(size=3)
             distance = sizes.max() * 10 ** rng.uniform(-0.5, 1.5)
             source = centre + distance * direction / np.linalg.norm(direction)
-            order = max(*required_orders(distance, *sizes, degree, tolerance), extents.least_orders[0])
-            if order > MOST_GAUSS_POINTS:
+            order = max(*required_orders(distance, *sizes, degree, tolerance), extents.min_orders[0])
+            if order > MAX_GAUSS_POINTS:
                 continue
             served += 1
-            exact = integrals(kernel, pair_rule(element, nodes, source, 1e-11), source)
+            exact = integrals(kernel, element_rule(element, nodes, source, 1e-11), source)
             for value, reference in zip(
                 integrals(kernel, tensor_rule(element, nodes, order), source), exact, strict=True
             ):
@@ -93,17 +93,17 @@ def test_fewer_points_suffice_along_the_shorter_side(name):
     rng = np.random.default_rng(1)
     degree = shape_degree(shape_table(element))
     extents = element_extents(element, nodes[None], 1e-5)
-    sizes, least = extents.sizes[0], extents.least_orders[0]
+    sizes, least = extents.sizes[0], extents.min_orders[0]
     rectangular = square = 0
     for direction in rng.normal(size=(60, 3)):
         distance = sizes.max() * 10 ** rng.uniform(-0.2, 1.5)
         source = extents.centres[0] + distance * direction / np.linalg.norm(direction)
         orders = [max(order, least) for order in required_orders(distance, *sizes, degree, 1e-5, 1.9)]
-        if max(orders) > MOST_GAUSS_POINTS:
+        if max(orders) > MAX_GAUSS_POINTS:
             continue
         rectangular += orders[0] * orders[1]
         square += max(orders) ** 2
-        exact = integrals(kernel, pair_rule(element, nodes, source, 1e-10), source)
+        exact = integrals(kernel, element_rule(element, nodes, source, 1e-10), source)
         found = integrals(kernel, tensor_rule(element, nodes, *orders), source)
         for value, reference in zip(found, exact, strict=True):
             assert np.abs(value - reference).max() < 1.2e-5 * np.abs(reference).sum(axis=0).max()
