@@ -71,8 +71,10 @@ class Material:
             object.__setattr__(self, field, validate_tensor(self.name, symbol, getattr(self, field)))
         check_elastic(self.name, self.elastic)
         check_electromagnetic(self.name, self.permittivity, self.magnetoelectric, self.permeability)
-        checked = ((field, validate_coefficient(self.name, field.coefficient, value)) for field, value in
-        self.decoupled) object.__setattr__(self, "decoupled", tuple(checked))
+        checked = (
+            (field, validate_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled
+        )
+        object.__setattr__(self, "decoupled", tuple(checked))
 
     @classmethod
     def from_voigt(
