@@ -150,6 +150,7 @@ def laws_of(strength: float):
 NAMES = list(laws_of(1.0))
 
 
+@pytest.mark.full(except_for=8)
 @pytest.mark.parametrize("strength", [1.0, 100.0])
 @pytest.mark.parametrize("friction", [Signorini(), IsotropicCoulomb(0.4)], ids=str)
 @pytest.mark.parametrize("name", NAMES)

@@ -379,7 +379,7 @@ def test_it_survives_the_death_of_its_workers(study, tmp_path, log, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("axis", "reductions"),
     [
@@ -449,7 +449,7 @@ def meeframe_solvers():
 """
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.filterwarnings("always:of a", "ignore:left out")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_warnings_of_plugins_are_told_once_by_all_processes(study, tmp_path, workers):

@@ -336,6 +336,7 @@ class AfraidOfTheVoid(Solver):
         return iterate if (problem.gap < 0.0).any() else replace(iterate, load=np.nan * iterate.load)
 
 
+@pytest.mark.full
 def test_hypothesis_finds_the_contact_that_a_solver_fails_on():
     with pytest.raises(
         AssertionError, match=r"(?s)indentation .*'approach': (-1e-05|0\.0|1e-06).*the worst condition is"

@@ -126,6 +126,7 @@ def test_cone() -> None:
     assert totals(case, solved(case))[0] == pytest.approx(exact.force, rel=5e-3)
 
 
+@pytest.mark.full
 def test_flat_punch_converges_at_first_order() -> None:
     """The pressure is singular at the edge. Which squares make up a circle is a matter of luck (the area scatters more
     than the force converges), so that the exact force is that of the circle with the area of the squares."""
