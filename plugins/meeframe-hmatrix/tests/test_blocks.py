@@ -238,6 +238,7 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
     assert error(product_of(merged(found))(x), expected @ x) < 1e-14
 
 
+@pytest.mark.full
 def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     square, _, block, _ = matrices
     single = converted(block, np.float32)

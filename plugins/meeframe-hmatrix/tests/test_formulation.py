@@ -84,7 +84,7 @@ def first_source(sampled, source, tolerance):
     return np.zeros((len(sampled), len(places))), places
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("tolerance", "choice"),
     [(1e-3, interpolation), (1e-5, interpolation), (1e-3, first_source)],
@@ -154,6 +154,7 @@ def test_conforms():
     check_formulation(HierarchicalBEM(tolerance=1e-5), tolerance=1e-3)
 
 
+@pytest.mark.full
 def test_the_same_twice_over(make_block, smooth_load, systems):
     again = HierarchicalBEM(tolerance=1e-3).reduce(make_block(8))
     assert np.array_equal(again.apply(smooth_load(again)), systems[1e-3].apply(smooth_load(again)))

@@ -66,7 +66,6 @@ def test_all_laws_are_registered_under_their_names():
     assert set(LAWS) <= registered
 
 
-@pytest.mark.full(except_for=6)
 @pytest.mark.parametrize("law", [*LAWS.values(), *SUPERELLIPTIC, *SPEEDS], ids=repr)
 def test_kit(law):
     check_contact_law(law, pressure=1e6, gap=1e-5)

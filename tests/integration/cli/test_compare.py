@@ -375,6 +375,7 @@ def test_fundamental_solutions_are_those_of_the_formulations_that_take_one(write
         compare(write_case(), {"fundamental-solution": ["residue"]}, tmp_path / "none", registry=laws)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("option", "values", "refusal"),
     [

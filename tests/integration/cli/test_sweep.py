@@ -322,7 +322,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     assert_as_uninterrupted(file, out, tmp_path)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatch):
     out, file, told = tmp_path / "out", study(LINE, free=0), tmp_path / "told"

@@ -222,6 +222,7 @@ class Altered(PersistentFormulation):
         return self.restore(self.inner.reduce(body), arrays)
 
 
+@pytest.mark.full(except_for=9)
 @pytest.mark.parametrize("fault", SPOILT)
 def test_wrong_formulations_are_caught(layer, fault):
     formulation, body, field = layer

@@ -47,7 +47,7 @@ def results(packages, package_tools, tmp_path_factory):
     return {(case.get("classname"), case.get("name")): [part.get("message") for part in case] for case in cases}
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_package_passes_its_own_tests_as_it_is(results, kind):
     module = f"test_meeframe_new_{kind.replace('-', '_')}"
