@@ -479,6 +479,7 @@ def test_one_at_a_time_writes_a_folder(study, tmp_path, go_on):
     assert_as_uninterrupted(file, out, tmp_path)
 
 
+@pytest.mark.full
 def test_on_a_cluster_whose_scheduler_dies(study, tmp_path, log, go_on):
     out, file, told = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     place = tmp_path / "scheduler.json"
