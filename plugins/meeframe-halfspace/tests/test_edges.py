@@ -161,6 +161,7 @@ def test_conduction_that_draws_surfaces_together_closes_in_on_closed_forms(name,
     assert np.abs(errors(name, (-1e5, 0.0), 48.3, edges="nodes")).max() < 5e-3
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.5, 0.5)])
 @pytest.mark.parametrize("cells", [64.0, 64.25])
 @pytest.mark.parametrize("name", ["sphere", "cone"])

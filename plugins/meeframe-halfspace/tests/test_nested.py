@@ -201,6 +201,7 @@ def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[i
     check_capabilities(system_of(formulation, divisions))
 
 
+@pytest.mark.full(except_for=9)
 @pytest.mark.parametrize(
     "system",
     [

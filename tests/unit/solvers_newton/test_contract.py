@@ -106,6 +106,7 @@ def problem(sphere, growing):
     return replace(plain.with_laws(electric=law), potentials=np.tile([1e3, 0.0], (256, 1)))
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kind", ["soft", "weakening", "sticky"])
 def test_linearisation_is_the_derivative_of_the_residual(problem, kind) -> None:
     problem = replace(problem, contact_law=laws(problem)[kind])

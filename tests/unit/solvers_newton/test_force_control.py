@@ -83,6 +83,7 @@ def assert_same(state: ContactState, expected: ContactState):
     assert (np.abs(state.load - expected.load).max(axis=0) <= 1e-8 * size).all()
 
 
+@pytest.mark.full(except_for=6)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize("lift", [0.0, 7e-5])
@@ -146,6 +147,7 @@ def test_where_nothing_conducts_the_potential_stays(sphere) -> None:
         assert "does not conduct" in failed.message
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("share", [0.5, 0.99, 0.9999])
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.6), IsotropicCoulomb(5.0)], ids=str)
 def test_force_up_to_the_limit_of_friction(sphere, law, share) -> None:
@@ -168,6 +170,7 @@ def test_forces_beyond_the_limit_of_friction_are_named(sphere, solver) -> None:
         assert solution.residual > 1e-5
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("share", [0.5, 0.95, 1.2])
 def test_tangential_force_in_proportion_to_the_normal_one(sphere, share) -> None:
     """At given approach, F_x = share mu P: the resultants add up to zero."""

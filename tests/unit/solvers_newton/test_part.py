@@ -97,6 +97,7 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     return tuple(found)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "given",
     [
