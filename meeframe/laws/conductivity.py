@@ -1,4 +1,4 @@
-"""Electric and magnetic conductivity of the contact."""
+"""Built-in conductivity laws, electric and magnetic."""
 
 from dataclasses import dataclass
 from typing import Annotated, final
@@ -13,7 +13,7 @@ from meeframe.laws.base import ConductivityLaw
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """Insulating contact without flux: kappa = 0."""
+    """Insulating contact: kappa = 0, without flux."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return zero, (n,)."""
@@ -23,10 +23,18 @@ class Insulating(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class StepConductivity(ConductivityLaw):
-    """kappa where there is contact pressure, zero elsewhere (eqs. 17, 18).
+    """Constant conductivity where there is contact pressure, zero elsewhere (eqs. 17, 18).
 
-    kappa: >= 0 [F/m^2 as the electric law, H/m^2 as the magnetic one]; 0 insulates, inf conducts perfectly.
-    Raises CaseError if it is negative or NaN.
+    Attributes
+    ----------
+    kappa : float
+        Conductivity >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
+        perfectly.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
     """
 
     kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]

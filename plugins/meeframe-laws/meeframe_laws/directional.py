@@ -10,7 +10,7 @@ from meeframe.fields import Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws import OrthotropicCoulomb
 from meeframe.laws.base import ContactLaw, StepLengths
-from meeframe.laws.coulomb import LARGEST_RATIO
+from meeframe.laws.coulomb import MAX_FRICTION_RATIO
 from meeframe_laws.limits import ROUND_OFF, ROUNDS, pressing
 
 
@@ -33,7 +33,7 @@ class NonAssociatedCoulomb(ContactLaw):
 
     mu1: Annotated[float, Quantity("", gt=0, lt=math.inf)]
     mu2: Annotated[float, Quantity("", gt=0, lt=math.inf)]
-    slip_ratio: Annotated[float, Quantity("", ge=1.0 / LARGEST_RATIO, le=LARGEST_RATIO)] = 1.0
+    slip_ratio: Annotated[float, Quantity("", ge=1.0 / MAX_FRICTION_RATIO, le=MAX_FRICTION_RATIO)] = 1.0
     angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
     slip_angle: Annotated[float, Quantity("rad", gt=-math.inf, lt=math.inf)] = 0.0
 
