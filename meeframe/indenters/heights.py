@@ -200,8 +200,8 @@ def _grid(rows: Array) -> tuple[Array, Array, Array]:
     (xs, i), (ys, j) = _axis(rows[:, 0]), _axis(rows[:, 1])
     if len(rows) != len(xs) * len(ys) or len(np.unique(i * len(ys) + j)) != len(rows) or min(len(xs), len(ys)) < 2:
         raise ValueError(
-            f"{len(rows)} rows with {len(xs)} distinct x and {len(ys)} distinct y do not form a full rectangular grid of "
-            "at least 2 x 2 points (interpolation = 'nodes' accepts scattered points)"
+            f"{len(rows)} rows with {len(xs)} distinct x and {len(ys)} distinct y do not form a full rectangular grid "
+            "of at least 2 x 2 points (interpolation = 'nodes' accepts scattered points)"
         )
     grid = np.empty((len(xs), len(ys)))
     grid[i, j] = rows[:, 2]
