@@ -1,9 +1,11 @@
 """A limit on the threads of BLAS while threads of meeframe share the work."""
 
+from functools import lru_cache
 from threading import Lock
 from types import TracebackType
+from typing import Any
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 
 class _OneThread:
@@ -16,12 +18,12 @@ class _OneThread:
     def __init__(self) -> None:
         self._lock = Lock()
         self._entries = 0
-        self._limits: threadpool_limits | None = None
+        self._limits: Any = None
 
     def __enter__(self) -> None:
         with self._lock:
             if self._limits is None:
-                self._limits = threadpool_limits(1, user_api="blas")
+                self._limits = _libraries().limit(limits=1, user_api="blas")
             self._entries += 1
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -30,6 +32,12 @@ class _OneThread:
             if self._entries == 0 and self._limits is not None:
                 self._limits.restore_original_limits()
                 self._limits = None
+
+
+@lru_cache(maxsize=1)
+def _libraries() -> ThreadpoolController:
+    """Return the thread pools of this process: looking for them takes milliseconds, more than a small solution does."""
+    return ThreadpoolController()
 
 
 ONE_BLAS_THREAD = _OneThread()

@@ -19,6 +19,7 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import ELECTRIC, MAGNETIC, N_FIELDS, Array
 from meeframe.laws.base import ConductivityLaw, conducts, contact_conductivity
+from meeframe.system.capabilities import diagonal
 
 Mask = NDArray[np.bool_]
 
@@ -73,7 +74,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 @memoize_by_identity
 def own_response(problem: ContactProblem) -> Array:
     """Response of each node's two potentials to their own flux density, (n, 2)."""
-    own = problem.system.own_response((ELECTRIC, MAGNETIC))
+    own = diagonal(problem.system, (ELECTRIC, MAGNETIC))
     own.setflags(write=False)  # the judge uses it, too
     return own
 

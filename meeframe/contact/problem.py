@@ -81,7 +81,7 @@ class ContactProblem:
     there is no indenter above; translation: (n, 2) tangential motion of the indenter in the local frame [m];
     potentials: (n, 2) electric [V] and magnetic [A] potential of the indenter; freedoms: motions and potentials of the
     indenter, on top of those, that follow from prescribed resultants; area_fraction: (n,) the part of each node's area
-    that is in contact where its edge is resolved between the nodes (Edges), None where it is resolved to nodes.
+    that is in contact where its edge lies between the nodes (EdgeResolution), None where it lies at nodes.
     Raises CaseError if an array has the wrong shape or a value that is not allowed.
     """
 

@@ -11,6 +11,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, inde
 from meeframe.contact.scales import Scales, largest, problem_scales
 from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS
 from meeframe.laws.base import ContactLaw, augmented_traction, conducts, contact_traction, fixed_point_map
+from meeframe.system.capabilities import apply_load
 
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 BLOCK: Final = 2**14
@@ -28,7 +29,7 @@ def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] = ALL_FIELDS) -> ContactState:
     """The state of an iterate: its displacement by one application of the compliance, zero but in the given fields.
 
-    All of them are those of `apply`, some of them those of `response`.
+    All of them are those of `apply`, some of them those of `apply_load`.
 
     Raises CaseError if its solver does not find the free motions of the problem.
     """
@@ -40,7 +41,7 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
         )
     displacement = np.zeros((N_FIELDS, len(iterate.load))).T
     system = problem.system
-    caused = system.apply(iterate.load) if fields == ALL_FIELDS else system.response(iterate.load, fields)
+    caused = system.apply(iterate.load) if fields == ALL_FIELDS else apply_load(system, iterate.load, fields)
     for field, part in zip(fields, caused.T, strict=True):  # stored one after another
         np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)

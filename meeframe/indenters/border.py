@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
-from meeframe.system.reduced import IndenterEdge
+from meeframe.system.capabilities import IndenterEdge
 
 Gaps = Callable[[Array, Array], Array]
 """Function of points (m, 3) and frames (m, 3, 3) that returns gaps (m,) [m] along the normals, inf if there is none."""

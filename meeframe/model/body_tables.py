@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, mo
 
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
@@ -27,7 +28,6 @@ from meeframe.model.values import (
     by_name,
 )
 from meeframe.plugin.validation import Problem, TableError, problems_of
-from meeframe.system.reduced import Formulation
 
 _REACH: Final = 16.0
 """Of the mesh of a half space beside its contact zone, in widths of that."""

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
 from meeframe.mesh import check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin.sources import faults_of_plugins
-from meeframe.system.reduced import Formulation
 from meeframe.system.two_body import match_nodes
 
 _BODIES: Final = ("first body", "second body")

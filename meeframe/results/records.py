@@ -42,7 +42,7 @@ class Zone:
 
 
 def zone_of(system: ReducedSystem) -> Zone:
-    """The contact zone of a reduced system."""
+    """Return the contact zone of a reduced system."""
     return Zone(system.points, system.frames, system.weights, system.cells)
 
 
@@ -204,7 +204,7 @@ class Resultants:
 
 
 def resultants(zone: Zone, step: StepResult) -> Resultants:
-    """Resultants and maxima over the contact zone.
+    """Return the resultants and maxima over the contact zone.
 
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis
@@ -302,10 +302,11 @@ class Result:
 
 
 def split_load(load: Array) -> tuple[Array, Array]:
-    """Tractions (n, 3) and outward fluxes (n, 2) of a load (n, 5)."""
+    """Return the tractions (n, 3) and outward fluxes (n, 2) of a load (n, 5)."""
     return load[:, :3], load[:, [ELECTRIC, MAGNETIC]]
 
 
 def split_displacement(displacement: Array) -> tuple[Array, Array]:
-    """Displacements (n, 3) and potentials (n, 2), in their physical sign, of a reduced system's displacement (n, 5)."""
+    """Return the displacements (n, 3) and potentials (n, 2), in their physical sign, of a reduced system's
+    displacement (n, 5)."""
     return displacement[:, :3], -displacement[:, [ELECTRIC, MAGNETIC]]

@@ -1,6 +1,5 @@
 """Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which says what the folder's points are of."""
 
-import fcntl
 import json
 import shutil
 from collections.abc import Collection, Iterator
@@ -12,8 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.results import schema
 from meeframe.results.hdf5 import sink
-from meeframe.results.output import check_output, replacing
+from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
 from meeframe.results.sweep_records import INCREMENT, SweepResult
 
 FORMAT: Final = "meeframe-sweep 1"
@@ -21,7 +21,6 @@ SWEEP_FILE: Final = "sweep.h5"
 LIST_FILE: Final = "sweep.json"
 POINTS: Final = "points"
 SYSTEMS: Final = "systems"
-LOCK_FILE: Final = ".lock"
 NODE: Final = "node"
 
 
@@ -38,7 +37,7 @@ def write_sweep(folder: Path, sweep: SweepResult) -> None:
 
 
 def check_installed() -> None:
-    """Raises CaseError unless what writes sweep.h5 is installed."""
+    """Raise CaseError unless what writes sweep.h5 is installed."""
     try:
         for module in ("xarray", "h5netcdf"):
             import_module(module)
@@ -47,7 +46,7 @@ def check_installed() -> None:
 
 
 def dataset(sweep: SweepResult) -> Any:
-    """The sweep as an xarray.Dataset."""
+    """Return the sweep as an xarray.Dataset."""
     import xarray
 
     names = [axis.name for axis in sweep.axes]
@@ -56,9 +55,10 @@ def dataset(sweep: SweepResult) -> Any:
     }
     for name, values in sweep.quantities.items():
         dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
-        variables[name] = dimensions, values, {"units": sweep.units[name]}
+        variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name))
     for name, values in sweep.fields.items():
-        variables[name] = [*names, NODE], values, {"units": sweep.units[name]}
+        label = schema.label_of(name.removeprefix("zone_"))
+        variables[name] = [*names, NODE], values, _attributes(sweep.units[name], label)
     coordinates: dict[str, Any] = {}
     for axis in sweep.axes:
         values = np.array(axis.labels, object) if axis.values is None else axis.values
@@ -66,6 +66,11 @@ def dataset(sweep: SweepResult) -> Any:
     for name, place in sweep.nodes.items():
         coordinates[name] = [NODE] if place.ndim == 1 else [*names, NODE], place, {"units": "m"}
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
+
+
+def _attributes(unit: str, label: str) -> dict[str, str]:
+    """Return attributes as xarray's plots read them."""
+    return {"units": unit, "long_name": label}
 
 
 @contextmanager
@@ -77,29 +82,8 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterato
     unless overwrite is true if it holds anything else, or another sweep.
     """
     check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
-    with _locked(folder):
+    with locked(folder):
         _make_ready(folder, set(keys), overwrite)
-        yield
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """The folder for this process alone. The system lets go of it when the process ends, however it ends."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK_FILE).open("a")
-    except OSError as error:
-        raise _unwritable(folder, error) from None
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ResultError(
-                f"folder {folder} is in use: another process writes a sweep there; wait until it ends or name another "
-                "folder"
-            ) from None
-        except OSError:  # a file system without locks
-            pass
         yield
 
 
@@ -142,7 +126,7 @@ def drop_systems(folder: Path, keys: Collection[str]) -> None:
 
 
 def _begun(folder: Path) -> bool:
-    """Whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
+    """Return whether a folder holds only what a sweep makes before sweep.json, as one does that was killed there."""
     try:
         return all(
             path.name == LOCK_FILE
@@ -155,7 +139,7 @@ def _begun(folder: Path) -> bool:
 
 
 def _held(folder: Path) -> set[str] | None:
-    """Keys of the points of the sweep that a folder holds; None if it holds none."""
+    """Return the keys of the points of the sweep that a folder holds; None if it holds none."""
     try:
         table = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
         return set(table["points"]) if table["format"] == FORMAT else None

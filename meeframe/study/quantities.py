@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.fields import Array
-from meeframe.results.records import Region, Resultants, StepResult, Zone
+from meeframe.results import schema
+from meeframe.results.records import Resultants, StepResult, Zone
 
 TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "force": lambda totals: float(-totals.force[2]),
@@ -23,33 +24,15 @@ TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
 magnetic flux [Wb], contact area [m^2], largest pressure [Pa] and absolute potentials [V], [A]."""
 
 
-def _pressure(_zone: Zone, step: StepResult) -> Array:
-    return 0.0 - step.traction[:, 2]
+def nodal(quantity: str, zone: Zone, step: StepResult) -> Array:
+    """Return a field on the contact zone that studies show, (n,), or (n, 2) for the tangential traction."""
+    return schema.nodal(schema.View.STUDY)[quantity].values(zone, step)
 
-
-def _tangential(zone: Zone, step: StepResult) -> Array:
-    """Return components along global x1, x2, (n, 2)."""
-    tangential: Array = np.einsum("na,nai->ni", step.traction[:, :2], zone.frames[:, :2, :2])
-    return tangential
-
-
-NODAL: Final[Mapping[str, Callable[[Zone, StepResult], Array]]] = {
-    "pressure": _pressure,
-    "traction_x": lambda zone, step: _tangential(zone, step)[:, 0],
-    "traction_y": lambda zone, step: _tangential(zone, step)[:, 1],
-    "tangential_traction": _tangential,
-    "stick": lambda _, step: (step.region == Region.STICK).astype(float),
-    "electric_potential": lambda _, step: step.potentials[:, 0],
-    "magnetic_potential": lambda _, step: step.potentials[:, 1],
-}
-"""Fields on the contact zone, (n,), the tangential traction (n, 2): pressure and tractions on the body [Pa], in global
-axes, stick 1 or 0, potentials of the body [V], [A]."""
 
 _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 
 
 def largest(quantity: str, zone: Zone, step: StepResult) -> float:
-    """Return what a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top
-    pressure."""
-    values = NODAL["pressure" if quantity in _TRACTIONS else quantity](zone, step)
+    """Return the value of largest modulus of a nodal quantity, with sign; of tractions the largest pressure."""
+    values = nodal("pressure" if quantity in _TRACTIONS else quantity, zone, step)
     return float(values[np.abs(values).argmax()])

@@ -382,6 +382,7 @@ FLUX = r"the worst condition is '(electric|magnetic) flux'"
 FRICTION = r"the worst condition is '(friction limit|slip)'"
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("solver", "message"),
     [

@@ -23,6 +23,7 @@ from meeframe.solvers.newton.linear import Inverse
 from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, kept_nodes
 from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.capabilities import diagonal
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Of a Newton step, tried in turn."""
@@ -142,6 +143,11 @@ class SemismoothNewton(Solver):
         return _iterate(replace(_anew(memory, moved, memory.flips), burst=burst))
 
 
+def estimated_residual(iterate: Iterate) -> float | None:
+    """Return the residual that Newton's equation has at an iterate; None if another solver made the iterate."""
+    return iterate.memory.point.judged if isinstance(iterate.memory, _Memory) else None
+
+
 def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
     """From where to iterate to that merit: see SemismoothNewton.init."""
     n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
@@ -244,7 +250,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     if part is not None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
         gap[part.kept] = around
-    return replace(iterate, load=tensed(iterate.load, gap, problem.system.own_response((2,))[:, 0]))
+    return replace(iterate, load=tensed(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
 
 
 def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from meeframe.common.errors import CaseError
+from meeframe.common.literal import LiteralTable
 from meeframe.fields import Array
+from meeframe.results import schema
 from meeframe.results.canvas import MAP_COLOURS, prefixed, sheet
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 
@@ -90,7 +91,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
-            draw(axes, plot, (x, lines), values, f"{_words(quantity)} {unit}".rstrip())
+            draw(axes, plot, (x, lines), values, f"{schema.label_of(quantity)} {unit}".rstrip())
             axes.set_xlabel(_heading(x))
         for axes in line[len(plot.quantities) :]:
             axes.remove()
@@ -209,26 +210,20 @@ def _heading(axis: SweepAxis) -> str:
     return f"{axis.name} {_scaled(axis.values, axis.unit)[1]}".rstrip() if axis.unit else axis.name
 
 
-def _words(name: str) -> str:
-    return name.replace("max_abs_", "largest ").replace("max_", "largest ").replace("_", " ")
-
-
 def sweep_table(sweep: SweepResult) -> RenderableType:
     """Return status and plotted values of every point, of many the first; and the messages of those not converged."""
     names = sweep.plotted or DEFAULT
-    table = Table(title=sweep.title, title_justify="left")
+    table = LiteralTable(sweep.title)
     for axis in sweep.axes:
-        table.add_column(Text(axis.name))
+        table.add_column(axis.name)
     table.add_column("status")
     for name in names:
         unit = sweep.units[name]
-        table.add_column(Text(f"{_words(name)} [{unit}]" if unit != "1" else _words(name)), justify="right")
+        table.add_column(f"{schema.label_of(name)} [{unit}]" if unit != "1" else schema.label_of(name), justify="right")
     shown = {name: sweep.last(name) for name in names}
     for place in list(np.ndindex(sweep.shape))[:_LISTED]:
         numbers = (f"{shown[name][place]:.6g}" for name in names)
-        table.add_row(
-            *map(Text, _labels(sweep, place)), _standing(sweep, place), *(n if n != "nan" else "-" for n in numbers)
-        )
+        table.add_row(*_labels(sweep, place), _standing(sweep, place), *(n if n != "nan" else "-" for n in numbers))
     rest = math.prod(sweep.shape) - _LISTED
     more = [Text(f"and {rest} more")] if rest > 0 else []
     return Group(table, *more, *(Text(line) for line in failures(sweep)))

@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.plugin import N_FIELDS, Array, Indices
 from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
 from meeframe_halfspace.response import STRICT, UPPER

@@ -6,12 +6,21 @@ from typing import Annotated, Literal, final
 import numpy as np
 from pydantic import Field
 
-from meeframe.common.errors import CaseError, MeshError
-from meeframe.fields import N_FIELDS, VALUE_NAMES, Array
-from meeframe.fields.units import check_quantities
-from meeframe.mesh.body import Body, check_conditions
-from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, silent
+from meeframe.plugin import (
+    N_FIELDS,
+    VALUE_NAMES,
+    Array,
+    Body,
+    CaseError,
+    DenseSystem,
+    Formulation,
+    MeshError,
+    Progress,
+    ReducedSystem,
+    check_conditions,
+    check_quantities,
+    silent,
+)
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid
@@ -28,13 +37,13 @@ class HalfSpace(Formulation):
     the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
     half a spacing on each side of it are one period of an endless surface; a mean load, to which no half space has a
     finite answer, answers as a wave of that length would. matrix_up_to: nodes up to which the compliance is held as a
-    matrix, for solvers that factorise it. edges: of the contact run along 'nodes', or are 'resolved' between them,
-    which solves each increment twice and holds no matrix.
+    matrix, for solvers that factorise it: with more nodes, solving without a matrix takes less time. edges: of the
+    contact run along 'nodes', or are 'resolved' between them, which solves each increment twice and holds no matrix.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
-    matrix_up_to: Annotated[int, Field(ge=0)] = 1200
+    matrix_up_to: Annotated[int, Field(ge=0)] = 256
     edges: Literal["nodes", "resolved"] = "nodes"
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.convolution import IMAGINARY, REAL, SIGN, Convolution, Spectrum, Symbol, parts
 from meeframe_halfspace.grid_response import whole_entry
 

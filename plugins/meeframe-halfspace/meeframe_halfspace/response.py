@@ -16,10 +16,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meeframe.common.errors import MaterialError
-from meeframe.fields import MECHANICAL, N_FIELDS, Array, FieldScaling, Indices
-from meeframe.material.half_space import surface_compliance
-from meeframe.mesh.zone import local_frames
+from meeframe.plugin import (
+    MECHANICAL,
+    N_FIELDS,
+    Array,
+    FieldScaling,
+    Indices,
+    MaterialError,
+    local_frames,
+    surface_compliance,
+)
 from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES
 
 UPPER: Final = np.triu_indices(N_FIELDS)

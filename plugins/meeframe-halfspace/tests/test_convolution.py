@@ -198,6 +198,7 @@ def whole(made: Convolution) -> Convolution:
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 
+@pytest.mark.full(except_for=31)
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
 @pytest.mark.parametrize("size", SIZES)

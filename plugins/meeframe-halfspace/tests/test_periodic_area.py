@@ -41,6 +41,7 @@ def pressed(crest: float, force: float, edges: str) -> Resultants:
     return resultants(result.zone, result.steps[-1])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("share", [0.2, 0.7, 1.01])
 def test_westergaard_wherever_the_crest_is(share: float) -> None:
     """p/p* = sin^2(pi a/lambda), p* = pi E* amplitude/lambda, 1/E* = Re Y_33/2 of any medium; within a row of nodes."""

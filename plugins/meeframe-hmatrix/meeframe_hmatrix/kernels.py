@@ -7,9 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, element_rule, rectangular_rule, shape_degree
-from meeframe.elements._kernels.quadrature_order import max_points_per_direction, required_orders
-from meeframe.elements._kernels.shape import map_rule
+from meeframe.plugin.boundary_elements import (
+    BUFFER_TOO_SMALL,
+    element_rule,
+    map_rule,
+    max_points_per_direction,
+    rectangular_rule,
+    required_orders,
+    shape_degree,
+)
 
 
 class Elements(NamedTuple):

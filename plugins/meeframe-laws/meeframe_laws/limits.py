@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 
 MAX_STEPS: Final = 100
 """Largest number of steps of Newton's method with bisection; a dozen are typical, and 50 bisections reach round-off."""

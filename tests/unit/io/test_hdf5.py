@@ -10,12 +10,12 @@ import pytest
 
 from meeframe.common.errors import ResultError
 from meeframe.results.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local, write_solution
-from meeframe.results.files import append_step, create_result, finish_result, read_result
+from meeframe.results.files import ResultWriter, read_result, write_result
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
 from meeframe.results.sweep_files import dataset, write_sweep
 from meeframe.results.sweep_records import SweepAxis, SweepResult
-from meeframe.results.systems import read_kept, write_kept
+from meeframe.results.systems import read_arrays, write_arrays
 
 
 @pytest.fixture
@@ -47,29 +47,33 @@ def test_a_full_disk_is_one_error(tmp_path, room, size):
     room(size)
     path = tmp_path / "system.h5"
     with pytest.raises(ResultError, match=rf"^{path} cannot be written: File too large$"):
-        write_kept(path, "key", {"values": np.random.default_rng(2).random(100_000)})
+        write_arrays(path, "key", {"values": np.random.default_rng(2).random(100_000)})
     assert not list(tmp_path.iterdir())
     room(resource.RLIM_INFINITY)
-    write_kept(path, "key", {"values": np.ones(100_000)})
-    assert read_kept(path, "key")["values"].sum() == 100_000
+    write_arrays(path, "key", {"values": np.ones(100_000)})
+    assert read_arrays(path, "key")["values"].sum() == 100_000
 
 
 def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, synthetic):
     first, second = synthetic.step(1e-6), synthetic.step(2e-6, increment=2)
-    create_result(tmp_path, synthetic.result(first, planned=2))
-    size = (tmp_path / "result.h5").stat().st_size
-    room(size + 100)
-    for change in (
-        lambda: append_step(tmp_path, synthetic.zone(), second),
-        lambda: create_result(tmp_path, synthetic.result(first, second)),
+    writer = ResultWriter(tmp_path, synthetic.result(planned=2))
+    writer.append(first)
+    room(5_000)
+    with pytest.raises(ResultError, match=r"0002\.h5 cannot be written: File too large$"):
+        writer.append(second)
+    for whole in (
+        lambda: writer.finish(lambda: synthetic.result(first, planned=2)),
+        lambda: write_result(tmp_path, synthetic.result(first, second)),
     ):
         with pytest.raises(ResultError, match=r"result\.h5 cannot be written: File too large$"):
-            change()
-    assert len(read_result(tmp_path).steps) == 1
+            whole()
+        assert len(read_result(tmp_path).steps) == 1
     room(resource.RLIM_INFINITY)
-    append_step(tmp_path, synthetic.zone(), second)
-    finish_result(tmp_path, synthetic.result(first, second))
+    writer.append(second)
     assert len(read_result(tmp_path).steps) == 2
+    writer.finish(lambda: synthetic.result(first, second))
+    assert len(read_result(tmp_path).steps) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["result.h5"]
 
 
 def made_sweep(count):
@@ -134,8 +138,7 @@ def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["versions", "timings", "planned_steps"])
 def test_a_result_changed_on_the_disk_is_damaged(tmp_path, synthetic, name):
-    create_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
-    finish_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    write_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
     with h5py.File(tmp_path / "result.h5", "r+") as file:
         file.attrs[name] = "{"
     with pytest.raises(ResultError, match=r"result\.h5 is damaged: "):

@@ -156,6 +156,7 @@ def test_systems_without_a_matrix(solver) -> None:
     )
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("factors", [(1e-9, 1.0), (1e9, 1e-9)], ids=str)
 @pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])

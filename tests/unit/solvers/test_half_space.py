@@ -107,6 +107,7 @@ def test_insulated_fields_follow_the_surface_and_conducting_flux_the_pressure() 
     assert flux == 0.0
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("fields", [(2e4, None), (None, -20.0), (-1.5e4, 30.0)])
 def test_prescribed_potentials(fields: tuple[float | None, float | None]) -> None:
     """The fluxes carry an edge singularity, which a grid resolves to first order only."""
@@ -149,6 +150,7 @@ def test_sphere_converges_at_least_at_first_order() -> None:
     assert fine < 2e-3
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("field", [0, 1])
 def test_force_and_flux_go_monotonically_between_the_limits(field: int) -> None:
     """docs/theory.md, Sign of the conductivity law; q = +kappa (phi - phi_o) with nu outward."""

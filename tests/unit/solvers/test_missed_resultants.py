@@ -73,6 +73,7 @@ def test_a_force_that_friction_just_bears_is_found(solver, share):
     np.testing.assert_allclose(problem.system.weights @ found.state.load[:, 0], share * MU * force, rtol=1e-8)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("direction", [0.3, 1.2])
 def test_the_ellipse_of_orthotropic_friction(solver, direction):

@@ -195,6 +195,7 @@ class Undefined(ConductivityLaw):
         return np.where(normal_traction < -self.most, np.nan, 1e-6 * (normal_traction < 0.0))
 
 
+@pytest.mark.full(except_for=1)
 def test_where_a_law_says_no_number_it_does_not_hold() -> None:
     """But the iteration may go on from there: states of larger pressure lie on the way to good ones."""
     pressed = replace(FRICTIONAL, electric_law=Undefined(1.0), potentials=np.full((64, 2), [1.0, 0.0]))

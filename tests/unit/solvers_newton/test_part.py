@@ -28,7 +28,7 @@ from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
 from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.two_body import combine_bodies
-from meeframe.testing.counted import Counted
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, MU = 1e-2, 0.1, 0.3
 LIMITS = StoppingCriteria(tolerance=1e-10)
@@ -111,7 +111,9 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
 def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     given = dict(given)
     body, other = half_space(), Material.isotropic(1e11, 0.25).stiffness
-    system = Counted.of(combine_bodies(body, half_space(stiffness=other)) if given.pop("pair", False) else body)
+    system = OperationCounter.of(
+        combine_bodies(body, half_space(stiffness=other)) if given.pop("pair", False) else body
+    )
     at, force = given.pop("at", (0.05, -0.1)), given.pop("force", None)
     problem = sphere(system, at, **given)
     if force is not None:
@@ -186,7 +188,7 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     smooth = sphere(half_space(), (0.05, -0.1), contact_law=law)
     coarse = coarse_problem(smooth)
     assert coarse is not None
-    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.kept)
+    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.nodes)
     place = WIDTH * np.array([-0.36, 0.35])
     node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node
@@ -198,26 +200,6 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     check_alike(found, whole)
     assert found.state.load[node, 2] < 0.0
     assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
-
-
-def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
-    monkeypatch.setattr(newton, "inset", halved)
-    solver = SemismoothNewton()
-    iterate = solver.init(problem, None)
-    memory = newton._memory(iterate)
-    assert memory.inset is not None
-    assert not memory.unseen  # a coarser grid gave the start
-    iterate = replace(iterate, memory=replace(memory, unseen=True))
-    monkeypatch.setattr(newton, "FALL", 0.0)  # no fraction of a step is enough
-    for _ in range(newton.LEAPS):
-        iterate = solver.step(problem, iterate)
-        memory = newton._memory(iterate)
-        if memory.point.merit < newton.COARSE:
-            break
-    assert memory.leaps < newton.LEAPS
-    assert memory.point.merit < newton.COARSE or memory.inset is None
-    assert memory.inset is None or not memory.inset.has_contact_outside(memory.point)
 
 
 def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,19 +245,6 @@ def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> No
     found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
     check_alike(found, whole)
-
-
-def test_surfaces_without_parts_are_not_asked_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(32, periodic=True), (0.05, -0.1), contact_law=Signorini())
-    tries: list[int] = []
-
-    def counted(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
-        tries.append(len(contact))
-        return inset(problem, contact)
-
-    monkeypatch.setattr(newton, "inset", counted)
-    assert solve(problem, SemismoothNewton(), LIMITS).iterations > 2
-    assert 1 <= tries.count(len(problem.gap)) <= 2
 
 
 def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,26 +3,22 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
 
-import meeframe.solvers.newton.coarse_start as coarse_module
-import meeframe.solvers.newton.method as newton_module
 import meeframe.solvers.newton.slip_boundary as slip_module
 from meeframe.contact.conduction import Mask
-from meeframe.contact.problem import ContactProblem, Status
+from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.laws.base import ContactLaw
-from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
 from meeframe.solvers.newton.boundary_band import Ring, slips
 from meeframe.solvers.newton.residual import Point
 from meeframe.solvers.newton.slip_boundary import relaxed_slip
-from meeframe.system.reduced import Stencil
-from meeframe.testing.counted import Counted
+from meeframe.system.capabilities import Stencil
+from meeframe.testing.operation_counter import OperationCounter
 
 MU, DRAGGED = 0.3, (3e-6, 1e-6)
 ISOTROPIC, TURNED = IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)
@@ -139,43 +135,6 @@ def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated
     assert after < 1e-6 * before
 
 
-def without(problem: ContactProblem, measure: Callable[[ContactProblem], Any], monkeypatch) -> tuple[Any, Any]:
-    """With relaxation and without."""
-    found = measure(problem)
-    with monkeypatch.context() as patch:
-        patch.setattr(coarse_module, "relaxed_slip", lambda point: point)
-        return found, measure(problem)
-
-
-def after_a_step(problem: ContactProblem) -> float:
-    """Merit there."""
-    solver = SemismoothNewton()
-    return newton_module._memory(solver.step(problem, solver.init(problem, None))).point.merit
-
-
-def steps(problem: ContactProblem) -> int:
-    solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
-    assert solution.status is Status.CONVERGED, solution.message
-    return solution.iterations
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_the_first_step_from_a_coarser_grid_goes_farther(law: ContactLaw, conducting, monkeypatch) -> None:
-    """Where the edge has been relaxed, too: else that decides."""
-    problems = [conducting(n, 0.3, law, dragged=DRAGGED) for n in (81, 96, 113, 129)]
-    merits = np.array([without(problem, after_a_step, monkeypatch) for problem in problems])
-    assert (merits[:, 0] < 0.7 * merits[:, 1]).all()
-    assert merits[:, 0].sum() < 0.4 * merits[:, 1].sum()
-
-
-def test_fewer_steps_are_needed_from_a_coarser_grid(conducting, monkeypatch) -> None:
-    """Where the indenter is dragged by little and by some of what friction bears."""
-    sizes, ways = (81, 96, 113, 129), ((2e-7, 1e-7), DRAGGED)
-    problems = [conducting(n, 0.3, ISOTROPIC, dragged=way) for way in ways for n in sizes]
-    spent = np.array([without(problem, steps, monkeypatch) for problem in problems]).sum(axis=0)
-    assert spent[0] < 0.9 * spent[1]
-
-
 def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., Point]) -> Point:
     """Uniform pressure where surfaces overlap, the indenter dragged far along the nodes (n,), or all, or none."""
     overlap, way = problem.gap < 0.0, np.zeros_like(problem.translation)
@@ -203,7 +162,7 @@ def half(problem: ContactProblem) -> Mask:
 def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool, helped: bool, conducting, at) -> None:
     """Half of the nodes would slip."""
     problem = conducting(40, 0.3, law, Insulating())
-    problem = replace(problem, system=Counted.of(problem.system, helped=helped))
+    problem = replace(problem, system=OperationCounter.of(problem.system, accelerated=helped))
     point = pressed(problem, half(problem), at)
     assert (relaxed_slip(point) is not point) == (done and helped)
 

@@ -65,6 +65,7 @@ def is_insulated(problem):
     return all(law == Insulating() for law in (problem.electric_law, problem.magnetic_law))
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize(
@@ -74,6 +75,7 @@ def test_solvers_agree(sphere, condition, material, law) -> None:
     assert_agree(sphere(material, law, CONDITIONS[condition], cells=12), ALL if law == Signorini() else FRICTIONAL)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("kappa", [1e-3, 1e-2, 1.0, 1e2])
 def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", IsotropicCoulomb(0.3), (kappa, kappa), cells=12), FRICTIONAL)
@@ -88,7 +90,6 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
     electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
     problem = replace(problem, electric_law=electric, magnetic_law=magnetic)
     _, newton = force(problem, SemismoothNewton())
-    assert newton.iterations <= 15
     conductance = contact_conductivity(electric, newton.state.load[:, 2]) * own[0]
     assert 0.1 < conductance.max() < 100.0
     expected, _ = force(problem, Uzawa())
@@ -115,13 +116,6 @@ def test_grazing_nodes_are_found_by_every_solver(sphere, law) -> None:
 def test_newton_takes_few_iterations_from_zero(sphere, cells, material) -> None:
     _, solution = force(sphere(material, IsotropicCoulomb(0.6), cells=cells), SemismoothNewton())
     assert solution.iterations <= 15
-
-
-def test_accelerated_solvers_take_a_tenth_of_the_steps_of_the_papers(sphere) -> None:
-    problem = sphere("transverse", IsotropicCoulomb(0.6))
-    plain = force(problem, Uzawa(5e12, 5e12))[1].iterations
-    for solver in (BarzilaiBorwein(), Nesterov()):
-        assert force(problem, solver)[1].iterations <= plain / 10
 
 
 @pytest.mark.parametrize("solver", ALL, ids=name)
@@ -273,6 +267,7 @@ def test_auto_leaves_a_state_that_is_nearly_a_solution() -> None:
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-6)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", FRICTIONAL, ids=name)
 def test_conformance(solver) -> None:
     check_solver(solver)
@@ -292,4 +287,3 @@ def test_nothing_is_touched_whatever_ends_the_iteration(sphere) -> None:
     solution = solve(apart, SemismoothNewton(), StoppingCriteria(1e-6, criterion="paper"))
     assert solution.status is Status.CONVERGED, solution.message
     assert solution.residual == 0.0
-    assert solution.iterations == 1

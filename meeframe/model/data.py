@@ -1,0 +1,71 @@
+"""The data of a case, unchecked: what its checks and its solution work on."""
+
+from dataclasses import dataclass, field
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters import Placement
+from meeframe.indenters.base import Indenter
+from meeframe.laws import Insulating, Signorini
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material
+from meeframe.mesh import FrictionAxes
+from meeframe.mesh.body import BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.restart import Restart
+from meeframe.model.second_body import SecondBody
+from meeframe.model.step import Step
+from meeframe.results.schema import optional_fields
+from meeframe.solvers import Auto, StoppingCriteria
+
+
+@dataclass(frozen=True)
+class Output:
+    """Files and fields that a run writes.
+
+    Parameters
+    ----------
+    figures, vtu
+        Whether PNG figures and fields.vtu are written beside result.h5 and summary.json.
+    fields
+        Names of optional fields in result.h5 (docs/results.md); None: those that the case loads. Raises CaseError for
+        other names.
+    """
+
+    figures: bool = True
+    vtu: bool = True
+    fields: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        allowed = optional_fields()
+        for name in self.fields or ():
+            if name not in allowed:
+                raise CaseError(f"fields: {name!r} is no optional field; allowed: {', '.join(allowed)}")
+
+
+@dataclass(frozen=True, eq=False)
+class CaseData:
+    """All that determines the result of a contact problem; `Case` has the meaning of its fields, and checks them."""
+
+    material: Material
+    mesh: SurfaceMesh
+    conditions: tuple[BoundaryCondition, ...]
+    indenter: Indenter
+    steps: tuple[Step, ...]
+    placement: Placement = field(default_factory=Placement)
+    potentials: tuple[float, float] = (0.0, 0.0)
+    restart: Restart | None = None
+    zone: str = "contact"
+    contact_law: ContactLaw = field(default_factory=Signorini)
+    axes: FrictionAxes | None = None
+    electric_law: ConductivityLaw = field(default_factory=Insulating)
+    magnetic_law: ConductivityLaw = field(default_factory=Insulating)
+    formulation: Formulation = field(default_factory=DenseBEM)
+    solver: Solver = field(default_factory=Auto)
+    limits: StoppingCriteria = field(default_factory=StoppingCriteria)
+    output: Output = field(default_factory=Output)
+    second_body: SecondBody | None = None
+    title: str = ""
+    text: str = ""

@@ -1,0 +1,141 @@
+"""Preflight checks: problems of a case that can be found before any matrix is assembled."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+
+from meeframe.contact.free_motion import motions
+from meeframe.contact.problem import Solver
+from meeframe.fields import N_FIELDS, Array
+from meeframe.indenters.base import COLUMNS
+from meeframe.laws.base import attracts, conducts
+from meeframe.mesh import find_contact_zone
+from meeframe.model.data import CaseData
+from meeframe.model.frames import frames_along
+from meeframe.model.history import ramped
+from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+_FLAT: Final = 1e-6
+"""Relative difference of overlaps up to which they are the same."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class RigidSystem(ReducedSystem):
+    """Reduced system of a rigid body: the contact zone, which is known before the body is reduced."""
+
+    def apply(self, load: Array) -> Array:
+        """No displacement, (n, 5) for load (n, 5)."""
+        return np.zeros_like(load)
+
+    def diagonal_blocks(self) -> Array:
+        """No response of a node to its own load, (n, 5, 5)."""
+        return np.zeros((len(self.points), N_FIELDS, N_FIELDS))
+
+    def dense(self) -> Array | None:
+        """No matrix is held."""
+        return None
+
+    def recover(self, load: Array) -> NodalFields:
+        """The load (n, 5), and no displacement, on the contact zone alone."""
+        return NodalFields(self.points, self.cells, self.apply(load), load)
+
+
+def undeformed(case: CaseData) -> IndenterKinematics:
+    """Return the indenter of a case on its undeformed body."""
+    place = find_contact_zone(case.mesh, case.zone)
+    frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), N_FIELDS))
+    return IndenterKinematics(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
+
+
+def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
+    """Yield the increment to the end of each load step; motions that are not prescribed stay where they began."""
+    here, controls = beginning(kinematics)
+    for step in kinematics.case.steps:
+        controls = ramped(controls, here, step.given)
+        yield kinematics.increment(controls, here, step.increment_duration)
+
+
+def check_solver(case: CaseData, solver: Solver) -> None:
+    """Raise CaseError if the solver does not accept the contact problem of a load step."""
+    if type(solver).check is Solver.check:
+        return
+    for increment in planned(undeformed(case)):
+        solver.check(increment.problem)
+
+
+def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
+    """Yield a warning if the indenter touches nothing, or overlaps the whole zone, on the undeformed body.
+
+    No warning where the indenter moves freely until it touches, or where the case continues an earlier run; none of an
+    overlap of the whole zone where full contact is intended, as with flat punches and periodic surfaces; none of a
+    missing contact where the laws act across the gap.
+    """
+    case = kinematics.case
+    if case.restart is not None:
+        return
+    held = [increment for increment in planned(kinematics) if not motions(increment.problem).size]
+    for increment in held:
+        gap = increment.problem.gap
+        if gap.max() < 0.0 and not overlaps_evenly(gap) and not case.formulation.is_periodic():
+            yield (
+                f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
+                f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "
+                "will reach the edge of the zone; unless full contact is meant, that is too small or the approach too "
+                "large"
+            )
+            return
+    across = any(law.across_gap and conducts(law) for law in (case.electric_law, case.magnetic_law))
+    if across or attracts(case.contact_law) or len(held) < len(case.steps):
+        return
+    nearer = min(held, key=lambda increment: float(increment.problem.gap.min()))
+    nearest, deepest = float(nearer.problem.gap.min()), _approach(nearer)
+    if nearest < 0.0:
+        return
+    if nearest == 0.0:
+        yield f"at an approach of {deepest:.3g} m the indenter just touches the undeformed body and presses nowhere"
+        return
+    yield (
+        f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
+        f"or more from the nodes of the contact zone {case.zone!r}{_beside(case)}"
+    )
+
+
+def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
+    """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
+    case = kinematics.case
+    laws = {"electric": (case.electric_law, "V"), "magnetic": (case.magnetic_law, "A")}
+    for column, (name, (law, unit)) in enumerate(laws.items()):
+        if conducts(law):
+            continue
+        largest = max(float(np.abs(increment.problem.potentials[:, column]).max()) for increment in planned(kinematics))
+        if largest > 0.0:
+            yield (
+                f"{name}_potential of {largest:.3g} {unit} changes nothing: the contact insulates, unless "
+                f"[conductivity.{name}] names a law that conducts"
+            )
+
+
+def _approach(increment: Increment) -> float:
+    return float(increment.base[COLUMNS["approach"]][0])
+
+
+def _beside(case: CaseData) -> str:
+    """Return words that say that the lowest point of the indenter lies beside the contact zone; '' if it does not."""
+    points = find_contact_zone(case.mesh, case.zone).points
+    x, y, _ = case.placement.lowest(points)
+    (least_x, least_y), (most_x, most_y) = (end(points @ case.placement.base[:2].T, axis=0) for end in (np.min, np.max))
+    if least_x <= x <= most_x and least_y <= y <= most_y:
+        return ""
+    return (
+        f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies beside that zone, which reaches from "
+        f"x = {least_x:.3g} to {most_x:.3g} m and from y = {least_y:.3g} to {most_y:.3g} m"
+    )
+
+
+def overlaps_evenly(gap: Array) -> bool:
+    """Return whether the overlap is the same at all nodes, as where full contact is intended; gap: (n,) [m]."""
+    return bool(np.ptp(gap) <= _FLAT * -gap.min())

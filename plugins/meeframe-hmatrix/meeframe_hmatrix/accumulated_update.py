@@ -1,0 +1,127 @@
+"""Accumulated updates of blocks: products that are subtracted once they meet an undivided block.
+
+There their sum is subtracted from the block in one compression (Boerm, Numerische Mathematik 142 (2019) 1-41), here
+with a random range finder.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from meeframe.plugin import Array
+from meeframe_hmatrix.blocks import (
+    Block,
+    Dense,
+    LowRank,
+    Split,
+    compress,
+    converted,
+    multiply,
+    multiply_transposed,
+    rank,
+    shape,
+    to_dense,
+    within,
+)
+from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
+from meeframe_hmatrix.truncation import truncated
+
+MAX_ENTRYWISE = 250
+"""Largest number of rows or columns of low-rank blocks for which the sum of an update is formed entry by entry."""
+
+
+@dataclass(frozen=True, eq=False)
+class AccumulatedUpdate:
+    """An update that is still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of blocks."""
+
+    terms: tuple[tuple[Array, Array], ...] = ()
+    products: tuple[tuple[Block, Block], ...] = ()
+
+
+NOTHING = AccumulatedUpdate()
+
+
+def with_product(update: AccumulatedUpdate, first: Block, second: Block) -> AccumulatedUpdate:
+    """Return an update with one more product to subtract, as a low-rank term if a factor has low rank."""
+    if isinstance(first, LowRank) and not (isinstance(second, LowRank) and rank(second) < rank(first)):
+        right = multiply_transposed(second, first.right.T).T
+        return AccumulatedUpdate((*update.terms, (first.left, right)), update.products)
+    if isinstance(second, LowRank):
+        return AccumulatedUpdate((*update.terms, (multiply(first, second.left), second.right)), update.products)
+    return AccumulatedUpdate(update.terms, (*update.products, (first, second)))
+
+
+def _part(block: Block, row: int, column: int) -> Block:
+    return block.parts[row][column] if isinstance(block, Split) else block
+
+
+def _inner_parts(first: Block, second: Block) -> int:
+    if isinstance(first, Split):
+        return len(first.parts[0])
+    return len(second.parts) if isinstance(second, Split) else 1
+
+
+def handed_down(update: AccumulatedUpdate, block: Split, row: int, column: int) -> AccumulatedUpdate:
+    """Return the update of one part of a block."""
+    part = block.parts[row][column]
+    rows, columns = within(part.rows, block.rows), within(part.columns, block.columns)
+    share = AccumulatedUpdate(tuple((left[rows], right[:, columns]) for left, right in update.terms))
+    for first, second in update.products:
+        for inner in range(_inner_parts(first, second)):
+            share = with_product(share, _part(first, row, inner), _part(second, inner, column))
+    return share
+
+
+def subtracted(
+    block: Dense | LowRank, update: AccumulatedUpdate, tolerance: float, dtype: DTypeLike
+) -> Dense | LowRank:
+    """Return an undivided block minus an update."""
+    converted_block = converted(block, dtype)
+    assert not isinstance(converted_block, Split)
+    block = converted_block
+    if not update.terms and not update.products:
+        return block
+    if isinstance(block, Dense) or min(shape(block)) <= MAX_ENTRYWISE:
+        array = np.array(to_dense(block), order="C")
+        outer = [(block.rows, block.columns, left, right) for left, right in update.terms]
+        for first, second in update.products:
+            outer += _outer_products(first, second)
+        if not subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array):
+            raise RuntimeError("BLAS cannot be called from compiled code")
+        if isinstance(block, Dense):
+            return Dense(block.rows, block.columns, array)
+        return LowRank(block.rows, block.columns, *truncated(array, tolerance))
+    left = np.concatenate([block.left, *(-part for part, _ in update.terms)], axis=1)
+    right = np.concatenate([block.right, *(part for _, part in update.terms)], axis=0)
+
+    def product(x: Array) -> Array:
+        y = left @ (right @ x)
+        for first, second in update.products:
+            y -= multiply(first, multiply(second, x))
+        return y
+
+    def transposed(x: Array) -> Array:
+        y = right.T @ (left.T @ x)
+        for first, second in update.products:
+            y -= multiply_transposed(second, multiply_transposed(first, x))
+        return y
+
+    expected = rank(block)  # elimination hardly changes it
+    factors = compress(product, transposed, shape(block), expected, tolerance, dtype)
+    return LowRank(block.rows, block.columns, *factors)
+
+
+def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
+    """A product as products of two matrices, each in its range of rows and columns."""
+    if isinstance(first, LowRank) or isinstance(second, LowRank):
+        ((left, right),) = with_product(NOTHING, first, second).terms
+        yield first.rows, second.columns, left, right
+    elif isinstance(first, Dense) and isinstance(second, Dense):
+        yield first.rows, second.columns, first.array, second.array
+    else:
+        rows = len(first.parts) if isinstance(first, Split) else 1
+        columns = len(second.parts[0]) if isinstance(second, Split) else 1
+        for row, column, inner in np.ndindex(rows, columns, _inner_parts(first, second)):
+            yield from _outer_products(_part(first, row, inner), _part(second, inner, column))

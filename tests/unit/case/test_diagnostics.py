@@ -1,0 +1,192 @@
+"""Diagnostics of an increment: motions that are large, and sliding that nothing determines."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.contact.problem import Status
+from meeframe.indenters import FlatPunch
+from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
+from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
+from meeframe.model.load import load_case
+from meeframe.results.records import Region
+
+LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
+SLIDING = "everything slips under the prescribed force or torque"
+
+
+@pytest.mark.parametrize(
+    ("motion", "text"),
+    [
+        ("twist = 0.2", "twist of 0.2 rad: beyond small motions, 0.1 rad"),
+        ("twist = 0.09", ""),
+        ("tilt = [0.09, -0.09]", "tilt of 0.127 rad: beyond small motions, 0.1 rad"),
+        ('translation = ["4 mm", "-4 mm"]', "translation of 0.00566 m: beyond small motions, 0.005 m"),
+        ('translation = ["4 mm", 0]', ""),
+        ('approach = "5.1 mm"', "approach of 0.0051 m: beyond small motions, 0.005 m"),
+    ],
+)
+def test_motions_that_are_not_small(write_case, registry, motion, text):
+    *_, step = meeframe.solve_case(load_case(write_case(more=f"{LAW}[[steps]]\n{motion}\n"), registry)).steps
+    assert step.status is Status.CONVERGED
+    assert text in step.message
+    assert ("beyond small motions" in step.message) == bool(text)
+
+
+@pytest.mark.parametrize(("share", "slides"), [(0.9, False), (0.999, False), (1.0, True)])
+def test_a_force_that_friction_can_just_bear(write_case, registry, share, slides):
+    """Springs: all tangential tractions are along the force, so that all of mu P is borne."""
+    more = f'{LAW}[[steps]]\nforce_ratio = {0.3 * share}\ndirection = "30 deg"\n'
+    *_, step = meeframe.solve_case(load_case(write_case(more=more), registry)).steps
+    assert step.status is Status.CONVERGED
+    assert (SLIDING in step.message) == slides
+
+
+@pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.0), IsotropicCoulomb(0.3)])
+@pytest.mark.parametrize(
+    "prescribed",
+    [{"torque": 0.0}, {"torque": 0.0, "force_ratio": (0.0, 0.0)}, {"tangential_force": (0.0, 0.0), "torque": 0.0}],
+)
+def test_nothing_slides_where_nothing_pulls(write_case, registry, law, prescribed):
+    """Without friction all nodes in contact are free to slip, and without a force none does."""
+    step = meeframe.Step(approach=1e-5, **prescribed)
+    case = replace(load_case(write_case(), registry), contact_law=law, steps=(step,))
+    (result,) = meeframe.solve_case(case).steps
+    assert result.status is Status.CONVERGED
+    assert result.touching.any()
+    assert not result.slip.any()
+    assert SLIDING not in result.message
+
+
+def slid(synthetic, law, motion, prescribed):
+    """The made-up step with the slip of a rigid motion (two translations, twist) and the tractions that it has."""
+    zone, step = synthetic.zone(), synthetic.step(1e-6)
+    x, y, _ = zone.points.T
+    slip = np.column_stack([motion[0] - motion[2] * y, motion[1] + motion[2] * x])
+    trial = np.column_stack([1e20 * slip @ law.tangential_scaling(), step.traction[:, 2]])
+    moves = np.linalg.norm(slip, axis=1) > 0
+    region = np.where(step.region == Region.OPEN, Region.OPEN, np.where(moves, Region.SLIP, Region.STICK))
+    loading = replace(step.loading, translation=np.zeros(2), tilt=np.zeros(2), twist=0.0, prescribed=prescribed)
+    return zone, replace(step, slip=slip, traction=law.project(trial), region=region, loading=loading)
+
+
+FORCE = {"tangential_force": np.zeros(2)}
+TORQUE = {"torque": np.zeros(1)}
+LAWS = [IsotropicCoulomb(mu=0.3), OrthotropicCoulomb(mu1=0.1, mu2=0.6, angle=0.4)]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("motion", "prescribed", "slides"),
+    [
+        ((1e-6, 2e-6, 0.0), FORCE, True),
+        ((1e-6, 2e-6, 0.0), TORQUE, False),  # translations are given
+        ((0.0, 0.0, 1e-3), TORQUE, True),  # the node on the axis does not move
+        ((0.0, 0.0, 1e-3), FORCE, False),
+        ((1e-6, 0.0, 1e-3), FORCE | TORQUE, True),
+        ((1e-6, 0.0, 1e-3), FORCE, False),
+        ((1e-6, 2e-6, 0.0), {"normal_force": np.zeros(1)}, False),
+    ],
+)
+def test_rigid_slip_along_what_is_free(synthetic, law, motion, prescribed, slides):
+    zone, step = slid(synthetic, law, motion, prescribed)
+    assert (SLIDING in " ".join(diagnostics(zone, step, law))) == slides
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_node_that_could_bear_more_holds(synthetic, law):
+    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+    node = int(np.flatnonzero(step.region == Region.SLIP)[0])
+    traction, region = step.traction.copy(), step.region.copy()
+    traction[node, :2] *= 0.5
+    region[node] = Region.STICK
+    assert SLIDING not in " ".join(diagnostics(zone, replace(step, traction=traction, region=region), law))
+
+
+def test_slip_apart_on_both_sides_is_no_sliding(synthetic):
+    """Lines of slip as of a translation, senses as of spreading: the force is far from its limit."""
+    law = LAWS[0]
+    zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
+    sense = np.where(zone.points[:, 0] < 0, -1.0, 1.0)[:, None]
+    traction = step.traction * np.hstack([sense, sense, np.ones_like(sense)])
+    assert not list(diagnostics(zone, replace(step, slip=sense * step.slip, traction=traction), law))
+
+
+def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
+    zone, step = synthetic.zone(), synthetic.step(1e-6)
+    region = np.zeros(25, int)
+    region[[0, 1]] = Region.STICK
+    step = replace(step, region=region)
+    (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
+    assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
+
+
+ONE_INCREMENT = "of the contact came about in one increment"
+AREA = "its area is known to about"
+
+
+def pressed(bed, rubbing, *steps, poisson=0.3, cells=24, **changes):
+    """Remarks of the last increment of each load step on an elastic half space, and the path."""
+    path = bed.follow(rubbing, bed.half_space(cells, poisson), *steps, **changes)
+    return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
+
+
+@pytest.mark.parametrize(
+    ("steps", "poisson", "changes", "told"),
+    [
+        ([meeframe.Step(approach=2e-5)], 0.3, {}, ["100%"]),
+        ([meeframe.Step(approach=2e-5, increments=2)], 0.3, {}, ["50%"]),
+        ([meeframe.Step(approach=2e-5, increments=10)], 0.3, {}, [""]),
+        ([meeframe.Step(approach=2e-5)], 0.5, {}, [""]),  # nothing moves along the surface
+        ([meeframe.Step(approach=2e-5)], 0.3, {"contact_law": Signorini()}, [""]),
+        ([meeframe.Step(approach=2e-5)], 0.3, {"indenter": FlatPunch(radius=1e-3)}, [""]),  # touches from the beginning
+        ([meeframe.Step(approach=2e-5), meeframe.Step(translation=(1e-6, 0.0))], 0.3, {}, ["100%", ""]),
+        ([meeframe.Step(approach=1e-5, increments=8), meeframe.Step(approach=2e-5)], 0.3, {}, ["", "46%"]),
+    ],
+)
+def test_contact_that_comes_about_at_once(bed, rubbing, steps, poisson, changes, told):
+    messages, _ = pressed(bed, rubbing, *steps, poisson=poisson, **changes)
+    for message, share in zip(messages, told, strict=True):
+        assert (ONE_INCREMENT in message) == bool(share)
+        assert f"{share} {ONE_INCREMENT}" in message or not share
+
+
+def test_what_is_told_of_one_increment_is_so(bed, rubbing):
+    """Spence: the stick radius is 0.73 of the contact radius at every load for mu = 0.2, tractions along the surface
+    taken not to move it along the normal, which changes it little."""
+    exact, law = 0.7334, IsotropicCoulomb(0.2)
+    once, often = (
+        pressed(bed, rubbing, meeframe.Step(approach=2e-5, increments=count), contact_law=law)[1] for count in (1, 20)
+    )
+    ratio = [(path.totals[-1].stick_area / path.totals[-1].contact_area) ** 0.5 for path in (once, often)]
+    assert ratio[1] == pytest.approx(exact, abs=0.08)
+    assert ratio[0] < 0.6 * exact
+    dissipated = [sum(total.dissipated_energy for total in path.totals) for path in (once, often)]
+    assert dissipated[0] > 5.0 * dissipated[1]
+
+
+@pytest.mark.parametrize(("cells", "told"), [(8, 25), (12, 16), (16, 12), (24, 0), (40, 0)])
+def test_the_area_of_a_coarse_contact_is_as_uncertain_as_told(bed, rubbing, cells, told):
+    """Hertz: a circle of radius sqrt(R g), each node for one cell; 0: nothing is told, it is less than a tenth."""
+    (message,), path = pressed(bed, rubbing, meeframe.Step(approach=2e-5), cells=cells, contact_law=Signorini())
+    found = re.search(rf"{AREA} (\d+)%", message)
+    assert (int(found[1]) if found else 0) == told
+    error = path.zone.weights[path.steps[-1].touching].sum() / (np.pi * bed.radius * 2e-5) - 1.0
+    assert abs(error) < (1.15 * told / 100.0 or 0.1)
+
+
+def test_a_single_node_in_contact(bed, rubbing):
+    (message,), _ = pressed(bed, rubbing, meeframe.Step(approach=1e-6), cells=9)
+    assert "the contact has one node: its area is known to about 50%" in message
+
+
+def test_a_system_without_cells_has_no_rim(bed, rubbing):
+    system = replace(bed.half_space(8), cells=())
+    path = bed.follow(rubbing, system, meeframe.Step(approach=2e-5))
+    (step,) = path.steps
+    assert path.totals[0].contact_area == pytest.approx(step.touching.mean() * bed.side**2) != 0.0
+    assert "edge of its zone" not in step.message
+    assert AREA not in step.message

@@ -1,0 +1,234 @@
+"""What shows of a case before its body is reduced: solvers that do not take it, an indenter that touches nothing."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
+from meeframe.indenters import FlatPunch
+from meeframe.laws import Insulating, IsotropicCoulomb, StepConductivity
+from meeframe.model.load import load_case
+from meeframe.model.preflight import planned, undeformed
+from meeframe.solvers import Auto, ProjectedCG, Uzawa
+from meeframe.solvers.cg.frictionless import takes
+from meeframe.system.reduced import silent
+
+PCG = '\n[solver]\nname = "projected-cg"\n'
+FRICTION = '\n[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n'
+REFUSED = (
+    "solver 'projected-cg' takes frictionless contact only, .* not IsotropicCoulomb; allowed contact law: signorini"
+)
+
+
+@pytest.fixture
+def case(write_case, registry):
+    """The sphere on springs."""
+    return load_case(write_case(), registry)
+
+
+def test_a_solver_that_does_not_take_the_law_is_told_at_its_key(write_case, registry, case):
+    with pytest.raises(CaseError, match=rf"case\.toml: solver: {REFUSED}"):
+        load_case(write_case(more=PCG + FRICTION), registry)
+    with pytest.raises(CaseError, match=f"^{REFUSED}"):
+        replace(case, solver=ProjectedCG(), contact_law=IsotropicCoulomb(0.3))
+    assert load_case(write_case(more=PCG + FRICTION.replace("0.3", "0")), registry).solver == ProjectedCG()
+
+
+def test_what_else_is_wrong_is_not_laid_to_the_solver(write_case, registry):
+    loose = ("displacement = [0, 0, 0]\n", "")
+    with pytest.raises(CaseError) as raised:
+        load_case(write_case(loose, more=PCG + FRICTION), registry)
+    assert "solver" not in str(raised.value)
+    assert "boundary" in str(raised.value)
+
+
+def test_a_resultant_that_a_solver_does_not_find_is_told_beforehand(case):
+    """On a hill the sides bear a part of a tangential force by pressure, at another ratio everywhere."""
+    points = case.mesh.points.copy()
+    points[:, 2] -= 40.0 * np.minimum((points[:, :2] ** 2).sum(axis=1), 2.5e-5) * (points[:, 2] > -1e-9)
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(force_ratio=(0.01, 0.0)))
+    hill = replace(case, mesh=replace(case.mesh, points=points), steps=steps)
+    assert hill.solver == Auto()
+    with pytest.raises(CaseError, match="solver 'projected-cg' cannot find freedom 0 of the indenter: its resultant"):
+        replace(hill, solver=ProjectedCG())
+    assert replace(hill, solver=ProjectedCG(), steps=steps[:1]).steps == steps[:1]
+
+
+@dataclass(frozen=True)
+class Shallow(Solver):
+    """Takes no more than 15 um of approach."""
+
+    def check(self, problem):
+        if problem.gap.min() < -15e-6:
+            raise CaseError(f"solver 'shallow' at {problem.system.points[problem.gap.argmin()]}")
+
+    def init(self, problem, start):
+        raise NotImplementedError
+
+    def step(self, problem, iterate):
+        raise NotImplementedError
+
+
+def test_solvers_are_asked_about_every_step(case):
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(translation=(1e-6, 0.0)), meeframe.Step(approach=2e-5))
+    assert replace(case, solver=Shallow(), steps=steps[:2]).solver == Shallow()
+    with pytest.raises(CaseError, match=r"solver 'shallow' at \[0\. 0\. 0\.\]"):
+        replace(case, solver=Shallow(), steps=steps)
+
+
+@dataclass(frozen=True)
+class Selective(Shallow):
+    """Knows the law it takes by its class."""
+
+    def check(self, problem):
+        if not isinstance(problem.electric_law, StepConductivity):
+            raise CaseError(f"solver 'selective' does not take {type(problem.electric_law).__name__}")
+
+    def init(self, problem, start):
+        self.check(problem)
+        assert problem.electric_law == StepConductivity(1.0)
+        return Uzawa().init(problem, start)
+
+    def step(self, problem, iterate):
+        self.check(problem)
+        return Uzawa().step(problem, iterate)
+
+
+def test_solvers_are_asked_about_the_laws_that_they_are_given(case):
+    law = StepConductivity(1.0)
+    selective = replace(case, electric_law=law, solver=Selective(), potentials=(100.0, 0.0))
+    (step,) = meeframe.solve_case(selective).steps
+    (expected,) = meeframe.solve_case(replace(selective, solver=Uzawa())).steps
+    np.testing.assert_array_equal(step.fluxes, expected.fluxes)
+    assert vars(law) == {"kappa": 1.0}
+    with pytest.raises(CaseError, match="solver 'selective' does not take Insulating"):
+        replace(case, electric_law=Insulating(), solver=Selective())
+
+
+@dataclass(frozen=True)
+class Capped(IsotropicCoulomb):
+    """Bears no more than a pressure [Pa]."""
+
+    most: float = np.inf
+
+    def project(self, trial):
+        return np.maximum(super().project(trial), [-np.inf, -np.inf, -self.most])
+
+
+@pytest.mark.parametrize(("law", "taken"), [(Capped(0.0), True), (Capped(0.0, 1e7), False), (Capped(0.1), False)])
+def test_laws_are_tried_at_pressures_of_all_sizes(case, law, taken):
+    problem = planned(undeformed(replace(case, contact_law=law)))
+    assert takes(next(problem).problem) is taken
+
+
+AWAY = "the indenter does not touch the undeformed body: at an approach of {} m it stays {} m or more from the nodes"
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ([], None),
+        (
+            [('"10 um"', "0")],
+            "at an approach of 0 m the indenter just touches the undeformed body and presses nowhere",
+        ),
+        # the sphere's axis goes through the middle of a cell: 1.25 mm of side, so that R - sqrt(R^2 - 2 (side / 2)^2)
+        (
+            [('"100 mm"', '"100 mm"\nx = "625 um"\ny = "625 um"'), ('"10 um"', '"1 um"')],
+            AWAY.format("1e-06", "2.91e-06"),
+        ),
+        (
+            [('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"1 um"')],
+            AWAY.format("1e-06", "0.00153")
+            + " of the contact zone 'contact'; its lowest point, at x = 0.02 m and y = 0 m,"
+            " lies beside that zone, which reaches from x = -0.0025 to 0.0025 m and from y = -0.0025 to 0.0025 m",
+        ),
+        ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"2 mm"')], None),
+        ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('approach = "10 um"', 'normal_force = "1 N"')], None),
+    ],
+)
+def test_an_indenter_that_touches_nothing_is_warned_of(write_case, registry, changes, told):
+    """And one that is pressed by a force finds its way."""
+    warnings = load_case(write_case(*changes), registry).warnings
+    assert len(warnings) == (told is not None)
+    assert all(told in text for text in warnings)
+
+
+@pytest.mark.parametrize(("approach", "told"), [("62 um", False), ("63 um", True), ("40 mm", True)])
+def test_an_indenter_that_overlaps_the_whole_zone_is_warned_of(write_case, registry, approach, told):
+    """At its corners, sqrt(2) 2.5 mm away, a sphere of 100 mm is 62.5 um high."""
+    warnings = load_case(write_case(('"10 um"', f'"{approach}"')), registry).warnings
+    assert len(warnings) == told
+    assert all("overlaps the undeformed body on the whole contact zone 'contact', by " in text for text in warnings)
+
+
+IDLE = "{}_potential of {} changes nothing: the contact insulates, unless [conductivity.{}] names a law that conducts"
+
+
+def test_potentials_that_an_insulating_contact_does_not_see_are_warned_of(case):
+    """That of the indenter, and one that a load step gives it."""
+    volts = replace(case, potentials=(-3e4, 0.0))
+    assert volts.warnings == (IDLE.format("electric", "3e+04 V", "electric"),)
+    assert not replace(volts, electric_law=StepConductivity(np.inf)).warnings
+    steps = (meeframe.Step(approach=1e-5), meeframe.Step(magnetic_potential=20.0))
+    amperes = replace(case, steps=steps, electric_law=StepConductivity(np.inf))
+    told = IDLE.format("magnetic", "20 A", "magnetic")
+    assert amperes.warnings == (told,)
+    assert [told in step.message for step in meeframe.solve_case(amperes).steps] == [True, False]
+
+
+@dataclass(frozen=True)
+class Endless(Formulation):
+    """One whose contact zone is a period of an endless surface."""
+
+    of_period: Formulation
+    periodic: str = "along e1"  # a key of its own, of whatever name
+
+    def is_periodic(self):
+        return True
+
+    def check(self, body):
+        self.of_period.check(body)
+
+    def reduce(self, body, progress=silent):
+        return self.of_period.reduce(body, progress)
+
+
+def test_full_contact_that_is_meant_is_not_warned_of(case):
+    """A flat punch over the whole face; a surface that has no edge, which does not keep an indenter from being away."""
+    over = replace(case, indenter=FlatPunch(radius=1.0))
+    assert not over.warnings
+    deep = replace(case, steps=(meeframe.Step(approach=1e-3),))
+    assert deep.preflight
+    assert not replace(deep, formulation=Endless(case.formulation)).preflight
+    assert replace(case, steps=(meeframe.Step(approach=-1e-3),), formulation=Endless(case.formulation)).preflight
+
+
+def test_contact_at_the_edge_of_a_period_is_none(case):
+    (step,) = meeframe.solve_case(replace(case, steps=(meeframe.Step(approach=1e-4),))).steps
+    assert "the contact reaches the edge of its zone at 16 element sides" in step.message
+    assert "overlaps" not in step.message, "of which the edge is enough"
+    is_periodic = replace(case, steps=(meeframe.Step(approach=1e-4),), formulation=Endless(case.formulation))
+    (step,) = meeframe.solve_case(is_periodic).steps
+    assert step.touching.all()
+    assert "edge" not in step.message
+    assert "overlaps" not in step.message
+
+
+def test_laws_that_reach_across_the_gap_need_no_contact(write_case, registry):
+    above = ('"10 um"', '"-10 um"')
+    assert load_case(write_case(above), registry).warnings
+    across = '\n[conductivity]\nelectric = { name = "across-gap", gap_constant = "1e-11 F/m" }\n'
+    assert not load_case(write_case(above, more=across), registry).warnings
+    dmt = '\n[contact]\nlaw = { name = "dmt", work_of_adhesion = "0.1 J/m^2", equilibrium_distance = "1 nm" }\n'
+    assert not load_case(write_case(above, more=dmt), registry).warnings
+
+
+def test_one_step_that_touches_is_enough(case):
+    steps = (meeframe.Step(approach=-1e-5), meeframe.Step(approach=1e-5), meeframe.Step(approach=0.0))
+    assert replace(case, steps=steps[:1]).warnings
+    assert not replace(case, steps=steps).warnings

@@ -1,0 +1,86 @@
+"""Attraction that is too steep for a mesh: told where, and only where, single nodes have several states."""
+
+import re
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.laws import Signorini
+from meeframe.laws.base import ContactLaw
+from meeframe.model.diagnostics import snap_in, steepest_fall
+
+SNAP = "they snap into contact one by one"
+
+
+@dataclass(frozen=True)
+class Smooth(ContactLaw):
+    """Attraction stress / (1 + exp((g - range) / width)): it falls by stress / (4 width) at most."""
+
+    stress: float
+    range: float
+    width: float
+
+    def project(self, trial):
+        return Signorini().project(trial)
+
+    def tangential_scaling(self):
+        return Signorini().tangential_scaling()
+
+    def adhesion(self, gap):
+        beyond = np.where(np.isfinite(gap), (np.maximum(gap, 0.0) - self.range) / self.width, 700.0)
+        return np.where(np.isfinite(gap), self.stress / (1.0 + np.exp(np.clip(beyond, -700.0, 700.0))), 0.0)
+
+
+@pytest.mark.parametrize(("reach", "width"), [(1e-6, 1e-7), (1e-6, 1e-10), (3.3e-9, 1e-11), (1.0, 1e-4)])
+def test_the_steepest_fall_is_found(reach, width):
+    assert steepest_fall(Smooth(1e6, reach, width)) == pytest.approx(1e6 / (4.0 * width), rel=1e-3)
+    assert steepest_fall(Signorini()) == 0.0
+
+
+def states(law, compliance, distance):
+    """How many ways there are for a spring at this distance that the law attracts, and contact does not stop."""
+    gap = np.linspace(0.0, distance, 200_001)
+    pull = compliance * law.adhesion(gap) - (distance - gap)
+    return int((np.diff(np.sign(pull)) != 0.0).sum())
+
+
+@pytest.mark.parametrize("steepness", [0.9, 1.1])
+def test_what_is_told_is_when_a_node_has_several_states(bed, steepness):
+    system = bed.half_space(8)
+    own = float(system.diagonal_blocks()[0, 2, 2])
+    law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+    law = replace(law, range=10.0 * law.width)
+    most = max(states(law, own, law.range + part * own * law.stress) for part in np.linspace(0.3, 0.7, 201))
+    assert most == (3 if steepness > 1.0 else 1)
+    step = SimpleNamespace(gap=np.full(64, 0.0), traction=np.full((64, 3), -1e6))
+    told = " ".join(snap_in(system, law, step))
+    assert (SNAP in told) == (steepness > 1.0)
+    assert not list(snap_in(system, Signorini(), step))
+    far = SimpleNamespace(gap=np.full(64, np.inf), traction=step.traction)
+    assert not list(snap_in(system, law, far)), "nothing is attracted"
+
+
+def test_the_elements_that_are_named_do(bed):
+    """Twice too steep: half the elements are none too coarse, somewhat larger ones are."""
+    coarse = bed.half_space(8)
+    law = Smooth(1e7, 1e-6, 1e7 * float(coarse.diagonal_blocks()[0, 2, 2]) / 8.0)
+    step = SimpleNamespace(gap=np.zeros(1), traction=np.full((1, 3), -1e6))
+    (told,) = snap_in(coarse, law, step)
+    here = bed.side / 8
+    assert re.search(r"elements of (\S+) m at most, which are (\S+) m here", told).groups() == (
+        f"{here / 2:.2g}",
+        f"{here:.2g}",
+    )
+    assert SNAP in " ".join(snap_in(bed.half_space(15), law, step))
+    assert not list(snap_in(bed.half_space(17), law, step))
+
+
+def test_it_is_told_at_the_end_of_a_step(bed, rubbing, system):
+    own = float(system.diagonal_blocks()[0, 2, 2])
+    for steepness, told in ((0.5, False), (1.5, True)):
+        law = Smooth(1e7, 1e-6, 1e7 * own / (4.0 * steepness))
+        path = bed.follow(rubbing, system, meeframe.Step(approach=2e-5, increments=2), contact_law=law)
+        assert [SNAP in step.message for step in path.steps] == [False, told]

@@ -1,0 +1,72 @@
+"""Contact that a zone cuts off, told from contact that ends where its indenter or its body does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.contact.problem import Status
+from meeframe.indenters import FlatPunch, RectangularPunch
+from meeframe.laws import IsotropicCoulomb
+from meeframe.model.diagnostics import boundary_sides, open_sides
+from meeframe.model.load import load_case
+from meeframe.results.summary import summary
+from meeframe.solvers import StoppingCriteria, Uzawa
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(), registry)
+
+
+def test_sides_of_a_square(synthetic):
+    zone = synthetic.zone()
+    sides, away = boundary_sides(zone)
+    middles = zone.points[sides].mean(axis=1)
+    assert len(sides) == 16
+    outward = np.where(np.abs(middles) == 2e-3, np.sign(middles), 0.0)
+    np.testing.assert_allclose(away, 0.5e-3 * outward, atol=1e-15)
+
+
+def test_sides_where_the_indenter_ends_are_not_open(synthetic):
+    """It ends on the border at one side and within the zone at another, and goes on at two."""
+    zone = synthetic.zone()
+    found = open_sides(zone, lambda points, _: np.where((points[:, 0] < -1e-3) | (points[:, 1] > 2e-3), np.inf, 0.0))
+    middles = zone.points[found].mean(axis=1)
+    assert len(found) == 3 + 4
+    assert set(np.flatnonzero(np.abs(middles) == 2e-3) % 3) == {0, 1}
+    assert (middles[:, 0] > -1e-3).all()
+    assert (middles[:, 1] < 2e-3).all()
+
+
+@pytest.mark.parametrize("how", ["too small a zone", "tilted over it", "over the whole face", "ends with it"])
+def test_contact_that_is_cut_off_is_flagged(case, how):
+    punch = FlatPunch(radius=1.0)
+    changes = {
+        "too small a zone": {"steps": (meeframe.Step(1e-6), meeframe.Step(1e-3))},
+        "tilted over it": {"indenter": punch, "steps": (meeframe.Step(1e-6), meeframe.Step(1e-4, tilt=(1e-4, 0.0)))},
+        "over the whole face": {"indenter": punch, "steps": (meeframe.Step(1e-6), meeframe.Step(1e-3))},
+        "ends with it": {
+            "indenter": RectangularPunch(2.5e-3, 2.5e-3),
+            "steps": (meeframe.Step(1e-6), meeframe.Step(1e-4, tilt=(1e-4, 0.0))),
+        },
+    }[how]
+    result = meeframe.solve_case(replace(case, **changes))
+    cut = how in ("too small a zone", "tilted over it")
+    assert result.steps[-1].touching.all()
+    assert [step.reaches_edge for step in result.steps] == [False, cut]
+    assert ("reaches the edge" in result.steps[-1].message) == cut
+    assert summary(result)["reaches_edge"] == summary(result)["steps"][1]["reaches_edge"] == cut
+
+
+def test_contact_of_an_iteration_that_did_not_converge_is_not_flagged(case):
+    """Whatever touches there; that the case overlaps its whole zone is told, as nothing else tells it."""
+    dragged, limits = meeframe.Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
+    deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
+    (step,) = meeframe.solve_case(deep).steps
+    assert step.status is not Status.CONVERGED
+    assert step.touching.all()
+    assert not step.reaches_edge
+    assert "reaches the edge" not in step.message
+    assert "overlaps the undeformed body on the whole contact zone" in step.message
