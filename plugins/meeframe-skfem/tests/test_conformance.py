@@ -18,7 +18,7 @@ from meeframe.testing.manufactured import LinearField, prescribe
 
 STIFFNESS = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
 SIDES = ("top", "side_x-", "side_x+", "side_y-", "side_y+")
-ALLOWED = "volume mesh given by `volume`"
+ALLOWED = "volume mesh in the file `volume`"
 
 
 def held(mesh, zone, base):
@@ -75,7 +75,7 @@ def tilted():
     [
         (held(half_space_mesh(0.5, 0.2, 2, 2, Quad4()), "contact", "top"), "semi-infinite"),
         (replace(held(sphere_mesh(1.0, 3, Quad4()), "surface", "surface"), contact_group=None), "no contact zone"),
-        (tilted(), "no box, its surface has a point at"),
+        (tilted(), "not a box, since its surface has a point at"),
         (block(Tri6()), "made of tri6"),
     ],
     ids=["half space", "no zone", "tilted block", "triangles"],
