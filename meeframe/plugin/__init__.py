@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
     from meeframe.laws.base import fixed_point_map as fixed_point_map
-    from meeframe.laws.coulomb import LARGEST_RATIO as LARGEST_RATIO
+    from meeframe.laws.coulomb import MAX_FRICTION_RATIO as MAX_FRICTION_RATIO
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
@@ -122,7 +122,7 @@ _HOMES = {
     "contact_traction": "meeframe.laws.base",
     "fixed_point_map": "meeframe.laws.base",
     "IsotropicCoulomb": "meeframe.laws.coulomb",
-    "LARGEST_RATIO": "meeframe.laws.coulomb",
+    "MAX_FRICTION_RATIO": "meeframe.laws.coulomb",
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
