@@ -289,7 +289,7 @@ def check_edge_correction(system: ReducedSystem) -> None:
         unit = typical_load(system)
         scaled = unit[:, None] * extra * unit
         lowest = float(np.linalg.eigvalsh(scaled + scaled.transpose(0, 2, 1)).min())
-        require(lowest > -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
+        require(lowest >= -ROUND_OFF * np.abs(scaled).max(), "extra compliance gains energy from a load", lowest)
 
 
 def _fading(system: ReducedSystem) -> Array:
