@@ -124,6 +124,7 @@ def _collocate(problem: Problem, task: range, system: System) -> None:
             number = sources.own_block[own]
             buffers[number] = _add_own(problem, source, own, buffers[number], panels)
         kernels.enter_rows(
+            tuple(range(layout.value_column.shape[1])),
             sources.row[source],
             panels.value,
             panels.flux,
@@ -176,6 +177,7 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
         kernels.accumulate(
+            tuple(range(u.shape[1])),
             u.reshape(len(u), -1),
             t.reshape(len(t), -1),
             buffers.shape_weights[points],

@@ -1,7 +1,8 @@
 """Collocation of the boundary integral equation: sums over quadrature points, one source at a time.
 
 Panels hold the coefficients of one source for f fields: value_panel (p, f^2) of the value nodes, flux_panel (m, f^2) of
-the flux nodes, entry f J + K the field J there in the equation of field K.
+the flux nodes, entry f J + K the field J there in the equation of field K. Where it pays, f is known when the code is
+compiled: it is the length of a tuple of the fields.
 """
 
 from math import sqrt
@@ -60,14 +61,14 @@ class Accuracy(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
+def accumulate(fields, u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
     """Add the kernels u, t (n, f^2) at quadrature points, times shape_weights (n, k), to the panels.
 
-    elements: (n,) element of each point, runs of equal numbers; value_nodes, flux_nodes: (e, k).
-    total: (f^2,) receives the integral of t alone.
+    fields: (0, ..., f - 1); elements: (n,) element of each point, runs of equal numbers; value_nodes, flux_nodes: (e,
+    k). total: (f^2,) receives the integral of t alone.
     """
     n_points, n_nodes = shape_weights.shape
-    entries = u.shape[1]
+    entries = len(fields) ** 2
     sum_u = np.zeros((n_nodes, entries))
     sum_t = np.zeros((n_nodes, entries))
     point = 0
@@ -154,6 +155,7 @@ def subtract_constant(total, mesh_points, shape, value_panel):
 
 @njit(cache=True, nogil=True)
 def enter_rows(
+    fields,
     rows,
     value_panel,
     flux_panel,
@@ -169,9 +171,9 @@ def enter_rows(
     """Enter the panels of one source into its rows of matrix @ unknowns = rhs + load_matrix @ loads.
 
     Those of matrix are set, of load_matrix and rhs added to: patches that meet in the contact zone share their load.
-    rows: (f,), negative where a field is not collocated here; *_column, *_data: (nodes, f).
+    fields: (0, ..., f - 1); rows: (f,), negative where a field is not collocated here; *_column, *_data: (nodes, f).
     """
-    n_fields = len(rows)
+    n_fields = len(fields)
     for node in range(len(value_column)):
         for j in range(n_fields):
             column = value_column[node, j]
