@@ -14,13 +14,14 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.elements import Quad4
 from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, ScalarField
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.material import Material, library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, StoppingCriteria, solve
-from meeframe.system.reduced import Formulation, ReducedSystem
+from meeframe.system.reduced import ReducedSystem
 
 HEAT = ScalarField(
     name="thermal",
