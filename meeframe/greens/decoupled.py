@@ -1,4 +1,4 @@
-"""Fundamental solutions of field sets with scalar fields that are not coupled to the others."""
+"""Fundamental solutions of other field sets than that for which the kernels are compiled."""
 
 from dataclasses import dataclass
 from typing import final
@@ -45,10 +45,11 @@ class LaplaceKernel:
 class DecoupledKernel(Kernel):
     """Kernel of fields of which the last are coupled neither to each other nor to the others.
 
-    coupled: kernel of the first N_FIELDS; scalars: those of the last.
+    coupled: kernel of N_FIELDS fields, of which the first `count` are used; scalars: those of the last fields.
     """
 
     coupled: Kernel
+    count: int
     scalars: tuple[LaplaceKernel, ...]
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
@@ -73,36 +74,41 @@ class DecoupledKernel(Kernel):
 
     def gradient(self, offset: Array) -> Array:
         """Return U,q (n, fields, fields, 3) for offset (n, 3)."""
-        size = N_FIELDS + len(self.scalars)
+        count, size = self.count, self.count + len(self.scalars)
         gradient = np.zeros((len(offset), size, size, 3))
-        gradient[:, :N_FIELDS, :N_FIELDS] = self.coupled.gradient(offset)
-        for column, scalar in enumerate(self.scalars, N_FIELDS):
+        gradient[:, :count, :count] = self.coupled.gradient(offset)[:, :count, :count]
+        for column, scalar in enumerate(self.scalars, count):
             gradient[:, column, column] = scalar.gradient(offset)
         return gradient
 
     def _joined(self, coupled: Array, scalars: list[Array]) -> Array:
-        size = N_FIELDS + len(scalars)
+        count, size = self.count, self.count + len(scalars)
         joined = np.zeros((*coupled.shape[:-2], size, size))
-        joined[..., :N_FIELDS, :N_FIELDS] = coupled
-        for column, scalar in enumerate(scalars, N_FIELDS):
+        joined[..., :count, :count] = coupled[..., :count, :count]
+        for column, scalar in enumerate(scalars, count):
             joined[..., column, column] = scalar
         return joined
 
 
 def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
-    """Return the kernel of a scaled extended stiffness (3, fields, fields, 3) of any field set with the default one.
+    """Return the kernel of a scaled extended stiffness (3, fields, fields, 3) of any number of fields.
 
-    Kernels of coupled fields are compiled for the default field set; further scalar fields need their own closed form,
-    which exists if they are not coupled. Raises MaterialError as `bind`, and if further fields are coupled.
+    Kernels of coupled fields are compiled for N_FIELDS. Fewer fields are complemented by decoupled ones; fields after
+    these have the closed form of a scalar field, if they are not coupled. Raises MaterialError as `bind`, and if they
+    are.
     """
     size = stiffness.shape[1]
-    if size <= N_FIELDS:
+    if size == N_FIELDS:
         return fundamental_solution.bind(stiffness)
-    others = stiffness[:, N_FIELDS:].copy()
-    for column in range(size - N_FIELDS):
-        others[:, column, N_FIELDS + column] = 0.0
-    if others.any() or stiffness[:, :N_FIELDS, N_FIELDS:].any():
+    count = min(size, N_FIELDS)
+    others = stiffness[:, count:].copy()
+    for column in range(size - count):
+        others[:, column, count + column] = 0.0
+    if others.any():
         raise MaterialError("a further scalar field is coupled to others; allowed: decoupled ones")
-    coupled = fundamental_solution.bind(np.ascontiguousarray(stiffness[:, :N_FIELDS, :N_FIELDS]))
-    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(N_FIELDS, size))
-    return DecoupledKernel(coupled, scalars)
+    whole = np.zeros((3, N_FIELDS, N_FIELDS, 3))
+    whole[:, :count, :count] = stiffness[:, :count, :count]
+    for column in range(count, N_FIELDS):
+        whole[:, column, column] = -np.eye(3)
+    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
+    return DecoupledKernel(fundamental_solution.bind(whole), count, scalars)
