@@ -47,8 +47,8 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     terms = np.empty((len(positions), N_FIELDS**2))
     for source, position in enumerate(positions):
         offset = points - position
-        turn = np.cross(offset, steps) @ normal
+        sweep = np.cross(offset, steps) @ normal
         _, t = kernel.evaluate(offset, np.ascontiguousarray(normals))
-        shares = turn * np.log(np.linalg.norm(offset, axis=1) / size)
+        shares = sweep * np.log(np.linalg.norm(offset, axis=1) / size)
         terms[source] = np.eye(N_FIELDS).ravel() / 2.0 + shares @ t.reshape(-1, N_FIELDS**2)
     return terms
