@@ -28,9 +28,9 @@ class Kernel(ABC):
         Returns
         -------
         Array
-            U, (n, 5, 5), symmetric in J and K, C-contiguous.
+            U, (n, f, f), symmetric in J and K, C-contiguous.
         Array
-            T, (n, 5, 5), C-contiguous.
+            T, (n, f, f), C-contiguous.
 
         Notes
         -----
@@ -54,7 +54,7 @@ class Kernel(ABC):
         Returns
         -------
         tuple of Array or None
-            Sums for U and for T, (m, k, 25) each, with entry 5 J + K. None, the default, if the caller must use
+            Sums for U and for T, (m, k, f^2) each, with entry f J + K. None, the default, if the caller must use
             `evaluate`.
 
         Notes
@@ -65,7 +65,7 @@ class Kernel(ABC):
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, 5, 5, 3), for offsets (n, 3)."""
+        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, f, f, 3), for offsets (n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class FundamentalSolution(ABC):
         Parameters
         ----------
         stiffness : Array
-            Scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+            Scaled extended stiffness C'_iJKm, (3, f, f, 3).
 
         Raises
         ------

@@ -1,13 +1,15 @@
 """Built-in conductivity laws, electric and magnetic."""
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, OPTIONAL_FIELDS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ConductivityLaw
+
+_CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, *OPTIONAL_FIELDS))
 
 
 @final
@@ -28,7 +30,7 @@ class StepConductivity(ConductivityLaw):
     Attributes
     ----------
     kappa : float
-        Conductivity >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
+        Conductivity >= 0, in F/m^2 for the electric field and H/m^2 for the magnetic one; 0 insulates, inf conducts
         perfectly.
 
     Raises
@@ -37,7 +39,7 @@ class StepConductivity(ConductivityLaw):
         If it is negative or NaN.
     """
 
-    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
+    kappa: Annotated[float, Quantity(*_CONDUCTANCES, ge=0)]
 
     def __post_init__(self) -> None:
         check_quantities(self)

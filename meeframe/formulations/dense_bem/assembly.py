@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
 from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem._kernels import assembly as kernels
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
@@ -35,7 +35,7 @@ class System:
     Attributes
     ----------
     columns : Array
-        Matrix, load matrix and right-hand side, (u, u + 5 n + 1), in Fortran order.
+        Matrix, load matrix and right-hand side, (u, u + f n + 1), in Fortran order.
     """
 
     columns: Array
@@ -47,7 +47,7 @@ class System:
 
     @property
     def load_matrix(self) -> Array:
-        """Load matrix, (u, 5 n)."""
+        """Load matrix, (u, f n)."""
         return self.columns[:, len(self.columns) : -1]
 
     @property
@@ -75,7 +75,7 @@ class Problem:
     accuracy : Accuracy
         Accuracy of the element integrals.
     exterior : Array or None
-        Terms of the plane outside the mesh of a semi-infinite body, (s, 25).
+        Terms of the plane outside the mesh of a semi-infinite body, (s, f^2).
     rules : tuple of RuleTable
         Tensor rules of each block.
     planes : tuple of Array or None
@@ -128,9 +128,9 @@ def assemble(
     planes = tuple(plane_normals(rule) for rule in rules)
     singular_shape = _singular_shapes(mesh, sources)
     problem = Problem(mesh, layout, sources, singular_shape, kernel, accuracy, exterior, rules, planes)
-    n = layout.n_unknowns
+    n, n_fields = layout.n_unknowns, layout.value_column.shape[1]
     # Not np.zeros, for which NumPy requests no huge pages; the tasks write every entry of the matrix.
-    system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
+    system = System(np.empty((n, n + n_fields * len(layout.zone) + 1), order="F"))
     system.columns[:, n:] = 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
@@ -142,7 +142,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """Coefficients of one source, value (p, 25), flux (m, 25) and total (25,); see _kernels.assembly."""
+    """Coefficients of one source, value (p, f^2), flux (m, f^2) and total (f^2,); see _kernels.assembly."""
 
     value: Array
     flux: Array
@@ -152,7 +152,9 @@ class _Panels:
 def _collocate(problem: Problem, task: range, system: System) -> None:
     """Enter the equations of some sources into the system."""
     layout, sources = problem.layout, problem.sources
-    panels = _Panels(np.empty((len(layout.value_column), 25)), np.empty((len(layout.flux_column), 25)), np.empty(25))
+    entries = layout.value_column.shape[1] ** 2
+    values, fluxes = np.empty((len(layout.value_column), entries)), np.empty((len(layout.flux_column), entries))
+    panels = _Panels(values, fluxes, np.empty(entries))
     buffers = [_buffers(block, 16 * len(block.connectivity) + 8192) for block in problem.mesh.blocks]
     for source in task:
         for panel in (panels.value, panels.flux, panels.total):
@@ -218,8 +220,8 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
         kernels.accumulate(
-            u.reshape(-1, 25),
-            t.reshape(-1, 25),
+            u.reshape(len(u), -1),
+            t.reshape(len(t), -1),
             buffers.shape_weights[points],
             buffers.elements[points],
             problem.mesh.blocks[number].connectivity,
@@ -285,8 +287,8 @@ def _add_singular_element(
         buffers = _enlarged_buffers(count, block, buffers, position)
     u, t = problem.kernel.evaluate(buffers.offsets[:count], buffers.normals[:count])
     kernels.accumulate_singular(
-        u.reshape(-1, 25),
-        t.reshape(-1, 25),
+        u.reshape(len(u), -1),
+        t.reshape(len(t), -1),
         buffers.shape_weights[:count],
         buffers.weights[:count],
         problem.singular_shape[entry],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.elements.base import shape_functions
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout
 from meeframe.mesh.surface import SurfaceMesh
 
@@ -27,7 +27,7 @@ class Sources:
     position : Array
         Positions, (s, 3).
     row : Indices
-        Row of the equation of each field, (s, 5), NONE if it is not collocated here.
+        Row of the equation of each field, (s, f), NONE if it is not collocated here.
     singular_start : Indices
         First singular element of each point, and their number, (s + 1,). Singular elements contain the point.
     singular_block, singular_element : Indices
@@ -51,7 +51,7 @@ class Sources:
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
     """Return the collocation points of a layout, with each row from 0 to n_unknowns - 1 once."""
     patches = layout.patches
-    n_flux_unknowns = np.zeros((len(mesh.points), N_FIELDS), int)
+    n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)
     shared = n_flux_unknowns[patches.point] > 1
     at_node = layout.value_column.copy()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.greens.base import Kernel
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.mesh.topology import boundary_polygon
@@ -44,11 +44,11 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     normal = np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
     normals = np.broadcast_to(normal, points.shape)
     size = np.ptp(mesh.points, axis=0).max()
-    terms = np.empty((len(positions), N_FIELDS**2))
-    for source, position in enumerate(positions):
+    terms = []
+    for position in positions:
         offset = points - position
         sweep = np.cross(offset, steps) @ normal
         _, t = kernel.evaluate(offset, np.ascontiguousarray(normals))
         shares = sweep * np.log(np.linalg.norm(offset, axis=1) / size)
-        terms[source] = np.eye(N_FIELDS).ravel() / 2.0 + shares @ t.reshape(-1, N_FIELDS**2)
-    return terms
+        terms.append(np.eye(t.shape[1]).ravel() / 2.0 + shares @ t.reshape(len(t), -1))
+    return np.array(terms)

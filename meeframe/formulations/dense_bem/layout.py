@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling, Indices
+from meeframe.fields import Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
@@ -36,19 +36,19 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Convert values (..., 5) from SI units to units of the system."""
+        """Convert values (..., f) from SI units to units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., 5) from SI units to units of the system."""
+        """Convert fluxes (..., f) from SI units to units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Convert values (..., 5) from units of the system to SI units."""
+        """Convert values (..., f) from units of the system to SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., 5) from units of the system to SI units."""
+        """Convert fluxes (..., f) from units of the system to SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -63,11 +63,11 @@ class Layout:
     patches : Patches
         Flux nodes.
     value_column, value_data : Indices, Array
-        Column of each unknown value, and known values (zero where unknown), (p, 5).
+        Column of each unknown value, and known values (zero where unknown), (p, f).
     flux_column, flux_data : Indices, Array
-        Column of each unknown flux, and known fluxes (zero where unknown), (m, 5).
+        Column of each unknown flux, and known fluxes (zero where unknown), (m, f).
     load_column : Indices
-        Column of each contact load, (m, 5).
+        Column of each contact load, (m, f).
     zone : Indices
         Points of the contact zone, (n,).
     n_unknowns : int
@@ -105,8 +105,8 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     CaseError
         If conditions contradict each other, touch the contact zone, or leave a field undetermined.
     """
-    values = np.full((len(body.mesh.points), N_FIELDS), np.nan)
-    fluxes = np.zeros((len(patches.point), N_FIELDS))
+    values = np.full((len(body.mesh.points), body.fields.size), np.nan)
+    fluxes = np.zeros((len(patches.point), body.fields.size))
     flux_unknown = np.zeros(fluxes.shape, bool)
     check_conditions(body)
     check_supports(body)
@@ -130,7 +130,8 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     flux_column = _number(flux_unknown, int((unknown_value & ~in_zone).sum()))
     value_column[in_zone] = np.arange(n_unknowns - in_zone.sum(), n_unknowns)
     load_column = np.full(fluxes.shape, NONE)
-    load_column[contact] = N_FIELDS * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(N_FIELDS)
+    n_fields = body.fields.size
+    load_column[contact] = n_fields * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(n_fields)
     return Layout(
         patches,
         value_column,
@@ -159,7 +160,7 @@ def boundary_fields(
     values, fluxes : Array
         The unknowns, (u,) each, in units of values and of fluxes of the system.
     loads : Array
-        Loads on the zone, (5 n,), in units of fluxes of the system.
+        Loads on the zone, (f n,), in units of fluxes of the system.
     """
     all_values = _fill(layout.value_data, layout.value_column, values)
     all_fluxes = _fill(layout.flux_data, layout.flux_column, fluxes)
@@ -193,7 +194,7 @@ def _apply(
     fluxes: Array,
     flux_unknown: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
 ) -> None:
-    """Enter one condition into values (p, 5), fluxes (m, 5) and flux_unknown (m, 5), in SI units."""
+    """Enter one condition into values (p, fields), fluxes (m, fields) and flux_unknown (m, fields), in SI units."""
     field = condition.field
     points = body.mesh.group_points(condition.group)
     data = np.broadcast_to(np.asarray(condition.data, float), points.shape)
@@ -206,7 +207,7 @@ def _apply(
     conflict = ~np.isnan(old) & (np.abs(old - data) > tolerance)
     if conflict.any():
         raise CaseError(
-            f"{VALUE_NAMES[field]} on {condition.group!r} contradicts another face at "
+            f"{body.fields.value_names[field]} on {condition.group!r} contradicts another face at "
             f"{int(conflict.sum())} shared points: {data[conflict][0]:g} and {old[conflict][0]:g}"
         )
     values[points, field] = data
@@ -217,5 +218,5 @@ def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
     """Raise CaseError for a field in the contact zone that is prescribed on a neighbouring face."""
     prescribed = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if prescribed.any():
-        names = ", ".join(name for name, hit in zip(VALUE_NAMES, prescribed, strict=True) if hit)
+        names = ", ".join(name for name, hit in zip(body.fields.value_names, prescribed, strict=True) if hit)
         raise CaseError(f"{names} is prescribed on a face that touches the contact zone {body.contact_group!r}")

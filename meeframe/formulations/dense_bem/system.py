@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg.lapack import dlange
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
@@ -29,7 +29,7 @@ class BoundarySolution:
     Attributes
     ----------
     factors : Array
-        Result of `eliminate`, (u, u + 5 n + 1): the matrix, the columns of unit loads on the n nodes of the zone, whose
+        Result of `eliminate`, (u, u + f n + 1): the matrix, the columns of unit loads on the n nodes of the zone, whose
         values are the last unknowns, and the prescribed data, all in units of the system.
     layout : Layout
         Numbers of the unknowns.
@@ -45,7 +45,7 @@ class BoundarySolution:
     mesh: SurfaceMesh
 
     def fields(self, load: Array) -> NodalFields:
-        """Return the fields on the boundary for a load (n, 5) in SI units and global axes."""
+        """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
         right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
@@ -54,7 +54,7 @@ class BoundarySolution:
 
 
 def factorise(system: System) -> Array:
-    """Eliminate the unknowns of a system in place and return the factors of BoundarySolution, (u, u + 5 n + 1).
+    """Eliminate the unknowns of a system in place and return the factors of BoundarySolution, (u, u + f n + 1).
 
     Raises
     ------
@@ -85,17 +85,17 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     Returns
     -------
     Array
-        Values without loads on the zone, (n, 5).
+        Values without loads on the zone, (n, f).
     Array
-        Compliance, (n, 5, n, 5).
+        Compliance, (n, f, n, f).
     """
     layout, units = solution.layout, solution.units
-    n = len(layout.zone)
-    values = last_unknowns(solution.factors, layout.n_unknowns - N_FIELDS * n, solution.factors[:, layout.n_unknowns :])
-    offset = units.values_si(values[:, -1].reshape(n, N_FIELDS))
-    to_values = units.values_si(np.ones(N_FIELDS))
-    to_loads = units.fluxes(np.ones(N_FIELDS))
-    matrix = values[:, :-1].reshape(n, N_FIELDS, n, N_FIELDS)
+    n, n_fields = len(layout.zone), layout.value_column.shape[1]
+    values = last_unknowns(solution.factors, layout.n_unknowns - n_fields * n, solution.factors[:, layout.n_unknowns :])
+    offset = units.values_si(values[:, -1].reshape(n, n_fields))
+    to_values = units.values_si(np.ones(n_fields))
+    to_loads = units.fluxes(np.ones(n_fields))
+    matrix = values[:, :-1].reshape(n, n_fields, n, n_fields)
     compliance: Array = matrix * to_values[None, :, None, None] * to_loads
     return offset, compliance
 

@@ -1,7 +1,7 @@
 """Collocation of the boundary integral equation: sums over quadrature points for one source at a time.
 
-Panels hold the coefficients of one source, value_panel (p, 25) those of the value nodes and flux_panel (m, 25) those of
-the flux nodes. Entry 5 J + K is the coefficient of field J at the node in the equation of field K.
+Panels hold the coefficients of one source for f fields, value_panel (p, f^2) those of the value nodes and flux_panel
+(m, f^2) those of the flux nodes. Entry f J + K is the coefficient of field J at the node in the equation of field K.
 """
 
 from math import sqrt
@@ -88,14 +88,15 @@ class Accuracy(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add the kernels u, t (n, 25) at quadrature points, times shape_weights (n, k), to the panels.
+    """Add the kernels u, t (n, f^2) at quadrature points, times shape_weights (n, k), to the panels.
 
     elements: (n,) element of each point, in runs of equal numbers; value_nodes, flux_nodes: (e, k). The integral of t
-    alone is added to total (25,).
+    alone is added to total (f^2,).
     """
     n_points, n_nodes = shape_weights.shape
-    sum_u = np.zeros((n_nodes, 25))
-    sum_t = np.zeros((n_nodes, 25))
+    entries = u.shape[1]
+    sum_u = np.zeros((n_nodes, entries))
+    sum_t = np.zeros((n_nodes, entries))
     point = 0
     while point < n_points:
         element = elements[point]
@@ -104,14 +105,14 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
         while point < n_points and elements[point] == element:
             for a in range(n_nodes):
                 w = shape_weights[point, a]
-                for i in range(25):
+                for i in range(entries):
                     sum_u[a, i] += w * u[point, i]
                     sum_t[a, i] += w * t[point, i]
             point += 1
         for a in range(n_nodes):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += sum_t[a, i]
                 flux_panel[flux, i] += sum_u[a, i]
                 total[i] += sum_t[a, i]
@@ -132,13 +133,14 @@ def piece_starts(elements):
 
 @njit(cache=True, nogil=True)
 def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add integrals u, t (m, k, 25) over pieces of elements (m,) to the panels, as accumulate does."""
+    """Add integrals u, t (m, k, f^2) over pieces of elements (m,) to the panels, as accumulate does."""
+    entries = u.shape[2]
     for piece in range(len(elements)):
         element = elements[piece]
         for a in range(u.shape[1]):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += t[piece, a, i]
                 flux_panel[flux, i] += u[piece, a, i]
                 total[i] += t[piece, a, i]
@@ -151,27 +153,29 @@ def accumulate_singular(u, t, shape_weights, weights, source_shape, value_nodes,
     weights: (n,) of the points; source_shape: (k,); value_nodes, flux_nodes: (k,).
     """
     n_points, n_nodes = shape_weights.shape
+    entries = u.shape[1]
     for a in range(n_nodes):
         value = value_nodes[a]
         flux = flux_nodes[a]
         for point in range(n_points):
             w = shape_weights[point, a]
             difference = w - weights[point] * source_shape[a]
-            for i in range(25):
+            for i in range(entries):
                 flux_panel[flux, i] += w * u[point, i]
                 value_panel[value, i] += difference * t[point, i]
 
 
 @njit(cache=True, nogil=True)
 def subtract_constant(total, mesh_points, shape, value_panel):
-    """Subtract the value at the source, interpolated by shape (k,) at mesh_points (k,), times total (25,).
+    """Subtract the value at the source, interpolated by shape (k,) at mesh_points (k,), times total (f^2,).
 
-    total is the integral of t over all regular elements. The five constant fields satisfy the equations of a closed
+    total is the integral of t over all regular elements. The constant fields satisfy the equations of a closed
     surface, which gives the sum of free term and principal value.
     """
+    entries = len(total)
     for a in range(len(mesh_points)):
         if shape[a] != 0.0:
-            for i in range(25):
+            for i in range(entries):
                 value_panel[mesh_points[a], i] -= shape[a] * total[i]
 
 
@@ -192,29 +196,30 @@ def enter_rows(
     """Enter the panels of one source into its rows of matrix @ unknowns = rhs + load_matrix @ loads.
 
     Entries of matrix are set, those of load_matrix and rhs are added to: patches that meet in the contact zone share
-    their load. rows: (5,), negative for fields that are not collocated here; *_column, *_data: (nodes, 5).
+    their load. rows: (f,), negative for fields that are not collocated here; *_column, *_data: (nodes, f).
     """
+    n_fields = len(rows)
     for node in range(len(value_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = value_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = value_panel[node, 5 * j + field]
+                coefficient = value_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = coefficient
                 else:
                     rhs[row] -= coefficient * value_data[node, j]
     for node in range(len(flux_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = flux_column[node, j]
             load = load_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = flux_panel[node, 5 * j + field]
+                coefficient = flux_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = -coefficient
                 elif load >= 0:
