@@ -70,10 +70,10 @@ def validate_stiffness(stiffness: Array) -> Array:
         "electromagnetic": -acoustic[:, ELECTRIC:, ELECTRIC:],
     }
     for name, block in blocks.items():
-        least = float(np.linalg.eigvalsh(block).min())
-        if not least > 0.0:
+        smallest = float(np.linalg.eigvalsh(block).min())
+        if not smallest > 0.0:
             raise MaterialError(
-                f"{name} block of the material has eigenvalue {least:.3e} in some direction; it must be positive"
+                f"{name} block of the material has eigenvalue {smallest:.3e} in some direction; it must be positive"
             )
     tensor.setflags(write=False)
     return tensor

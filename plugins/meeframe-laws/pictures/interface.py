@@ -1,4 +1,4 @@
-"""The pictures of docs/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
+"""Pictures of docs/laws-interface.md: `uv run python plugins/meeframe-laws/pictures/interface.py`.
 
 Each has the formula on the left and on the right what it does in a contact.
 """
@@ -104,7 +104,7 @@ def dmt(formula: Any, contact: Any) -> None:
 
 
 def dmt_coulomb(formula: Any, contact: Any) -> None:
-    """Limit over pressure; shear in the middle where all slips."""
+    """Plot the limit over pressure, and the shear in the middle in full slip."""
     p, offsets = np.linspace(0.0, 1.5, 100), (0.0, 0.2, 0.5)
     for offset, colour in zip(offsets, ("black", *COLOURS), strict=False):
         law = DMTCoulomb(0.2, offset * GPA)

@@ -42,9 +42,9 @@ def stiffness_matrix(mesh: VolumeMesh, stiffness: Array) -> csr_array:
         batch = slice(start, start + step)
         entries = _products(mesh, mesh.cells[batch]) @ law
         indices = number[batch].ravel()
-        used, local = np.unique(indices, return_inverse=True)
+        block_numbers, local = np.unique(indices, return_inverse=True)
         for component in range(N_FIELDS**2):
-            blocks[component, used] += np.bincount(local, entries[:, component])
+            blocks[component, block_numbers] += np.bincount(local, entries[:, component])
     starts = np.searchsorted(keys, np.arange(n_points + 1) * n_points)
     data = blocks.T.reshape(-1, N_FIELDS, N_FIELDS)
     return csr_array(bsr_array((data, keys % n_points, starts), shape=(N_FIELDS * n_points,) * 2))
