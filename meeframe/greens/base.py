@@ -16,8 +16,8 @@ class Kernel(ABC):
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
         """Return the displacement and traction kernels U_JK and T_JK (eqs. 42, 47).
 
-        offset: (n, 3), nowhere zero; normal: (n, 3) unit normals at x.
-        Returns U (n, 5, 5), symmetric in J and K, and T (n, 5, 5); C-contiguous. Safe to call from several threads.
+        offset: (n, 3), nowhere zero; normal: (n, 3) unit normals at x. Returns U (n, fields, fields), symmetric in J
+        and K, and T (n, fields, fields); C-contiguous. Safe to call from several threads.
         """
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
@@ -25,14 +25,15 @@ class Kernel(ABC):
         to serve.
 
         offset: (n, 3); weights: (n, k); starts: (m + 1,), piece e has the points from starts[e] to starts[e + 1];
-        normals: (m, 3) unit normals of the pieces. Returns sums for U and T, (m, k, 25), entry 5 J + K.
+        normals: (m, 3) unit normals of the pieces. Returns sums for U and T, (m, k, fields^2), entry (J, K) row
+        by row.
         A plane has one normal, with which the stiffness need be contracted once and not at every point.
         """
         return None
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, 5, 5, 3), for offset (n, 3)."""
+        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offset (n, 3)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class FundamentalSolution(ABC):
 
     @abstractmethod
     def bind(self, stiffness: Array) -> Kernel:
-        """Return the kernel for one scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+        """Return the kernel for one scaled extended stiffness C'_iJKm, (3, fields, fields, 3).
 
         Raises MaterialError if this fundamental solution does not apply to the material.
         """

@@ -1,13 +1,15 @@
 """Electric and magnetic conductivity of the contact."""
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, OPTIONAL_FIELDS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ConductivityLaw
+
+_CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, *OPTIONAL_FIELDS))
 
 
 @final
@@ -25,11 +27,11 @@ class Insulating(ConductivityLaw):
 class StepConductivity(ConductivityLaw):
     """kappa where there is contact pressure, zero elsewhere (eqs. 17, 18).
 
-    kappa: >= 0 [F/m^2 as the electric law, H/m^2 as the magnetic one]; 0 insulates, inf conducts perfectly.
+    kappa: >= 0 [F/m^2 for the electric field, H/m^2 for the magnetic one]; 0 insulates, inf conducts perfectly.
     Raises CaseError if it is negative or NaN.
     """
 
-    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", ge=0)]
+    kappa: Annotated[float, Quantity(*_CONDUCTANCES, ge=0)]
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
 from meeframe.elements.base import shape_functions
 from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem._kernels import assembly as kernels
 from meeframe.formulations.dense_bem.collocation import Sources
 from meeframe.formulations.dense_bem.half_space import exterior_terms
@@ -29,7 +29,7 @@ SOURCES_PER_TASK = 8
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """matrix @ unknowns = load_matrix @ loads + rhs, in one array: columns (u, u + 5 n + 1), in Fortran order."""
+    """matrix @ unknowns = load_matrix @ loads + rhs, in one array: columns (u, u + f n + 1), in Fortran order."""
 
     columns: Array
 
@@ -40,7 +40,7 @@ class System:
 
     @property
     def load_matrix(self) -> Array:
-        """(u, 5 n)."""
+        """(u, f n)."""
         return self.columns[:, len(self.columns) : -1]
 
     @property
@@ -54,7 +54,7 @@ class Problem:
     """Data that every assembly task reads.
 
     mesh: in units of the system; own_shape: (o, k) shape functions at Sources.source_xi, zero-padded; accuracy, rules:
-    how the elements are integrated; exterior: (s, 25) terms of the plane outside the mesh of a semi-infinite body;
+    how the elements are integrated; exterior: (s, f^2) terms of the plane outside the mesh of a semi-infinite body;
     planes: for each block whose elements are all plane, their normals (e, 3).
     """
 
@@ -83,9 +83,9 @@ def assemble(
     planes = tuple(plane_normals(rule) for rule in rules)
     own_shape = _own_shapes(mesh, sources)
     problem = Problem(mesh, layout, sources, own_shape, kernel, accuracy, exterior, rules, planes)
-    n = layout.n_unknowns
+    n, n_fields = layout.n_unknowns, layout.value_column.shape[1]
     # Not of zeros, for which NumPy asks for no huge pages; the tasks write every entry of the matrix.
-    system = System(np.empty((n, n + N_FIELDS * len(layout.zone) + 1), order="F"))
+    system = System(np.empty((n, n + n_fields * len(layout.zone) + 1), order="F"))
     system.columns[:, n:] = 0.0
     n_sources = len(sources.position)
     tasks = [range(i, min(i + SOURCES_PER_TASK, n_sources)) for i in range(0, n_sources, SOURCES_PER_TASK)]
@@ -97,7 +97,7 @@ def assemble(
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """Coefficients of one source: value (p, 25) and flux (m, 25); total (25,), see
+    """Coefficients of one source: value (p, f^2) and flux (m, f^2); total (f^2,), see
     meeframe.formulations.dense_bem._kernels.assembly."""
 
     value: Array
@@ -108,7 +108,9 @@ class _Panels:
 def _collocate(problem: Problem, task: range, system: System) -> None:
     """Enter the rows of some sources."""
     layout, sources = problem.layout, problem.sources
-    panels = _Panels(np.empty((len(layout.value_column), 25)), np.empty((len(layout.flux_column), 25)), np.empty(25))
+    entries = layout.value_column.shape[1] ** 2
+    values, fluxes = np.empty((len(layout.value_column), entries)), np.empty((len(layout.flux_column), entries))
+    panels = _Panels(values, fluxes, np.empty(entries))
     buffers = [_buffers(block, 16 * len(block.connectivity) + 8192) for block in problem.mesh.blocks]
     for source in task:
         for panel in (panels.value, panels.flux, panels.total):
@@ -174,8 +176,8 @@ def _accumulate(problem: Problem, number: int, count: int, buffers: kernels.Buff
         points = slice(first, min(first + POINTS_PER_CALL, count))
         u, t = problem.kernel.evaluate(buffers.offsets[points], buffers.normals[points])
         kernels.accumulate(
-            u.reshape(-1, 25),
-            t.reshape(-1, 25),
+            u.reshape(len(u), -1),
+            t.reshape(len(t), -1),
             buffers.shape_weights[points],
             buffers.elements[points],
             problem.mesh.blocks[number].connectivity,
@@ -236,8 +238,8 @@ def _add_own(problem: Problem, source: int, own: int, buffers: kernels.Buffers, 
         buffers = _enlarged(count, block, buffers, position)
     u, t = problem.kernel.evaluate(buffers.offsets[:count], buffers.normals[:count])
     kernels.accumulate_own(
-        u.reshape(-1, 25),
-        t.reshape(-1, 25),
+        u.reshape(len(u), -1),
+        t.reshape(len(t), -1),
         buffers.shape_weights[:count],
         buffers.weights[:count],
         problem.own_shape[own],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.elements.base import shape_functions
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.formulations.dense_bem.layout import NONE, Layout
 from meeframe.mesh.surface import SurfaceMesh
 
@@ -22,7 +22,7 @@ INWARD_SHIFT = 0.35
 class Sources:
     """Collocation points.
 
-    position: (s, 3); row: (s, 5) row of each field's equation, NONE where it is not collocated;
+    position: (s, 3); row: (s, fields) row of each field's equation, NONE where it is not collocated;
     own_start: (s + 1,) into own_block, own_element and source_xi (o, 2), the elements that hold each point;
     mesh_points, shape: (s, k) mesh points and shape values that interpolate at it, zero-padded.
     """
@@ -40,7 +40,7 @@ class Sources:
 def collocate(mesh: SurfaceMesh, layout: Layout) -> Sources:
     """Return the collocation points for a layout; every row 0..n_unknowns-1 appears once."""
     patches = layout.patches
-    n_flux_unknowns = np.zeros((len(mesh.points), N_FIELDS), int)
+    n_flux_unknowns = np.zeros((len(mesh.points), layout.flux_column.shape[1]), int)
     np.add.at(n_flux_unknowns, patches.point, layout.flux_column != NONE)
     shared = n_flux_unknowns[patches.point] > 1
     at_node = layout.value_column.copy()

@@ -1,5 +1,6 @@
 """The dense boundary element formulation: body in, reduced system out."""
 
+import math
 import os
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -9,7 +10,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import N_FIELDS, Array, FieldScaling
+from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -20,6 +21,7 @@ from meeframe.formulations.dense_bem.patches import find_patches
 from meeframe.formulations.dense_bem.system import BoundarySolution, characteristic_length, factorise, zone_relation
 from meeframe.greens import Tabulated
 from meeframe.greens.base import FundamentalSolution, Kernel
+from meeframe.greens.decoupled import bind_fields
 from meeframe.mesh import check_mesh, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
@@ -80,7 +82,7 @@ class DenseBEM(Formulation):
         """Return the fields on the boundary of a body without contact zone. Raises as reduce."""
         if body.contact_group is not None:
             raise CaseError(f"the body has a contact zone {body.contact_group!r}; use reduce")
-        return self._solve(body, progress).fields(np.zeros((0, N_FIELDS)))
+        return self._solve(body, progress).fields(np.zeros((0, body.fields.size)))
 
     def _solve(self, body: Body, progress: Progress) -> BoundarySolution:
         progress("fundamental solution", 0.0)
@@ -108,21 +110,24 @@ def _scaled(body: Body) -> Array:
 
 @lru_cache(maxsize=4)
 def _bound(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel:
-    """Return the kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by
-    content."""
-    return fundamental_solution.bind(np.frombuffer(stiffness).reshape(3, N_FIELDS, N_FIELDS, 3))
+    """The kernel of a scaled stiffness, given as bytes so that checks and further meshes find it again by content."""
+    values = np.frombuffer(stiffness)
+    size = math.isqrt(len(values) // 9)
+    return bind_fields(fundamental_solution, values.reshape(3, size, size, 3))
 
 
 def _check_memory(body: Body) -> None:
-    """Raise TooLargeError if the matrices, of five unknowns a point, are larger than the memory of the machine."""
-    unknowns = N_FIELDS * len(body.mesh.points)
-    loads = 0 if body.contact_group is None else N_FIELDS * len(body.mesh.group_points(body.contact_group))
+    """Raise TooLargeError if the matrices, of one unknown a field and point, are larger than the memory of the
+    machine."""
+    n_fields = body.fields.size
+    unknowns = n_fields * len(body.mesh.points)
+    loads = 0 if body.contact_group is None else n_fields * len(body.mesh.group_points(body.contact_group))
     needed = 8 * unknowns * (unknowns + loads)
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > available:
         other = "half-space" if body.mesh.semi_infinite else "hmatrix-bem"
         raise TooLargeError(
-            f"{len(body.mesh.points)} points, {loads // N_FIELDS} of them in the contact zone, need matrices of "
+            f"{len(body.mesh.points)} points, {loads // n_fields} of them in the contact zone, need matrices of "
             f"{needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
             f"formulation {other!r}"
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS, VALUE_NAMES, Array, FieldScaling, Indices
+from meeframe.fields import Array, FieldScaling, Indices
 from meeframe.formulations.dense_bem.patches import Patches
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.mesh.supports import check_supports
@@ -28,19 +28,19 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Return the values (..., 5) in SI units into units of the system."""
+        """Return the values (..., fields) in SI units into units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Return the fluxes (..., 5) in SI units into units of the system."""
+        """Return the fluxes (..., fields) in SI units into units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Return the values (..., 5) of the system into SI units."""
+        """Return the values (..., fields) of the system into SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Return the fluxes (..., 5) of the system into SI units."""
+        """Return the fluxes (..., fields) of the system into SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -48,7 +48,7 @@ class Units:
 class Layout:
     """Columns of unknowns and contact loads (NONE where there is none), and known data in units of the system.
 
-    value_column, value_data: (p, 5); flux_column, flux_data, load_column: (m, 5);
+    value_column, value_data: (p, fields); flux_column, flux_data, load_column: (m, fields);
     zone: (n,) points of the contact zone; n_unknowns: size of the system. Unknowns have zero data. The values of the
     zone, all of them unknown, are numbered last and in its order.
     """
@@ -69,8 +69,8 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     Raises MeshError for an unknown face group, CaseError if conditions contradict each other, touch the contact zone,
     or leave a field undetermined.
     """
-    values = np.full((len(body.mesh.points), N_FIELDS), np.nan)
-    fluxes = np.zeros((len(patches.point), N_FIELDS))
+    values = np.full((len(body.mesh.points), body.fields.size), np.nan)
+    fluxes = np.zeros((len(patches.point), body.fields.size))
     flux_unknown = np.zeros(fluxes.shape, bool)
     check_conditions(body)
     check_supports(body)
@@ -94,7 +94,8 @@ def lay_out(body: Body, patches: Patches, units: Units) -> Layout:
     flux_column = _number(flux_unknown, int((unknown_value & ~in_zone).sum()))
     value_column[in_zone] = np.arange(n_unknowns - in_zone.sum(), n_unknowns)
     load_column = np.full(fluxes.shape, NONE)
-    load_column[contact] = N_FIELDS * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(N_FIELDS)
+    n_fields = body.fields.size
+    load_column[contact] = n_fields * np.searchsorted(zone, patches.point[contact])[:, None] + np.arange(n_fields)
     return Layout(
         patches,
         value_column,
@@ -112,8 +113,8 @@ def boundary_fields(
 ) -> NodalFields:
     """Return the fields on the boundary, SI units and global axes, at the nodes of each patch.
 
-    values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (5 n,) on the zone,
-    in those of fluxes.
+    values, fluxes: the unknowns, (u,) each, in units of values and of fluxes of the system; loads: (fields n,) on the
+    zone, in those of fluxes.
     """
     all_values = _filled(layout.value_data, layout.value_column, values)
     all_fluxes = _filled(layout.flux_data, layout.flux_column, fluxes)
@@ -147,7 +148,7 @@ def _apply(
     fluxes: Array,
     flux_unknown: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
 ) -> None:
-    """Enter one condition into values (p, 5), fluxes (m, 5) and flux_unknown (m, 5), in SI units."""
+    """Enter one condition into values (p, fields), fluxes (m, fields) and flux_unknown (m, fields), in SI units."""
     field = condition.field
     points = body.mesh.group_points(condition.group)
     data = np.broadcast_to(np.asarray(condition.data, float), points.shape)
@@ -160,7 +161,7 @@ def _apply(
     conflict = ~np.isnan(old) & (np.abs(old - data) > tolerance)
     if conflict.any():
         raise CaseError(
-            f"{VALUE_NAMES[field]} on {condition.group!r} contradicts another face at "
+            f"{body.fields.value_names[field]} on {condition.group!r} contradicts another face at "
             f"{int(conflict.sum())} shared points: {data[conflict][0]:g} and {old[conflict][0]:g}"
         )
     values[points, field] = data
@@ -171,5 +172,5 @@ def _check_zone(body: Body, values: Array, contact_points: Indices) -> None:
     """Refuse a field in the contact zone that a neighbouring face already prescribes."""
     pinned = np.atleast_1d((~np.isnan(values[contact_points])).any(axis=0))
     if pinned.any():
-        names = ", ".join(name for name, hit in zip(VALUE_NAMES, pinned, strict=True) if hit)
+        names = ", ".join(name for name, hit in zip(body.fields.value_names, pinned, strict=True) if hit)
         raise CaseError(f"{names} is prescribed on a face that touches the contact zone {body.contact_group!r}")

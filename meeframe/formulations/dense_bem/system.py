@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg.lapack import dlange
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.formulations.dense_bem.assembly import System
 from meeframe.formulations.dense_bem.elimination import all_unknowns, eliminate, inverse_norm, last_unknowns
 from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
@@ -26,8 +26,8 @@ them."""
 class BoundarySolution:
     """Unknowns for any load on the contact zone, all in units of the system.
 
-    factors: (u, u + 5 n + 1), what the elimination left of the matrix, of the columns of unit loads on the n nodes of
-    the zone, whose values are the last unknowns, and of the prescribed data.
+    factors: (u, u + fields n + 1), what the elimination left of the matrix, of the columns of unit loads on the n nodes
+    of the zone, whose values are the last unknowns, and of the prescribed data.
     """
 
     factors: Array
@@ -36,7 +36,7 @@ class BoundarySolution:
     mesh: SurfaceMesh
 
     def fields(self, load: Array) -> NodalFields:
-        """Return the fields on the boundary for a load (n, 5) in SI units and global axes."""
+        """Return the fields on the boundary for a load (n, fields) in SI units and global axes."""
         layout, units = self.layout, self.units
         loads = units.fluxes(load).ravel()
         right = self.factors[:, layout.n_unknowns : -1] @ loads + self.factors[:, -1]
@@ -45,7 +45,7 @@ class BoundarySolution:
 
 
 def factorise(system: System) -> Array:
-    """Return the factors of BoundarySolution, (u, u + 5 n + 1), in the place of the system.
+    """Return the factors of BoundarySolution, (u, u + fields n + 1), in the place of the system.
 
     Raises CaseError if the matrix is singular to working precision, or not finite.
     """
@@ -68,15 +68,15 @@ def factorise(system: System) -> Array:
 
 
 def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
-    """Return offset (n, 5) and compliance (n, 5, n, 5) of values on fluxes in the contact zone, SI units, global
-    axes."""
+    """Return offset (n, fields) and compliance (n, fields, n, fields) of values on fluxes in the contact zone, SI
+    units, global axes."""
     layout, units = solution.layout, solution.units
-    n = len(layout.zone)
-    values = last_unknowns(solution.factors, layout.n_unknowns - N_FIELDS * n, solution.factors[:, layout.n_unknowns :])
-    offset = units.values_si(values[:, -1].reshape(n, N_FIELDS))
-    to_values = units.values_si(np.ones(N_FIELDS))
-    to_loads = units.fluxes(np.ones(N_FIELDS))
-    matrix = values[:, :-1].reshape(n, N_FIELDS, n, N_FIELDS)
+    n, n_fields = len(layout.zone), layout.value_column.shape[1]
+    values = last_unknowns(solution.factors, layout.n_unknowns - n_fields * n, solution.factors[:, layout.n_unknowns :])
+    offset = units.values_si(values[:, -1].reshape(n, n_fields))
+    to_values = units.values_si(np.ones(n_fields))
+    to_loads = units.fluxes(np.ones(n_fields))
+    matrix = values[:, :-1].reshape(n, n_fields, n, n_fields)
     compliance: Array = matrix * to_values[None, :, None, None] * to_loads
     return offset, compliance
 

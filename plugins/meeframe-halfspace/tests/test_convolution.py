@@ -10,9 +10,10 @@ import pytest
 from meeframe_halfspace import convolution
 from meeframe_halfspace.cells import cell_table
 from meeframe_halfspace.convolution import Convolution, Symbol
+from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid, mean_length, whole_entry
 from meeframe_halfspace.inverse import wave_inverse
-from meeframe_halfspace.response import PointResponse, entries_to_matrix, scaled_compliance
+from meeframe_halfspace.response import PointResponse, scaled_compliance
 
 from meeframe.fields import N_FIELDS, Array
 from meeframe.material import Material, library_material, rotation_about

@@ -109,8 +109,8 @@ def conducting(indenter: Indenter) -> Resultants:
         mesh=mesh,
         conditions=(),
         indenter=indenter,
-        steps=(Step(normal_force=5.0, electric_potential=500.0),),
-        electric_law=StepConductivity(np.inf),
+        steps=(Step(normal_force=5.0, scalars={"electric_potential": 500.0}),),
+        conductivity={"electric": StepConductivity(np.inf)},
         formulation=HalfSpace(periodic=True, edges="resolved"),
     )
     result = solve_case(case)

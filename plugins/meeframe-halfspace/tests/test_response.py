@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from meeframe_halfspace import PointResponse
 from meeframe_halfspace.cells import _pieces, _product_rules, cell_table, far_table, near_size
+from meeframe_halfspace.entries import entries_to_matrix
 from meeframe_halfspace.kernels import _near, tabulate
 from meeframe_halfspace.kernels import cell_response as one_cell
-from meeframe_halfspace.response import entries_to_matrix, mirrored
+from meeframe_halfspace.response import mirrored
 from scipy.integrate import dblquad
 
 from meeframe.common.errors import MaterialError

@@ -185,7 +185,7 @@ def test_offset_bears_mu_of_pressure_and_offset():
     problem = replace(paraboloid(system, 5e-5, law, 0.1), translation=np.tile([1e-3, 0.0], (144, 1)))
     state = balanced_solution(problem, SemismoothNewton()).state
     load, area = state.load, (state.load[:, 2] < 0.0) @ system.weights
-    force, _, _ = resultant(system, load)
+    force, _ = resultant(system, load)
     along = np.linalg.norm(load[:, :2], axis=1) @ system.weights
     assert along == pytest.approx(0.3 * (-force[2] + 2e8 * area), rel=1e-9)
 

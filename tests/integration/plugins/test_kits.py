@@ -353,7 +353,7 @@ class Picky(Solver):
     inner: Solver = field(default_factory=SemismoothNewton)
 
     def check(self, problem):
-        if self.refuses == "conduction" and conducts(problem.electric_law):
+        if self.refuses == "conduction" and conducts(problem.law_of("electric")):
             raise CaseError("solver 'picky' is for insulated contact")
         if self.refuses == "rigid bodies" and not problem.system.diagonal_blocks().any():
             raise ZeroDivisionError("no compliance")

@@ -52,7 +52,7 @@ def solved(case: ContactProblem) -> ContactSolution:
 
 
 def totals(case: ContactProblem, solution: ContactSolution) -> tuple[float, float, float]:
-    force, charge, flux = resultant(case.system, solution.state.load)
+    force, (charge, flux) = resultant(case.system, solution.state.load)
     return -float(force[2]), charge, flux
 
 

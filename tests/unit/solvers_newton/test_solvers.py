@@ -8,6 +8,7 @@ import pytest
 import meeframe.solvers.auto as auto_module
 import meeframe.solvers.newton.method as newton_module
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import own_response
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, Status, resultant
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
@@ -62,7 +63,7 @@ def assert_agree(problem, solvers, tolerance=1e-8):
 
 
 def is_insulated(problem):
-    return all(law == Insulating() for law in (problem.electric_law, problem.magnetic_law))
+    return all(law == Insulating() for law in (channel.law for channel in problem.channels))
 
 
 @pytest.mark.full(except_for=2)
@@ -89,7 +90,7 @@ def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, l
     problem = sphere("orthotropic", law, cells=8)
     own = np.abs(np.diag(problem.system.diagonal_blocks()[0]))[3:]
     electric, magnetic = (growing(1.0 / o, 1e7, exponent) for o in own)
-    problem = replace(problem, electric_law=electric, magnetic_law=magnetic)
+    problem = replace(problem, channels=flux_channels(electric, magnetic))
     _, newton = force(problem, SemismoothNewton())
     conductance = contact_conductivity(electric, newton.state.load[:, 2]) * own[0]
     assert 0.1 < conductance.max() < 100.0
@@ -144,8 +145,9 @@ def test_units_change_nothing(sphere, solver, scale) -> None:
         other = ContactProblem(
             scaled,
             law,
-            StepConductivity(problem.electric_law.kappa * loads[3] / electric),
-            problem.magnetic_law,
+            problem.with_laws(
+                electric=StepConductivity(problem.law_of("electric").kappa * loads[3] / electric)
+            ).channels,
             problem.gap * length,
             problem.translation * length,
             problem.potentials * [electric, magnetic],

@@ -1,7 +1,7 @@
 """Collocation of the boundary integral equation: sums over quadrature points, one source at a time.
 
-Panels hold the coefficients of one source: value_panel (p, 25) of the value nodes, flux_panel (m, 25) of the flux
-nodes, entry 5 J + K the field J there in the equation of field K.
+Panels hold the coefficients of one source for f fields: value_panel (p, f^2) of the value nodes, flux_panel (m, f^2) of
+the flux nodes, entry f J + K the field J there in the equation of field K.
 """
 
 from math import sqrt
@@ -61,14 +61,15 @@ class Accuracy(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add the kernels u, t (n, 25) at quadrature points, times shape_weights (n, k), to the panels.
+    """Add the kernels u, t (n, f^2) at quadrature points, times shape_weights (n, k), to the panels.
 
     elements: (n,) element of each point, runs of equal numbers; value_nodes, flux_nodes: (e, k).
-    total: (25,) receives the integral of t alone.
+    total: (f^2,) receives the integral of t alone.
     """
     n_points, n_nodes = shape_weights.shape
-    sum_u = np.zeros((n_nodes, 25))
-    sum_t = np.zeros((n_nodes, 25))
+    entries = u.shape[1]
+    sum_u = np.zeros((n_nodes, entries))
+    sum_t = np.zeros((n_nodes, entries))
     point = 0
     while point < n_points:
         element = elements[point]
@@ -77,14 +78,14 @@ def accumulate(u, t, shape_weights, elements, value_nodes, flux_nodes, value_pan
         while point < n_points and elements[point] == element:
             for a in range(n_nodes):
                 w = shape_weights[point, a]
-                for i in range(25):
+                for i in range(entries):
                     sum_u[a, i] += w * u[point, i]
                     sum_t[a, i] += w * t[point, i]
             point += 1
         for a in range(n_nodes):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += sum_t[a, i]
                 flux_panel[flux, i] += sum_u[a, i]
                 total[i] += sum_t[a, i]
@@ -105,13 +106,14 @@ def piece_starts(elements):
 
 @njit(cache=True, nogil=True)
 def add_pieces(u, t, elements, value_nodes, flux_nodes, value_panel, flux_panel, total):
-    """Add integrals u, t (m, k, 25) over pieces of elements (m,) to the panels; the rest as in accumulate."""
+    """Add integrals u, t (m, k, f^2) over pieces of elements (m,) to the panels; the rest as in accumulate."""
+    entries = u.shape[2]
     for piece in range(len(elements)):
         element = elements[piece]
         for a in range(u.shape[1]):
             value = value_nodes[element, a]
             flux = flux_nodes[element, a]
-            for i in range(25):
+            for i in range(entries):
                 value_panel[value, i] += t[piece, a, i]
                 flux_panel[flux, i] += u[piece, a, i]
                 total[i] += t[piece, a, i]
@@ -124,27 +126,29 @@ def accumulate_own(u, t, shape_weights, weights, source_shape, value_nodes, flux
     weights: (n,) of the points; source_shape: (k,); value_nodes, flux_nodes: (k,).
     """
     n_points, n_nodes = shape_weights.shape
+    entries = u.shape[1]
     for a in range(n_nodes):
         value = value_nodes[a]
         flux = flux_nodes[a]
         for point in range(n_points):
             w = shape_weights[point, a]
             difference = w - weights[point] * source_shape[a]
-            for i in range(25):
+            for i in range(entries):
                 flux_panel[flux, i] += w * u[point, i]
                 value_panel[value, i] += difference * t[point, i]
 
 
 @njit(cache=True, nogil=True)
 def subtract_constant(total, mesh_points, shape, value_panel):
-    """Subtract the value at the source times total, (25,); shape: (k,) interpolates it at mesh_points (k,).
+    """Subtract the value at the source times total, (f^2,); shape: (k,) interpolates it at mesh_points (k,).
 
     With total the integral of t over all elements that do not hold the source, this is the free term and the principal
-    value from the five constant fields: the row of a closed surface annuls them.
+    value from the constant fields: the row of a closed surface annuls them.
     """
+    entries = len(total)
     for a in range(len(mesh_points)):
         if shape[a] != 0.0:
-            for i in range(25):
+            for i in range(entries):
                 value_panel[mesh_points[a], i] -= shape[a] * total[i]
 
 
@@ -165,29 +169,30 @@ def enter_rows(
     """Enter the panels of one source into its rows of matrix @ unknowns = rhs + load_matrix @ loads.
 
     Those of matrix are set, of load_matrix and rhs added to: patches that meet in the contact zone share their load.
-    rows: (5,), negative where a field is not collocated here; *_column, *_data: (nodes, 5).
+    rows: (f,), negative where a field is not collocated here; *_column, *_data: (nodes, f).
     """
+    n_fields = len(rows)
     for node in range(len(value_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = value_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = value_panel[node, 5 * j + field]
+                coefficient = value_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = coefficient
                 else:
                     rhs[row] -= coefficient * value_data[node, j]
     for node in range(len(flux_column)):
-        for j in range(5):
+        for j in range(n_fields):
             column = flux_column[node, j]
             load = load_column[node, j]
-            for field in range(5):
+            for field in range(n_fields):
                 row = rows[field]
                 if row < 0:
                     continue
-                coefficient = flux_panel[node, 5 * j + field]
+                coefficient = flux_panel[node, n_fields * j + field]
                 if column >= 0:
                     matrix[row, column] = -coefficient
                 elif load >= 0:
