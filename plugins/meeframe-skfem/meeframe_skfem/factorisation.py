@@ -62,7 +62,7 @@ def condense(matrix: csr_array, unknowns: Indices, solver: LinearSolver = "auto"
 
 
 def uses_pardiso(solver: LinearSolver) -> bool:
-    """Whether a choice means pardiso here. Raises CaseError if it does and pypardiso is not installed."""
+    """Return True if a choice selects pardiso here. Raises CaseError if it does and pypardiso is not installed."""
     installed = find_spec("pypardiso") is not None
     if solver == "pardiso" and not installed:
         raise CaseError("linear_solver = 'pardiso': pypardiso is not installed; allowed: auto, splu")

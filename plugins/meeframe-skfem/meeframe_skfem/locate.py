@@ -1,4 +1,4 @@
-"""Where points lie on a surface mesh: element and reference coordinates of the nearest place."""
+"""Location of points on a surface mesh: element and reference coordinates of the nearest place."""
 
 from dataclasses import dataclass
 from typing import Final
