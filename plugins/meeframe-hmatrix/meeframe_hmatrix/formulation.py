@@ -104,7 +104,7 @@ class HierarchicalBEM(PersistentFormulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings about slender parts, whose bending may be inaccurate."""
         if self.tolerance <= BENDING:
             return bending_warnings(body)
         return bending_warnings(body, TRUNCATED_RATIO, f"take a tolerance of {BENDING:.0e} or less; ")
