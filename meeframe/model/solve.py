@@ -154,7 +154,7 @@ def solve_steps(
                 try:
                     with faults_of_plugins():
                         recovered = system.recover(result.state.load)
-                    result = _saying(replace(result, boundary=recovered), remark_on_balance(recovered))
+                    result = _saying(replace(result, boundary=recovered), remark_on_balance(recovered, case.fields))
                 except Exception:
                     yield result  # it is solved all the same
                     raise
@@ -221,6 +221,7 @@ def _step_result(
             kinematics.reference,
             kinematics.case.placement.base,
             increment.duration,
+            kinematics.case.fields,
         ),
         step=numbers[0],
         increment=numbers[1],
@@ -242,6 +243,7 @@ def _step_result(
         message=solution.message,
         second_body=second_body,
         area_fraction=increment.problem.area_fraction,
+        fields=kinematics.case.fields,
     )
 
 

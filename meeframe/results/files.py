@@ -8,7 +8,6 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -164,12 +163,15 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
     )
     _put_all(group, _STEP_UNITS, _step_values(step))
     loading = group.create_group("loading")
-    _put_all(loading, _LOADING_UNITS, asdict(step.loading))
+    _put_all(loading, _LOADING_UNITS, {name: getattr(step.loading, name) for name in _LOADING_UNITS})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
     prescribed = step.loading.prescribed
     _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
-    _put_all(group.create_group("resultants"), RESULTANT_UNITS, asdict(resultants(zone, step)))
+    totals = resultants(zone, step)
+    _put_all(
+        group.create_group("resultants"), RESULTANT_UNITS, {name: getattr(totals, name) for name in RESULTANT_UNITS}
+    )
     if step.area_fraction is not None:
         _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:

@@ -11,8 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from meeframe.contact.problem import Status
-from meeframe.indenters.base import COLUMNS, MOTIONS, UNITS
-from meeframe.results.balance import unbalance
+from meeframe.fields import FieldSet, ScalarField
+from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
+from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
 from meeframe.results.records import Result, Resultants, RunStatus, StepResult, Zone, resultants
 
@@ -53,17 +54,24 @@ def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
     return {
         "step": step.step,
         "increment": step.increment,
-        **{name: getattr(loading, name) for name in MOTIONS},
+        **{name: getattr(loading, name) for name in RIGID_MOTIONS},
+        **loading.scalars,
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
-        **vars(totals),
+        **{name: value for name, value in vars(totals).items() if name != "scalars"},
+        **totals.scalars,
         "reaches_edge": step.reaches_edge,
-        "unbalance": None if balance is None else vars(balance),
+        "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
         "residual": step.residual,
         "status": str(step.status),
         "message": step.message,
     }
+
+
+def _unbalance(balance: Unbalance, fields: FieldSet) -> dict[str, Any]:
+    totals = {scalar.resultant: total for scalar, total in zip(fields.scalars, balance.fluxes.tolist(), strict=True)}
+    return {"force": balance.force, **totals, "relative": balance.relative}
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
@@ -100,14 +108,7 @@ def summary_table(result: Result) -> RenderableType:
         ("approach", "m", [step.loading.approach for step in shown]),
         *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
         *_motions(shown, totals),
-        *_where_any(
-            ("charge", "C", [total.charge for total in totals]),
-            ("largest |electric potential|", "V", [total.max_abs_electric_potential for total in totals]),
-        ),
-        *_where_any(
-            ("magnetic flux", "Wb", [total.magnetic_flux for total in totals]),
-            ("largest |magnetic potential|", "A", [total.max_abs_magnetic_potential for total in totals]),
-        ),
+        *(row for scalar in _scalar_fields(shown) for row in _where_any(*_scalar_rows(scalar, totals))),
         *_unbalances(shown),
         ("contact area", "m^2", [total.contact_area for total in totals]),
         *_where_any(
@@ -128,10 +129,22 @@ def summary_table(result: Result) -> RenderableType:
     return Group(table, *messages, _headline(result))
 
 
+def _scalar_fields(shown: list[StepResult]) -> tuple[ScalarField, ...]:
+    return shown[0].fields.scalars if shown else ()
+
+
+def _scalar_rows(scalar: ScalarField, totals: list[Resultants]) -> Iterator[_Row]:
+    """Yield rows on the total flux and the largest potential of a scalar field."""
+    flux, potential = scalar.resultant.replace("_", " "), scalar.value_name.replace("_", " ")
+    yield flux, scalar.resultant_unit, [total.scalars[scalar.resultant] for total in totals]
+    largest = [total.scalars[f"max_abs_{scalar.value_name}"] for total in totals]
+    yield f"largest |{potential}|", scalar.value_unit, largest
+
+
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
     """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
     found = [unbalance(step.boundary) for step in shown]
-    for number, name in enumerate(("force", "charge", "magnetic flux")):
+    for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
         relative = [math.nan if one is None else float(one.relative[number]) for one in found]
         if any(value > 0.0 for value in relative):
             yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
@@ -144,15 +157,18 @@ def _where_any(*rows: _Row) -> tuple[_Row, ...]:
 
 def _motions(shown: list[StepResult], totals: list[Resultants]) -> Iterator[_Row]:
     """Rows of the indenter's motions other than the approach that were free or are not zero, and of their moments."""
-    for name, place in list(MOTIONS.items())[1:]:
-        free = any(COLUMNS[key] == place for step in shown for key in step.loading.prescribed)
+    motions = IndenterMotions(shown[0].fields) if shown else IndenterMotions()
+    for name, place in list(motions.motions.items())[1:]:
+        free = any(motions.columns[key] == place for step in shown for key in step.loading.prescribed)
         moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
         if not free and not np.any(moved):
             continue
-        yield from _components(name + " of the indenter" * name.endswith("potential"), UNITS[name], moved)
+        yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], moved)
         if name in _ABOUT:
             about = _ABOUT[name]
-            yield from _components(about, UNITS[about], [np.atleast_1d(getattr(total, about)) for total in totals])
+            yield from _components(
+                about, motions.units[about], [np.atleast_1d(getattr(total, about)) for total in totals]
+            )
 
 
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
