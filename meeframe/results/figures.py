@@ -1,6 +1,7 @@
 """Figures of the last finished increment: maps over the contact zone, sections through its centre; and its history."""
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import Array
+from meeframe.fields import Array, FieldSet
 from meeframe.results.canvas import LINE_COLOURS, head, prefixed, sheet
 from meeframe.results.history import history, name_of
 from meeframe.results.picture import Picture
@@ -20,28 +21,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Quantity:
-    """A nodal quantity to draw. file: stem of the figure's name."""
+    """A nodal quantity to draw.
+
+    file: stem of the figure's name; column: of the potentials, None for the pressure.
+    """
 
     file: str
     label: str
     unit: str
+    column: int | None = None
 
     def values(self, step: StepResult) -> Array:
-        """Nodal values, (n,), SI."""
-        if self.file == "pressure":
-            return -step.traction[:, 2]
-        return step.potentials[:, 0 if self.file == "electric_potential" else 1]
+        """Return nodal values, (n,), SI."""
+        return -step.traction[:, 2] if self.column is None else step.potentials[:, self.column]
 
 
 _BETWEEN: Final = (0.1, 2.0)
 """Bounds of the weights by which the edge of the contact is put between two nodes."""
 _SEEN: Final = 0.01
 """Fraction of the largest traction from which on attraction is shown: it fades with the distance, but never ends."""
-_QUANTITIES: Final = (
-    _Quantity("pressure", "contact pressure", "Pa"),
-    _Quantity("electric_potential", "electric potential", "V"),
-    _Quantity("magnetic_potential", "magnetic potential", "A"),
-)
+
+
+def _quantities(fields: FieldSet) -> Iterator[_Quantity]:
+    """Yield the quantities that have maps and sections."""
+    yield _Quantity("pressure", "contact pressure", "Pa")
+    for column, scalar in enumerate(fields.scalars):
+        yield _Quantity(scalar.value_name, scalar.value_name.replace("_", " "), scalar.value_unit, column)
 
 
 def figures(result: Result) -> "dict[str, Figure]":
@@ -83,7 +88,9 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 def _shown(step: StepResult) -> list[_Quantity]:
     """The pressure, and the potentials that are not zero throughout."""
-    return [quantity for quantity in _QUANTITIES if quantity.file == "pressure" or quantity.values(step).any()]
+    return [
+        quantity for quantity in _quantities(step.fields) if quantity.file == "pressure" or quantity.values(step).any()
+    ]
 
 
 def _title(result: Result) -> str:

@@ -6,8 +6,9 @@ and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one incremen
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,8 +17,8 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, N_FIELDS, Array, Indices
-from meeframe.indenters.base import COLUMNS, MOTIONS, N_MOTIONS, RESULTANTS, UNITS
+from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
+from meeframe.indenters.base import RIGID_RESULTANTS, IndenterMotions
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
 from meeframe.results.output import RESULT_FILE, replacing
 from meeframe.results.records import Loading, Provenance, Region, Result, SecondSurface, StepResult, Zone, resultants
@@ -31,10 +32,6 @@ _STEP_UNITS: Final = {
     "gap": "m",
     "traction": "Pa",
     "displacement": "m",
-    "electric_potential": "V",
-    "magnetic_potential": "A",
-    "electric_flux": "C/m^2",
-    "magnetic_flux": "Wb/m^2",
     "contact_fraction": "1",
     "slip": "m",
     "total_slip": "m",
@@ -47,28 +44,23 @@ _STEP_UNITS: Final = {
     "residual": "1",
     "iterations": "1",
 }
-_SURFACE_UNITS: Final = {
-    name: _STEP_UNITS[name] for name in ("displacement", "electric_potential", "magnetic_potential")
-}
-_LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": "m", "axes": "1"}
-RESULTANT_UNITS: Final = {
+_LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
+_RESULTANT_UNITS: Final = {
     "force": "N",
-    **{name: UNITS[name] for name in RESULTANTS},
+    **{name: IndenterMotions().units[name] for name in RIGID_RESULTANTS},
     "dissipated_energy": "J",
     "contact_area": "m^2",
     "stick_area": "m^2",
     "slip_area": "m^2",
     "max_pressure": "Pa",
     "max_tension": "Pa",
-    "max_abs_electric_potential": "V",
-    "max_abs_magnetic_potential": "A",
 }
-_SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
-_BOUNDARY_UNITS: Final = {
-    "points": "m",
-    "values": ", ".join(MEE.value_units),
-    "fluxes": ", ".join(MEE.flux_units),
-}
+
+
+def resultant_units(fields: FieldSet) -> dict[str, str]:
+    """Return the units of all resultants by name."""
+    totals = {scalar.resultant: scalar.resultant_unit for scalar in fields.scalars}
+    return _RESULTANT_UNITS | totals | {f"max_abs_{scalar.value_name}": scalar.value_unit for scalar in fields.scalars}
 
 
 def create_result(folder: Path, result: Result) -> None:
@@ -141,15 +133,13 @@ def _changing(folder: Path) -> Iterator[Any]:
             yield file
 
 
-def _step_values(step: StepResult) -> dict[str, Any]:
-    values = {name: getattr(step, name) for name in _STEP_UNITS if hasattr(step, name)}
-    values["electric_flux"], values["magnetic_flux"] = step.fluxes.T
-    return values | _surface_values(step)
-
-
-def _surface_values(surface: StepResult | SecondSurface) -> dict[str, Any]:
-    electric, magnetic = surface.potentials.T
-    return {"displacement": surface.displacement, "electric_potential": electric, "magnetic_potential": magnetic}
+def _put_scalars(group: Any, fields: FieldSet, potentials: Array, fluxes: Array | None = None) -> None:
+    """Write potentials (n, scalars) and fluxes (n, scalars) as datasets by the names of their fields."""
+    for scalar, potential in zip(fields.scalars, potentials.T, strict=True):
+        _put_all(group, {scalar.value_name: scalar.value_unit}, {scalar.value_name: potential})
+    if fluxes is not None:
+        for scalar, flux in zip(fields.scalars, fluxes.T, strict=True):
+            _put_all(group, {scalar.flux_name: scalar.flux_unit}, {scalar.flux_name: flux})
 
 
 def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
@@ -161,23 +151,27 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
         + "region: "
         + ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
     )
-    _put_all(group, _STEP_UNITS, _step_values(step))
+    fields, motions = step.fields, IndenterMotions(step.fields)
+    group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in fields.scalars])
+    _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
+    _put_scalars(group, fields, step.potentials, step.fluxes)
     loading = group.create_group("loading")
-    _put_all(loading, _LOADING_UNITS, {name: getattr(step.loading, name) for name in _LOADING_UNITS})
+    units = {name: motions.units[name] for name in motions.motions} | _LOADING_UNITS
+    _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
     if step.loading.duration is not None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
     prescribed = step.loading.prescribed
-    _put_all(loading.create_group("prescribed"), {key: UNITS[key] for key in prescribed}, prescribed)
-    totals = resultants(zone, step)
-    _put_all(
-        group.create_group("resultants"), RESULTANT_UNITS, {name: getattr(totals, name) for name in RESULTANT_UNITS}
-    )
+    _put_all(loading.create_group("prescribed"), {key: motions.units[key] for key in prescribed}, prescribed)
+    totals, units = resultants(zone, step), resultant_units(fields)
+    _put_all(group.create_group("resultants"), units, {name: getattr(totals, name) for name in units})
     if step.area_fraction is not None:
         _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:
-        _put_all(group.create_group("second_body"), _SURFACE_UNITS, _surface_values(step.second_body))
+        surface = group.create_group("second_body")
+        _put_all(surface, {"displacement": "m"}, {"displacement": step.second_body.displacement})
+        _put_scalars(surface, fields, step.second_body.potentials)
     if step.boundary is not None:
-        _put_boundary(file, group, step.boundary)
+        _put_boundary(file, group, step.boundary, fields)
 
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
@@ -192,14 +186,13 @@ def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
         own.create_dataset(str(number), data=connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
-def _put_boundary(file: Any, step: Any, boundary: NodalFields) -> None:
-    fields = {"points": boundary.points, "values": boundary.values, "fluxes": boundary.fluxes}
+def _put_boundary(file: Any, step: Any, boundary: NodalFields, fields: FieldSet) -> None:
     if "boundary" not in file:
         shared = file.create_group("boundary")
-        _put_all(shared, {"points": _BOUNDARY_UNITS["points"]}, fields)
+        _put_all(shared, {"points": "m"}, {"points": boundary.points})
         _put_cells(shared, boundary.cells)
-    own = step.create_group("boundary")
-    _put_all(own, {name: _BOUNDARY_UNITS[name] for name in ("values", "fluxes")}, fields)
+    units = {"values": ", ".join(fields.value_units), "fluxes": ", ".join(fields.flux_units)}
+    _put_all(step.create_group("boundary"), units, {"values": boundary.values, "fluxes": boundary.fluxes})
 
 
 def _read(file: Any) -> Result:
@@ -224,23 +217,25 @@ def _read(file: Any) -> Result:
 
 def _get_step(file: Any, group: Any, n: int) -> StepResult:
     boundary, second_body = None, None
+    fields = _get_fields(group)
+    names = [scalar.value_name for scalar in fields.scalars]
     if "second_body" in group:
         own = group["second_body"]
-        second_body = SecondSurface(numbers_of(own, "displacement", (n, 3)), _get_both(own, "potential", n))
+        second_body = SecondSurface(numbers_of(own, "displacement", (n, 3)), _get_scalars(own, names, n))
     if "boundary" in group:
         own, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
-        fields = (numbers_of(own, name, (p, N_FIELDS)) for name in ("values", "fluxes"))
-        boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
+        both = (numbers_of(own, name, (p, fields.size)) for name in ("values", "fluxes"))
+        boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *both)
     return StepResult(
-        loading=_get_loading(group["loading"]),
+        loading=_get_loading(group["loading"], fields),
         step=int(group["step"][()]),
         increment=int(group["increment"][()]),
         initial_gap=numbers_of(group, "initial_gap", (n,)),
         traction=numbers_of(group, "traction", (n, 3)),
         displacement=numbers_of(group, "displacement", (n, 3)),
-        potentials=_get_both(group, "potential", n),
-        fluxes=_get_both(group, "flux", n),
+        potentials=_get_scalars(group, names, n),
+        fluxes=_get_scalars(group, [scalar.flux_name for scalar in fields.scalars], n),
         contact_fraction=numbers_of(group, "contact_fraction", (n,)),
         slip=numbers_of(group, "slip", (n, 2)),
         total_slip=numbers_of(group, "total_slip", (n, 2)),
@@ -256,22 +251,32 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
         second_body=second_body,
         area_fraction=numbers_of(group, "area_fraction", (n,)) if "area_fraction" in group else None,
         reaches_edge=bool(group.attrs["reaches_edge"]),
+        fields=fields,
     )
 
 
-def _get_both(group: Any, name: str, n: int) -> Array:
-    """The electric and the magnetic dataset of that name, (n, 2)."""
-    return np.stack([numbers_of(group, f"{kind}_{name}", (n,)) for kind in ("electric", "magnetic")], axis=1)
+def _get_fields(group: Any) -> FieldSet:
+    """Return the field set of an increment; files of earlier versions, which do not say, have the default one."""
+    if "scalar_fields" not in group.attrs:
+        return MEE
+    return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
 
 
-def _get_loading(group: Any) -> Loading:
-    motion = np.concatenate([np.atleast_1d(group[name][()]) for name in MOTIONS])
-    if motion.shape != (N_MOTIONS,):
-        raise ValueError(f"{group.name} has {len(motion)} motions instead of {N_MOTIONS}")
-    prescribed = {key: numbers_of(group["prescribed"], key, _SHAPES[key]) for key in group["prescribed"]}
+def _get_scalars(group: Any, names: Sequence[str], n: int) -> Array:
+    """Return datasets (n,) of these names as one array, (n, scalars)."""
+    return np.stack([numbers_of(group, name, (n,)) for name in names], axis=1)
+
+
+def _get_loading(group: Any, fields: FieldSet) -> Loading:
+    motions = IndenterMotions(fields)
+    motion = np.concatenate([np.atleast_1d(group[name][()]) for name in motions.motions])
+    if motion.shape != (motions.size,):
+        raise ValueError(f"{group.name} has {len(motion)} motions instead of {motions.size}")
+    shapes = {key: (columns.stop - columns.start,) for key, columns in motions.columns.items()}
+    prescribed = {key: numbers_of(group["prescribed"], key, shapes[key]) for key in group["prescribed"]}
     duration = float(group["duration"][()]) if "duration" in group else None
     reference, axes = numbers_of(group, "reference", (3,)), numbers_of(group, "axes", (3, 3))
-    return Loading.of(motion, prescribed, reference, axes, duration)
+    return Loading.of(motion, prescribed, reference, axes, duration, fields)
 
 
 def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:

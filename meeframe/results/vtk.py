@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
-from meeframe.fields import Array, Indices
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_pairs
 from meeframe.results.output import FIELDS_FILE, replacing
@@ -33,16 +33,13 @@ def write_fields(folder: Path, result: Result) -> None:
     if step is None or step.boundary is None:
         raise ResultError("the result holds no fields on the boundary to write")
     boundary = step.boundary
-    values, fluxes = boundary.values, boundary.fluxes
-    data: dict[str, Array | Indices] = {
-        "displacement [m]": values[:, :3],
-        "electric potential [V]": values[:, 3],
-        "magnetic potential [A]": values[:, 4],
-        "traction [Pa]": fluxes[:, :3],
-        "electric flux [C/m^2]": fluxes[:, 3],
-        "magnetic flux [Wb/m^2]": fluxes[:, 4],
-        **_contact(result.zone, step, boundary),
-    }
+    data: dict[str, Array | Indices] = {"displacement [m]": boundary.values[:, MECHANICAL]}
+    for column, scalar in enumerate(step.fields.scalars, N_MECHANICAL):
+        data[f"{scalar.value_name.replace('_', ' ')} [{scalar.value_unit}]"] = boundary.values[:, column]
+    data["traction [Pa]"] = boundary.fluxes[:, MECHANICAL]
+    for column, scalar in enumerate(step.fields.scalars, N_MECHANICAL):
+        data[f"{scalar.flux_name.replace('_', ' ')} [{scalar.flux_unit}]"] = boundary.fluxes[:, column]
+    data |= _contact(result.zone, step, boundary)
     mesh = meshio.Mesh(boundary.points, _cells(boundary), point_data=data)
     with replacing(folder / FIELDS_FILE) as path:
         mesh.write(path, file_format="vtu")

@@ -5,19 +5,26 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array
 from meeframe.results.records import Region, Resultants, StepResult, Zone
+
+
+def _total(name: str) -> Callable[[Resultants], float]:
+    return lambda totals: totals.scalars[name]
+
+
+def _potential(column: int) -> Callable[[Zone, StepResult], Array]:
+    return lambda _, step: step.potentials[:, column]
+
 
 TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "force": lambda totals: float(-totals.force[2]),
     "force_x": lambda totals: float(totals.force[0]),
     "force_y": lambda totals: float(totals.force[1]),
-    "charge": lambda totals: totals.charge,
-    "magnetic_flux": lambda totals: totals.magnetic_flux,
+    **{scalar.resultant: _total(scalar.resultant) for scalar in MEE.scalars},
     "contact_area": lambda totals: totals.contact_area,
     "max_pressure": lambda totals: totals.max_pressure,
-    "max_electric_potential": lambda totals: totals.max_abs_electric_potential,
-    "max_magnetic_potential": lambda totals: totals.max_abs_magnetic_potential,
+    **{f"max_{scalar.value_name}": _total(f"max_abs_{scalar.value_name}") for scalar in MEE.scalars},
 }
 """Totals of a step: force of the indenter against x3 and of the indenter on the body along x1, x2 [N], charge [C],
 magnetic flux [Wb], contact area [m^2], largest pressure [Pa] and absolute potentials [V], [A]."""
@@ -39,8 +46,7 @@ NODAL: Final[Mapping[str, Callable[[Zone, StepResult], Array]]] = {
     "traction_y": lambda zone, step: _tangential(zone, step)[:, 1],
     "tangential_traction": _tangential,
     "stick": lambda _, step: (step.region == Region.STICK).astype(float),
-    "electric_potential": lambda _, step: step.potentials[:, 0],
-    "magnetic_potential": lambda _, step: step.potentials[:, 1],
+    **{scalar.value_name: _potential(column) for column, scalar in enumerate(MEE.scalars)},
 }
 """Fields on the contact zone, (n,), the tangential traction (n, 2): pressure and tractions on the body [Pa], in global
 axes, stick 1 or 0, potentials of the body [V], [A]."""

@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.fields import MEE, Array
 from meeframe.indenters.base import MOTIONS, UNITS
-from meeframe.results.files import RESULTANT_UNITS
+from meeframe.results.files import resultant_units
 from meeframe.results.records import StepResult, Zone, resultants
 
 _PARTS: Final = {
@@ -24,7 +24,7 @@ def _names(units: Mapping[str, str]) -> dict[str, str]:
 
 
 NUMBERS: Final[Mapping[str, str]] = (
-    _names(RESULTANT_UNITS) | _names({key: UNITS[key] for key in MOTIONS}) | _OTHERS | {"seconds": "s"}
+    _names(resultant_units(MEE)) | _names({key: UNITS[key] for key in MOTIONS}) | _OTHERS | {"seconds": "s"}
 )
 """Units of all that is gathered: resultants and maxima (meeframe.results.records.resultants), the largest slip since
 the beginning and the longest way slipped, the motion of the indenter; 1 if the contact reaches the edge of its zone,
@@ -35,8 +35,7 @@ FIELD_UNITS: Final[Mapping[str, str]] = {
     "traction_x": "Pa",
     "traction_y": "Pa",
     "stick": "1",
-    "electric_potential": "V",
-    "magnetic_potential": "A",
+    **{scalar.value_name: scalar.value_unit for scalar in MEE.scalars},
 }
 """Units of the fields of meeframe.study.quantities with one value for each node."""
 
@@ -45,7 +44,7 @@ def numbers_of(zone: Zone, step: StepResult) -> dict[str, float]:
     """Return all NUMBERS of an increment but `seconds`."""
     totals = resultants(zone, step)
     found: dict[str, float] = {}
-    for owner, keys in ((totals, RESULTANT_UNITS), (step.loading, MOTIONS)):
+    for owner, keys in ((totals, resultant_units(MEE)), (step.loading, MOTIONS)):
         for key in keys:
             found.update(zip(_PARTS.get(key, (key,)), np.atleast_1d(getattr(owner, key)).tolist(), strict=True))
     return found | {
