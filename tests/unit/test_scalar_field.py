@@ -14,6 +14,8 @@ import meshio
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
+from meeframe_hmatrix import HierarchicalBEM
+from meeframe_skfem import FiniteElements
 from rich.console import Console
 
 from meeframe import load_case, solve_case
@@ -25,8 +27,8 @@ from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Scalar
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.material import Material, library_material
-from meeframe.mesh import half_space_mesh
-from meeframe.mesh.body import Body
+from meeframe.mesh import block_mesh, half_space_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
 from meeframe.results.figures import figures
 from meeframe.results.files import create_result, read_result
@@ -210,3 +212,35 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     assert re.search(r"heat +│ W ", table)
     assert re.search(r"temperature of the indenter +│ K ", table)
     assert "temperature.png" in figures(read)
+
+
+def test_hierarchical_matrices_refuse_it() -> None:
+    warm = library_material("batio3-cofe2o4").with_field(HEAT, CONDUCTIVITY)
+    mesh = half_space_mesh((0.1, 0.1), (0.005, 0.005), (6, 6), 3, Quad4())
+    with pytest.raises(CaseError, match="compiled for 5 fields, the body has 6"):
+        HierarchicalBEM().check(Body(warm.stiffness, mesh, (), "contact", warm.fields))
+
+
+@pytest.mark.parametrize(
+    "formulation", [FiniteElements(), DenseBEM(quadrature_tolerance=1e-8)], ids=["fem", "dense-bem"]
+)
+def test_a_finite_body_responds_field_by_field(formulation: Formulation) -> None:
+    """Its compliance is that of the coupled fields beside that of the scalar."""
+    material, other = library_material("pzt-4"), replace(Material.isotropic(2e11, 0.3), permittivity=CONDUCTIVITY)
+    mesh = block_mesh((0.01, 0.01), 0.01, (0.005, 0.005), (3, 3), 1, 2, Quad4())
+
+    def compliance(body_material: Material) -> Array:
+        fields = body_material.fields
+        grounded = tuple(BoundaryCondition("base", field, "value") for field in range(fields.size))
+        body = Body(body_material.stiffness, mesh, grounded, "contact", fields)
+        matrix = formulation.reduce(body).dense()
+        assert matrix is not None
+        return matrix
+
+    both, scalar = compliance(material.with_field(HEAT, CONDUCTIVITY)), compliance(other)[:, 3, :, 3]
+    coupled = compliance(material)
+    for field in np.ndindex(5, 5):
+        equal(both[:, field[0], :, field[1]], coupled[:, field[0], :, field[1]], 1e-6)
+    equal(both[:, 5, :, 5], scalar, 1e-6)
+    assert not both[:, 5, :, :5].any()
+    assert not both[:, :5, :, 5].any()

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from meeframe.elements.base import SurfaceElement, shape_functions
-from meeframe.fields import N_FIELDS, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import ORDER, gauss_rule, normal_vectors
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
@@ -18,24 +18,27 @@ _BATCH: Final = 4_000_000  # numbers in the largest array of a batch
 
 
 def stiffness_matrix(mesh: VolumeMesh, stiffness: Array) -> csr_array:
-    """K = int N_a,i C_iJKm N_b,m dV, (5 p, 5 p), unknown 5 a + J; stiffness (3, 5, 5, 3) in the units of the points."""
-    n_points, (n_cells, n_nodes) = len(mesh.points), mesh.cells.shape
+    """Assemble K = int N_a,i C_iJKm N_b,m dV, (f p, f p), with the unknowns f a + J.
+
+    stiffness: (3, f, f, 3) of f fields, in the units of the points.
+    """
+    n_points, (n_cells, n_nodes), n_fields = len(mesh.points), mesh.cells.shape, stiffness.shape[1]
     pairs = (mesh.cells[:, :, None] * n_points + mesh.cells[:, None, :]).ravel()
     keys, number = np.unique(pairs, return_inverse=True)
     number = number.reshape(n_cells, -1)
-    blocks = np.zeros((N_FIELDS**2, len(keys)))
-    law = stiffness.transpose(0, 3, 1, 2).reshape(9, N_FIELDS**2)
-    step = max(1, _BATCH // (n_nodes**2 * N_FIELDS**2))
+    blocks = np.zeros((n_fields**2, len(keys)))
+    law = stiffness.transpose(0, 3, 1, 2).reshape(9, n_fields**2)
+    step = max(1, _BATCH // (n_nodes**2 * n_fields**2))
     for start in range(0, n_cells, step):
         part = slice(start, start + step)
         entries = _products(mesh, mesh.cells[part]) @ law
         where = number[part].ravel()
         touched, local = np.unique(where, return_inverse=True)
-        for component in range(N_FIELDS**2):
+        for component in range(n_fields**2):
             blocks[component, touched] += np.bincount(local, entries[:, component])
     starts = np.searchsorted(keys, np.arange(n_points + 1) * n_points)
-    data = blocks.T.reshape(-1, N_FIELDS, N_FIELDS)
-    return csr_array(bsr_array((data, keys % n_points, starts), shape=(N_FIELDS * n_points,) * 2))
+    data = blocks.T.reshape(-1, n_fields, n_fields)
+    return csr_array(bsr_array((data, keys % n_points, starts), shape=(n_fields * n_points,) * 2))
 
 
 def gradients(nodes: Array, slopes: Array) -> tuple[Array, Array]:
