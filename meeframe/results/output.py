@@ -10,14 +10,14 @@ from threading import get_native_id
 from typing import Final
 
 from meeframe.common.errors import ResultError
+from meeframe.fields import MEE, OPTIONAL_FIELDS
 
 RESULT_FILE: Final = "result.h5"
 SUMMARY_FILE: Final = "summary.json"
 FIELDS_FILE: Final = "fields.vtu"
 FIGURE_FILES: Final = (
     "pressure.png",
-    "electric_potential.png",
-    "magnetic_potential.png",
+    *(f"{scalar.value_name}.png" for scalar in (*MEE.scalars, *OPTIONAL_FIELDS)),
     "sections.png",
     "stick_slip.png",
     "history.png",
