@@ -13,22 +13,22 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MeeframeError as MeeframeError
     from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
     from meeframe.model.case import Case as Case
-    from meeframe.model.case import Output as Output
+    from meeframe.model.data import Output as Output
     from meeframe.model.load import load_case as load_case
-    from meeframe.model.run import run as run
     from meeframe.model.solve import solve_case as solve_case
     from meeframe.model.step import Step as Step
     from meeframe.results.files import read_result as read_result
     from meeframe.results.records import Result as Result
     from meeframe.results.records import resultants as resultants
+    from meeframe.study.run import run as run
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "Case": "meeframe.model.case",
-    "Output": "meeframe.model.case",
+    "Output": "meeframe.model.data",
     "load_case": "meeframe.model.load",
-    "run": "meeframe.model.run",
+    "run": "meeframe.study.run",
     "solve_case": "meeframe.model.solve",
     "Step": "meeframe.model.step",
     "BoundaryCondition": "meeframe.mesh.body",

@@ -10,6 +10,7 @@ import pytest
 
 from meeframe.contact.problem import Status
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.mesh import check_supports, zone_frames
 from meeframe.mesh.body import check_conditions
 from meeframe.plugin import registry as plugins
@@ -17,7 +18,7 @@ from meeframe.plugin.hookspecs import Record
 from meeframe.plugin.registry import Entry, Kind, Provider
 from meeframe.results.records import Loading, Provenance, Region, Result, StepResult, Zone
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, NodalFields, silent
+from meeframe.system.reduced import NodalFields, silent
 
 CASE = """
 title = "tiny"

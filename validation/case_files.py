@@ -1,4 +1,4 @@
-"""Case files beside the checks, solved as `meeframe run` does: the whole way from a file to totals."""
+"""Solve case files as `meeframe run` does, and check their totals."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ UNITS = {"force": "N", "charge": "C", "magnetic_flux": "Wb", "contact_area": "m^
 
 
 def solved(file: Path) -> Resultants:
-    """Totals at the end of a case. Raises RuntimeError if it does not converge."""
+    """Return the totals at the end of a case. Raises RuntimeError if it does not converge."""
     result = solve_case(load_case(file))
     if result.status != "converged":
         raise RuntimeError(f"{file}: {result.status}")
@@ -21,7 +21,7 @@ def solved(file: Path) -> Resultants:
 
 
 def totals_of(file: Path, exact: Mapping[str, float], tolerance: float = 1e-3) -> Iterator[Check]:
-    """Totals of a case, by the names of TOTALS, against exact ones."""
+    """Check the totals of a case, by names of TOTALS, against exact values."""
     found = solved(file)
     for name, true in exact.items():
         words = f"{file.parent.name}/{file.name}, with meeframe run: {name.replace('_', ' ')}"

@@ -1,4 +1,4 @@
-"""Electric and magnetic conditions of an indenter on a coupled half space: checks that two cases share."""
+"""Checks of electric and magnetic conditions of an indenter on a coupled half space, shared by two cases."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -12,11 +12,11 @@ from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.study.validate import Check, Curve, Item, Plot
 
 FIELDS = (("electric_potential", "V", 3), ("magnetic_potential", "A", 4))
-"""Of the surface, and where they stand in a displacement, negated."""
+"""Surface potentials, their units, and their columns in a displacement, where they are negated."""
 
 
 def response(stiffness: Array, names: tuple[str, ...]) -> Iterator[Check]:
-    """Point response by integrals (computed) and by an eigenproblem (reference); names: of the entries compared."""
+    """Check the point response by integrals against an eigenproblem; names: entries to compare."""
     integrals, eigenproblem = axisymmetric_compliance(stiffness), point_response(stiffness)
     for name in names:
         place = int(name[-2]) - 1, int(name[-1]) - 1
@@ -24,16 +24,16 @@ def response(stiffness: Array, names: tuple[str, ...]) -> Iterator[Check]:
 
 
 def conducting(runs: Mapping[str, Run], cells: float, shape: str) -> Iterator[Item]:
-    """Totals of insulating and grounded indenters within 1e-3."""
+    """Check totals of insulating and grounded indenters to 1e-3."""
     for name, run in runs.items():
         yield from total_checks(run, cells, 1e-3, f"{shape}, {name}")
 
 
 def at_potentials(run: Run, cells: float, shape: str, given: str, quick: bool) -> Iterator[Item]:
-    """Totals of a charged indenter within 1e-3, each on one grid, wherever the edge falls in it (quick: on one alone).
+    """Check totals of a charged indenter to 1e-3 on single grids with different positions of the contact edge.
 
-    The parts that pressure and potentials have in them nearly cancel, and those of the potentials are singular at the
-    edge, which is resolved between the nodes.
+    The contributions of pressure and potentials nearly cancel, and those of the potentials are singular at the contact
+    edge, which is resolved between the nodes. `quick`: one grid only.
     """
     resolved = replace(run, edges="resolved")
     for part in OFFSETS[:1] if quick else OFFSETS:
@@ -41,7 +41,7 @@ def at_potentials(run: Run, cells: float, shape: str, given: str, quick: bool) -
 
 
 def fields(insulated: Run, grounded: Run, cells: float) -> Iterator[Item]:
-    """Potentials of the surface through the middle, of an insulating and a grounded sphere, over the contact."""
+    """Check and plot surface potentials through the centre of an insulating and a grounded sphere."""
     for field, unit, column in FIELDS:
         curves = []
         for name, run in (("insulating", insulated), ("grounded", grounded)):

@@ -1,4 +1,4 @@
-"""Rigid indenters on half spaces by fast Fourier transforms: what most cases of this folder share."""
+"""Press rigid indenters on half spaces by fast Fourier transforms; shared by most cases of this folder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,11 +14,12 @@ from meeframe.indenters import find_indenter_edge
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, StoppingCriteria, solve_to_edges
-from meeframe.system.reduced import IndenterEdge, ReducedSystem
+from meeframe.system.capabilities import IndenterEdge
+from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.half_space import indentation_problem
 
 Height = Callable[[Array, Array], Array]
-"""Of the indenter above its lowest point [m], inf where there is none, at x, y (n,) [m]."""
+"""Height of the indenter above its lowest point [m] at x, y (n,) [m], inf where there is no indenter."""
 
 
 Edges = Literal["nodes", "resolved"]
@@ -27,14 +28,14 @@ Edges = Literal["nodes", "resolved"]
 def half_space(
     stiffness: Array, width: tuple[float, float], divisions: int, matrix_up_to: int = 0, edges: Edges = "nodes"
 ) -> ReducedSystem:
-    """A rectangular zone on a half space, with so many divisions along x and along y."""
+    """Return a rectangular zone on a half space with the given divisions along x and y."""
     mesh = half_space_mesh(10.0 * max(width), width, divisions, 1, Quad4())
     return HalfSpace(matrix_up_to=matrix_up_to, edges=edges).reduce(Body(stiffness, mesh, (), "contact"))
 
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """A solved indentation. load, displacement: (n, 5) as in ReducedSystem; spacing: along x [m]."""
+    """Solved indentation. load, displacement: (n, 5) as in ReducedSystem; spacing: along x [m]."""
 
     system: ReducedSystem
     load: Array
@@ -48,27 +49,27 @@ class Pressed:
 
     @property
     def totals(self) -> Array:
-        """Force with which the indenter presses [N], charge [C], magnetic flux [Wb]."""
+        """Pressing force [N], charge [C], magnetic flux [Wb]."""
         found = self.system.weights @ self.load[:, 2:]
         return np.asarray(found * [-1.0, 1.0, 1.0])
 
     @property
     def force(self) -> float:
-        """With which the indenter presses [N]."""
+        """Pressing force of the indenter [N]."""
         return float(self.totals[0])
 
     @property
     def pressure(self) -> Array:
-        """(n,) [Pa]."""
+        """Contact pressure (n,) [Pa]."""
         return 0.0 - self.load[:, 2]
 
     @property
     def contact_area(self) -> float:
-        """Of the nodes under pressure [m^2]."""
+        """Area of the nodes under pressure [m^2]."""
         return float(self.system.weights @ (self.pressure > 0.0))
 
     def section(self) -> tuple[Array, Array]:
-        """Nodes on the line through the middle along x, in order, and their x (m,) [m]."""
+        """Return the nodes on the line through the centre along x, in order, and their x (m,) [m]."""
         x, y, _ = self.system.points.T
         line = np.flatnonzero(y == y[np.abs(y).argmin()])
         line = line[np.argsort(x[line])]
@@ -86,7 +87,7 @@ def press(
     divisions: int | None = None,
     edges: Edges = "nodes",
 ) -> Pressed:
-    """Press without friction; cells: in the contact width, along x and along y if there are two; edges: see HalfSpace.
+    """Press without friction; cells: number in the contact width (or widths along x and y); edges: see HalfSpace.
 
     Raises RuntimeError if the iteration does not converge.
     """
@@ -109,15 +110,15 @@ def press(
 
 
 def converged(solution: ContactSolution) -> ContactSolution:
-    """The solution, if it is one. Raises RuntimeError."""
+    """Return the solution if it has converged, else raise RuntimeError."""
     if solution.status is not Status.CONVERGED:
         raise RuntimeError(f"{solution.status}: {solution.message}")
     return solution
 
 
 def on_grid(points: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Nodes of a full grid: x (nx,), y (ny,) and the values (ny, nx)."""
-    places = np.round(points[:, :2] / np.ptp(points[:, 0]), 9)  # round-off must not part rows
+    """Return nodes of a full grid, x (nx,) and y (ny,), and the values (ny, nx)."""
+    places = np.round(points[:, :2] / np.ptp(points[:, 0]), 9)  # round-off must not separate nodes of a line
     order = np.lexsort((places[:, 0], places[:, 1]))
     count = len(np.unique(places[:, 0]))
     table = values[order].reshape(-1, count)
@@ -125,6 +126,6 @@ def on_grid(points: Array, values: Array) -> tuple[Array, Array, Array]:
 
 
 def observed_order(cells: list[float], errors: list[float]) -> float:
-    """Slope of the errors, of either sign, over the spacing, by least squares in logarithms."""
+    """Return the slope of the absolute errors over the spacing, by least squares in logarithms."""
     slope, _ = np.polyfit(np.log(cells), np.log(np.abs(errors)), 1)
     return float(-slope)

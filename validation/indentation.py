@@ -1,4 +1,4 @@
-"""Frictionless indentation of a half space compared with its closed form: checks and plots."""
+"""Checks and plots of frictionless indentation of a half space, compared with its closed form."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from meeframe.testing.closed_forms import Cone, FlatPunch, Indentation, Shape, S
 
 TOTALS = (("force", "N"), ("charge", "C"), ("magnetic_flux", "Wb"))
 OFFSETS = (0.0, 0.25, 0.5, 0.75)
-"""Parts of a cell by which the contact is wider: grids that differ in where its edge falls."""
+"""Fractions of a cell by which the contact is wider: grids with different positions of the contact edge."""
 Potentials = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A shape pressed into a half space of point response xi by an approach [m], at potentials as in `indent`.
+    """A shape pressed into a half space with point response xi by an approach [m], at potentials as in `indent`.
 
-    edges: of the contact, along nodes or resolved between them.
+    edges: contact edges along nodes, or resolved between them.
     """
 
     stiffness: Array
@@ -34,11 +34,11 @@ class Run:
 
     @property
     def exact(self) -> Indentation:
-        """The closed form."""
+        """Closed form of the indentation."""
         return indent(self.xi, self.shape, self.approach, *self.potentials)
 
     def at(self, cells: float) -> Pressed:
-        """On a grid with so many cells across the contact."""
+        """Solve on a grid with the given number of cells across the contact."""
         conductivity = tuple(0.0 if value is None else np.inf for value in self.potentials)
         given = tuple(value or 0.0 for value in self.potentials)
         width = 2.0 * self.exact.contact_radius
@@ -47,13 +47,13 @@ class Run:
         return press(*pressed, conductivity, given, divisions, self.edges)
 
     def _divisions(self, cells: float) -> int:
-        # a punch ends where a grid with a node in the middle would put a row of nodes: an odd number of divisions has
-        # about as many nodes under it as its area asks, which matters if edges run along nodes
+        # a grid with a node at the centre would have nodes on the border of a punch: with an odd number of divisions,
+        # the number of nodes under it fits its area, which matters if contact edges are along nodes
         return 2 * round(0.6 * cells) + (isinstance(self.shape, FlatPunch) and self.edges == "nodes")
 
 
 def height(shape: Shape) -> Height:
-    """Of the indenter with this shape."""
+    """Return the height function of the indenter with this shape."""
     return _indenter(shape).height
 
 
@@ -69,7 +69,7 @@ def _indenter(shape: Shape) -> Indenter:
 
 
 def total_checks(run: Run, cells: float, tolerance: float, name: str) -> Iterator[Check]:
-    """Force, charge and magnetic flux that are not zero, on one grid."""
+    """Check force, charge and magnetic flux on one grid, where they are not zero."""
     exact, found = run.exact, run.at(cells).totals
     for (total, unit), computed in zip(TOTALS, found, strict=True):
         true = getattr(exact, total)
@@ -78,12 +78,12 @@ def total_checks(run: Run, cells: float, tolerance: float, name: str) -> Iterato
 
 
 def force_errors(run: Run, cells: float) -> Array:
-    """Relative errors of the force on the grids of OFFSETS."""
+    """Return the relative errors of the force on the grids of OFFSETS."""
     return _errors(run, cells, 0)
 
 
 def _errors(run: Run, cells: float, number: int) -> Array:
-    """Relative errors of one of TOTALS on the grids of OFFSETS."""
+    """Return the relative errors of one of TOTALS on the grids of OFFSETS."""
     exact = getattr(run.exact, TOTALS[number][0])
     return np.array([run.at(cells + part).totals[number] / exact - 1.0 for part in OFFSETS])
 
@@ -91,7 +91,7 @@ def _errors(run: Run, cells: float, number: int) -> Array:
 def convergence(
     run: Run, grids: Sequence[int], order: float, tolerance: float, name: str, number: int = 0
 ) -> Iterator[Item]:
-    """Observed order of one of TOTALS, by the root mean square over grids that differ in where the edge falls."""
+    """Check the observed order of one of TOTALS, from root mean squares over the grids of OFFSETS."""
     total = TOTALS[number][0].replace("_", " ")
     errors = [float(np.sqrt(np.mean(_errors(run, cells, number) ** 2))) for cells in grids]
     found = observed_order([float(cells) for cells in grids], errors)
@@ -105,7 +105,7 @@ def convergence(
 
 
 def pressure_plot(run: Run, cells: float, name: str) -> Plot:
-    """Pressure on the section through the middle and its closed form."""
+    """Plot the pressure on the section through the centre, and its closed form."""
     found, exact = run.at(cells), run.exact
     line, x = found.section()
     a = exact.contact_radius
@@ -113,4 +113,4 @@ def pressure_plot(run: Run, cells: float, name: str) -> Plot:
     true = exact.pressure(np.abs(fine))
     true[~np.isfinite(true)] = np.nan
     curves = (Curve("closed form", fine * 1e3, true / 1e6), Curve("nodes", x * 1e3, found.pressure[line] / 1e6, True))
-    return Plot(f"{name}: pressure through the middle", "x [mm]", "pressure [MPa]", curves)
+    return Plot(f"{name}: pressure through the centre", "x [mm]", "pressure [MPa]", curves)

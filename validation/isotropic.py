@@ -1,4 +1,4 @@
-"""The isotropic half space of the elastic cases."""
+"""Isotropic half space of the elastic cases."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ MODULUS = contact_modulus(YOUNG, POISSON)
 """E* [Pa]."""
 STIFFNESS = Material.isotropic(YOUNG, POISSON).stiffness
 APPROACH = 5e-5
-"""[m]"""
+"""Approach [m]."""
 
 
 def elastic_response() -> Array:
-    """Point response (3, 3) with E* from Young's modulus alone; potentials, which are decoupled, respond by units."""
+    """Return the point response (3, 3) with E*; potentials are decoupled and have unit responses."""
     return np.diag([1.0 / (np.pi * MODULUS), -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""Surface compliance by Stroh's eigenproblem, where that is not degenerate: another way than meeframe's."""
+"""Surface compliance from Stroh's eigenproblem if it is not degenerate, independent of meeframe's integrals."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from meeframe.fields import Array, FieldScaling
 
 
 def point_response(stiffness: Array) -> Array:
-    """xi (3, 3) of an axisymmetric half space x3 < 0 with outward normal x3, over (u3, phi, psi), SI units.
+    """Return xi (3, 3) of an axisymmetric half space x3 < 0 with outward normal x3, for (u3, phi, psi), in SI units.
 
     u = A <exp(i k p x3)> f exp(i k x1) with the five eigenvalues p that decay downwards, Im p < 0; tractions on the
     surface are t = i k L f, so that u = Y t/k with Y = -i A L^-1 and xi = Y/(2 pi).

@@ -1,4 +1,4 @@
-"""Studies of figures (docs/reproduce.md) as plots of the report."""
+"""Plots of reproduced figures (docs/reproduce.md) for the report."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from meeframe.study.validate import Curve, Map, Plot
 
 
 def study_plots(study: Study) -> Iterator[Plot | Map]:
-    """Curves of totals, or sections and, for studies of maps, maps with a menu of the runs."""
+    """Yield curves of totals, or sections and, for studies of maps, maps with a menu of the runs."""
     for panel in study.panels:
         if study.kind == "curves":
             yield _totals(study, panel)

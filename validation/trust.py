@@ -3,8 +3,8 @@
     uv run meeframe validate
     uv run python validation/trust.py
 
-`--numbers` names other files: several, of runs with --only, count as one run. `--out` names another page. Cases that
-were broken off by an interruption are refused, those that were not run are named on the page.
+`--numbers` names other files; several files, from runs with --only, count as one run. `--out` names another page.
+Interrupted cases are rejected; cases that were not run are listed on the page.
 """
 
 import argparse
@@ -25,8 +25,8 @@ KINDS = {"check": Check, "claim": Claim, "skip": Skip}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = [ROOT / "validated" / "validation.json"]
-    parser.add_argument("--numbers", type=Path, nargs="+", default=default, help="of full runs")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="the page")
+    parser.add_argument("--numbers", type=Path, nargs="+", default=default, help="files of full runs")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "trust.md", help="file of the page")
     arguments = parser.parse_args()
     try:
         found = joined([read(json.loads(file.read_text(encoding="utf-8"))) for file in arguments.numbers])
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def read(data: dict[str, Any]) -> Validation:
-    """A validation without its figures."""
+    """Return a validation without its figures."""
     reports = (
         CaseReport(
             case["name"],
@@ -54,17 +54,17 @@ def read(data: dict[str, Any]) -> Validation:
 
 
 def joined(parts: Sequence[Validation]) -> Validation:
-    """One of several, to which all cases of this folder belong; of a case in more than one of them, the last.
+    """Join several validations to one that is to have all cases of this folder; the last report of a case counts.
 
-    Raises ValueError if quick ones or unfinished cases are among them.
+    Raises ValueError for quick validations and unfinished cases.
     """
     if any(part.quick for part in parts):
-        raise ValueError("the page is written from full validations, not from quick ones")
+        raise ValueError("the page requires full validations, not quick ones")
     cases = {case.name: case for part in parts for case in part.cases}
     versions = {name: version for part in parts for name, version in part.versions.items()}
     unfinished = sorted(name for name, case in cases.items() if not case.finished)
     if unfinished:
-        raise ValueError(f"{', '.join(unfinished)}: not run to the end; run again with --only")
+        raise ValueError(f"{', '.join(unfinished)}: not run to the end; run it again with --only")
     planned = len(known_cases(HERE).keys() | cases.keys())
     return Validation(False, versions, tuple(cases[name] for name in sorted(cases)), planned=planned)
 
@@ -78,13 +78,13 @@ def _row(check: dict[str, Any]) -> Row:
 
 
 def page(found: Validation) -> Iterator[str]:
-    """Overview and one section for each case."""
+    """Yield the overview and one section for each case."""
     yield "## The cases\n"
-    yield f"{found.headline[0].upper()}{found.headline[1:]}, times on two cores shared with other work.\n"
+    yield f"{found.headline[0].upper()}{found.headline[1:]}. Times are on two cores shared with other work.\n"
     missing = sorted(known_cases(HERE).keys() - {case.name for case in found.cases})
     if missing:
         yield f"Not run: {', '.join(missing)}.\n"
-    yield "| case | checks | passed | differ, with reason | time [s] |\n| --- | --- | --- | --- | --- |"
+    yield "| case | checks | passed | explained differences | time [s] |\n| --- | --- | --- | --- | --- |"
     for case in found.cases:
         counts = [sum(v is verdict for v in case.verdicts) for verdict in (Verdict.PASS, Verdict.DIFFERS)]
         link = f"[{case.title}](#{_anchor(case.title)})"

@@ -26,10 +26,10 @@ def run(
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         with console.loading():
             from meeframe.model.load import load_case
-            from meeframe.model.run import run as run_case
             from meeframe.model.threads import limited
             from meeframe.results.records import RunStatus
             from meeframe.results.summary import AT_EDGE, summary_table
+            from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:

@@ -84,7 +84,7 @@ def _warned() -> Iterator[None]:
 
 @contextmanager
 def _ended_as_by_hand() -> Iterator[None]:
-    """Handle a request to end (SIGTERM) like Ctrl-C, also where Python lets no exception out."""
+    """Return the handle a request to end (SIGTERM) like Ctrl-C, also where Python lets no exception out."""
     if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
         yield
         return
@@ -140,7 +140,8 @@ def _with_notes(what: str, error: BaseException, default: str = "") -> str:
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Suspend garbage collection while modules and the case of `check` load: it takes a seventh of that time.
+    """Return the suspend garbage collection while modules and the case of `check` load: it takes a seventh of that
+    time.
 
     Afterwards it is searched for as before, but among what is new.
     """
@@ -155,8 +156,8 @@ def loading() -> Iterator[None]:
 
 
 def stdout() -> Console:
-    """Return the standard output; as wide as the text wants where it is not a terminal."""
-    return Console(width=None if sys.stdout.isatty() else 240)
+    """Return standard output, on which texts appear literally; as wide as the text wants where it is no terminal."""
+    return Console(width=None if sys.stdout.isatty() else 240, markup=False, emoji=False)
 
 
 def registry(files: list[Path] | None) -> "Registry":
@@ -202,9 +203,9 @@ def progress() -> "Iterator[Progress]":
     """Return a bar for each stage on the terminal, one after the other."""
     from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:22}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:22}", markup=False), BarColumn(), TimeElapsedColumn())
     tasks: dict[str, TaskID] = {}
-    bars = Progress(*columns, console=Console(stderr=True), transient=False)
+    bars = Progress(*columns, console=Console(stderr=True, markup=False, emoji=False), transient=False)
     with ExitStack() as started:
 
         def show(stage: str, fraction: float) -> None:

@@ -19,6 +19,7 @@ from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import POTENTIALS, Array
 from meeframe.laws.base import ConductivityLaw, contact_conductivity
+from meeframe.system.capabilities import diagonal
 
 Mask = NDArray[np.bool_]
 
@@ -77,7 +78,7 @@ def unloaded(ahead: Array, flux: Array, own: Array) -> Array:
 @memoize_by_identity
 def own_response(problem: ContactProblem) -> Array:
     """Return the response of each node's potentials to their own flux density, (n, channels)."""
-    own = problem.system.own_response(range(problem.fields.size)[POTENTIALS])
+    own = diagonal(problem.system, range(problem.fields.size)[POTENTIALS])
     own.setflags(write=False)  # the judge uses it, too
     return own
 

@@ -12,7 +12,8 @@ from meeframe.contact.conduction import follows_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant
 from meeframe.fields import N_MECHANICAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
-from meeframe.system.reduced import Coarsening, ReducedSystem
+from meeframe.system.capabilities import Coarsening, Multigrid
+from meeframe.system.reduced import ReducedSystem
 
 FEWEST: Final = 16
 """Nodes of a coarser division that must be under the indenter, and overlap: on fewer a problem is another one."""
@@ -36,10 +37,11 @@ def coarse_problem(problem: ContactProblem) -> Coarse | None:
     law = problem.contact_law
     if not same_everywhere(law, len(problem.gap)) or problem.area_fraction is not None:
         return None
-    coarsening = problem.system.coarser()
+    multigrid = problem.system.capability(Multigrid)
+    coarsening = None if multigrid is None else multigrid.coarsen()
     if coarsening is None or not _still_there(problem, coarsening):
         return None
-    return Coarse(on_nodes(problem, coarsening.system, coarsening.kept), coarsening)
+    return Coarse(on_nodes(problem, coarsening.system, coarsening.nodes), coarsening)
 
 
 def on_nodes(problem: ContactProblem, system: ReducedSystem, kept: Indices) -> ContactProblem:
@@ -67,7 +69,7 @@ def alike(one: float, other: float) -> bool:
 
 def same_area(system: ReducedSystem, nodes: NDArray[np.bool_], coarsening: Coarsening) -> bool:
     """Whether nodes (n,) of a system cover about the same area as those of them that a coarser division keeps."""
-    kept = nodes[coarsening.kept]
+    kept = nodes[coarsening.nodes]
     return alike(float(system.weights[nodes].sum()), float(coarsening.system.weights[kept].sum()))
 
 
@@ -109,7 +111,7 @@ def _still_there(problem: ContactProblem, coarsening: Coarsening) -> bool:
     if all(freedom.electromagnetic for freedom in problem.prescribed_resultants):
         seen.append(problem.gap < problem.system.offset[:, 2])
     return all(
-        nodes[coarsening.kept].sum() >= FEWEST and same_area(problem.system, nodes, coarsening) for nodes in seen
+        nodes[coarsening.nodes].sum() >= FEWEST and same_area(problem.system, nodes, coarsening) for nodes in seen
     )
 
 

@@ -82,9 +82,9 @@ class ContactProblem:
     indenter at this step [m], negative where they overlap, inf where there is no indenter above; translation: (n, 2)
     tangential motion of the indenter in the local frame [m]; potentials: (n, channels) of the indenter, SI units;
     prescribed_resultants: motions and potentials of the indenter, on top of those, that follow from them;
-    area_fraction: (n,) the part of each node's area that is in contact where its edge is resolved between the nodes
-    (Edges), None where it is resolved to nodes. Raises CaseError if an array has the wrong shape or a value that is not
-    allowed.
+    area_fraction: (n,) the part of each node's area that is in contact where its edge lies between the nodes
+    (EdgeResolution), None where it lies at nodes. Raises CaseError if an array has the wrong shape or a value that is
+    not allowed.
     """
 
     system: ReducedSystem

@@ -11,6 +11,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, Iterate, inde
 from meeframe.contact.scales import Scales, largest, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS
 from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map
+from meeframe.system.capabilities import apply_load
 
 BLOCK: Final = 2**14
 """Nodes at which laws are asked at once."""
@@ -27,7 +28,8 @@ def judged_fields(problem: ContactProblem) -> tuple[int, ...]:
 def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] | None = None) -> ContactState:
     """Return the state of an iterate: its displacement by one application of the compliance.
 
-    fields: columns of the displacement that are computed, all by default; the others are zero.
+    fields: columns of the displacement that are computed, all by default; the others are zero. All of them are those of
+    `apply`, some of them those of `apply_load`.
 
     Raises CaseError if its solver does not find the free motions of the problem.
     """
@@ -41,7 +43,7 @@ def evaluate(problem: ContactProblem, iterate: Iterate, fields: tuple[int, ...] 
     displacement = np.zeros((system.n_fields, len(iterate.load))).T
     whole = fields is None or len(fields) == system.n_fields
     columns = tuple(range(system.n_fields)) if fields is None else fields
-    caused = system.apply(iterate.load) if whole else system.response(iterate.load, columns)
+    caused = system.apply(iterate.load) if whole else apply_load(system, iterate.load, columns)
     for field, part in zip(columns, caused.T, strict=True):  # stored one after another
         np.add(system.offset[:, field], part, out=displacement[:, field])
     return ContactState(iterate.load, displacement, iterate.contact_fraction, iterate.motion)

@@ -12,6 +12,7 @@ from meeframe.contact.nested import Coarse, alike, coarse_problem, same_area, sa
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
 from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
 from meeframe.laws.base import attraction
+from meeframe.system.capabilities import Multigrid, apply_load
 from meeframe.system.reduced import ReducedSystem
 
 Mask = NDArray[np.bool_]
@@ -110,7 +111,7 @@ def _foundation_motion(problem: ContactProblem) -> Array:
         system, nodes = _telling(problem.system, loaded)
         press = np.zeros_like(system.offset)
         press[nodes, 2] = 1.0
-        r = 1.0 / float(np.abs(system.response(press, (2,))).max())
+        r = 1.0 / float(np.abs(apply_load(system, press, (2,))).max())
         gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
         motion[moving] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
         loaded = _loaded(_overlap(problem, motion))
@@ -172,10 +173,11 @@ def _depth(overlap: Array) -> float:
 def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
     """A division coarse enough to be measured fast, and those of the loaded nodes (n,) that it keeps: of like area."""
     while len(loaded) > ENOUGH:
-        coarse = system.coarser()
+        multigrid = system.capability(Multigrid)
+        coarse = None if multigrid is None else multigrid.coarsen()
         if coarse is None or not same_area(system, loaded, coarse):
             break
-        system, loaded = coarse.system, loaded[coarse.kept]
+        system, loaded = coarse.system, loaded[coarse.nodes]
     return system, loaded
 
 

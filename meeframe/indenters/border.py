@@ -7,7 +7,7 @@ import numpy as np
 
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
-from meeframe.system.reduced import IndenterEdge
+from meeframe.system.capabilities import IndenterEdge
 
 Gaps = Callable[[Array, Array], Array]
 """Gap (m,) [m] along the normals at points (m, 3) with frames (m, 3, 3), inf where there is no indenter above."""

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, mo
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import FieldSet
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
@@ -26,7 +27,6 @@ from meeframe.model.values import (
     with_keys,
 )
 from meeframe.plugin.validation import Problem, TableError, problems_of
-from meeframe.system.reduced import Formulation
 
 _REACH: Final = 16.0
 """Of the mesh of a half space beside its contact zone, in widths of that."""

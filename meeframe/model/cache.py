@@ -13,15 +13,15 @@ from typing import Any, Final
 
 import numpy as np
 
-import meeframe
 from meeframe.common.errors import ResultError
+from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case
 from meeframe.model.solve import bodies_of, joined, recovery_of, reduce_for_contact
 from meeframe.model.systems import checked
 from meeframe.plugin.sources import LOCAL, faults_of_plugins
-from meeframe.results.systems import read_kept, read_system, write_kept, write_system
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, kept_of, silent
+from meeframe.results.systems import read_arrays, read_system, write_arrays, write_system
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 _ROOMS: Final = ("common", "elements", "fields", "formulations", "greens", "material", "mesh", "model", "system")
 _CONTACT_ROOMS: Final = ("contact", "indenters", "laws", "solvers")
@@ -31,11 +31,12 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
 def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> ReducedSystem:
-    """The reduced system of a case, from files in `folder` if it was computed before, else computed and kept there.
+    """Return the reduced system of a case, from files in `folder` if it was computed before, else computed and kept
+    there.
 
     There is a file for each body, found by `system_key`; one that is damaged is made anew. What is found is the same
-    bit for bit; `recover` reduces the body again when it is first called. Systems that are neither a matrix nor keep
-    anything are computed each time. Raises as meeframe.model.solve.reduce, and ResultError if the folder cannot be
+    bit for bit; `recover` reduces the body again when it is first called. Systems without a matrix or `Persistence`
+    are computed each time. Raises as meeframe.model.solve.reduce, and ResultError if the folder cannot be
     written.
     """
     return joined(case, (cached_body(*body, folder, progress) for body in bodies_of(case)))
@@ -44,33 +45,33 @@ def cached_reduce(case: Case, folder: Path, progress: Progress = silent) -> Redu
 def cached_body(
     formulation: Formulation, body: Body, folder: Path, progress: Progress = silent, key: str = ""
 ) -> ReducedSystem:
-    """The reduced system of one body, as cached_reduce; key: its system_key, if that is known already."""
+    """Return the reduced system of one body, as cached_reduce; key: its system_key, if that is known already."""
     key = key or system_key(formulation, body)
     path = folder / f"{key}.h5"
     found = read_system(path, key, recovery_of(formulation, body, progress))
     if found is not None:
         return found
-    arrays = read_kept(path, key)
-    if arrays is not None:
-        with suppress(ValueError), faults_of_plugins(ValueError):  # not what this formulation kept
-            return checked(formulation, formulation.restored(body, arrays), body.fields.size)
+    stored = read_arrays(path, key)
+    if stored is not None and isinstance(formulation, PersistentFormulation):
+        with suppress(ValueError), faults_of_plugins(ValueError):  # not arrays of this formulation
+            return checked(formulation, formulation.from_arrays(body, stored), body.fields.size)
     system = reduce_for_contact(formulation, body, progress)
     with faults_of_plugins():
-        matrix, kept = system.dense(), kept_of(formulation, system)
-    if matrix is not None or kept is not None:
+        matrix, arrays = system.dense(), stored_arrays(formulation, system)
+    if matrix is not None or arrays is not None:
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ResultError(f"cache folder {folder} cannot be made: {error.strerror or error}") from None
         if matrix is not None:
             write_system(path, key, system, matrix)
-        elif kept is not None:
-            write_kept(path, key, kept)
+        elif arrays is not None:
+            write_arrays(path, key, arrays)
     return system
 
 
 def system_key(formulation: Formulation, body: Body) -> str:
-    """SHA-256 of everything that determines the reduced system of a body, hexadecimal.
+    """Return SHA-256 of everything that determines the reduced system of a body, hexadecimal.
 
     Formulation and body by their content, the classes they are made of, the sources of meeframe (and of plugins) that
     compute with them, and the versions of the numerical libraries.
@@ -79,18 +80,20 @@ def system_key(formulation: Formulation, body: Body) -> str:
 
 
 def distinct_bodies(cases: Iterable[Case]) -> dict[str, tuple[Formulation, Body]]:
-    """The bodies of all cases, each with its formulation and once, by their system_key."""
+    """Return the bodies of all cases, each with its formulation and once, by their system_key."""
     return {system_key(*body): body for case in cases for body in bodies_of(case)}
 
 
 def case_key(case: Case) -> str:
-    """SHA-256 of everything that determines the result of a case, hexadecimal: as system_key, with what follows it."""
+    """Return SHA-256 of everything that determines the result of a case, hexadecimal: as system_key, with what follows
+    it."""
     names = (field.name for field in dataclasses.fields(case) if field.name not in _NOTES)
     return _digest(_sources(_ROOMS + _CONTACT_ROOMS), {name: getattr(case, name) for name in names})
 
 
 def code_key(value: Any) -> str:
-    """SHA-256 of the code alone that computes with a value, hexadecimal: where it is the same, so are all results.
+    """Return SHA-256 of the code alone that computes with a value, hexadecimal: where it is the same, so are all
+    results.
 
     The classes that the value is made of, the sources and versions that case_key counts; not what the value holds.
     """
@@ -101,7 +104,7 @@ def code_key(value: Any) -> str:
 
 
 def _classes(value: Any) -> Iterator[type]:
-    """Dataclasses of which a value is made, at any depth."""
+    """Return the Dataclasses of which a value is made, at any depth."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield type(value)
         value = [getattr(value, field.name) for field in dataclasses.fields(value)]
@@ -119,7 +122,7 @@ def _digest(sources: bytes, value: Any) -> str:
 
 
 def _content(value: Any) -> Iterator[bytes]:
-    """The value as a sequence of bytes, other values giving others."""
+    """Return the value as a sequence of bytes, other values giving others."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield _class_content(type(value))
         yield from _content({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
@@ -144,7 +147,8 @@ def _content(value: Any) -> Iterator[bytes]:
 
 @lru_cache
 def _class_content(owner: type) -> bytes:
-    """Name of a class and, if it is not meeframe's own, the source of its package, on which results then depend.
+    """Return the name of a class and, if it is not meeframe's own, the source of its package, on which results then
+    depend.
 
     Names of modules of local files hold their hash already; the files may be on another machine.
     """
@@ -158,11 +162,11 @@ def _class_content(owner: type) -> bytes:
 
 @lru_cache
 def _sources(rooms: tuple[str, ...]) -> bytes:
-    """Versions and the sources of rooms of the package."""
-    digest = hashlib.sha256(meeframe.__version__.encode())
+    """Return the versions and the sources of rooms of the package."""
+    digest = hashlib.sha256(metadata.version("meeframe").encode())
     for library in _LIBRARIES:
         digest.update(f"{library} {metadata.version(library)}".encode())
-    root = Path(meeframe.__file__).parent
+    root = Path(__file__).parents[1]
     for path in sorted(path for room in rooms for path in (root / room).rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.digest()

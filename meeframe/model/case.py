@@ -1,50 +1,37 @@
 """A case: everything that determines a result, as objects."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel, field_set
-from meeframe.contact.problem import Solver
-from meeframe.fields import FieldSet
-from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement, initial_gap
-from meeframe.indenters.base import Indenter, IndenterMotions, motion_modes
-from meeframe.laws import Insulating, Signorini
-from meeframe.laws.base import ConductivityLaw, ContactLaw
-from meeframe.material import Material
+from meeframe.indenters.base import Indenter, motion_modes
+from meeframe.laws.base import ContactLaw
 from meeframe.mesh import FrictionAxes, check_contact_zone, zone_frames
-from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.data import CaseData
+from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.model.outlook import check_solver, doubts, idle_potentials, undeformed
-from meeframe.model.restart import Restart, check_same_zone
-from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
-from meeframe.model.step import Step, check_duration, check_first, check_names, check_pull, check_resisted, resisted
+from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
+from meeframe.model.restart import check_same_zone
+from meeframe.model.second_body import check_alike, check_fields, check_match
+from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
-from meeframe.solvers import Auto, StoppingCriteria
-from meeframe.system.reduced import Formulation
 
 Warn = Callable[[str], None]
 """Is told what may come out wrong, in words."""
 
 
-@dataclass(frozen=True)
-class Output:
-    """What is written beside result.h5 and summary.json: PNG figures, fields.vtu."""
-
-    figures: bool = True
-    vtu: bool = True
-
-
 @dataclass(frozen=True, eq=False)
-class Case:
+class Case(CaseData):
     """One contact problem with its load steps, checked when it is made.
 
     conditions: boundary conditions, none of them on the contact zone; zone: name of the face group that may come into
@@ -64,26 +51,6 @@ class Case:
     cannot resist, a solver that does not take the contact law or what is prescribed, a run to go on from that had
     another contact zone or other axes.
     """
-
-    material: Material
-    mesh: SurfaceMesh
-    conditions: tuple[BoundaryCondition, ...]
-    indenter: Indenter
-    steps: tuple[Step, ...]
-    placement: Placement = field(default_factory=Placement)
-    potentials: Mapping[str, float] = field(default_factory=dict)
-    restart: Restart | None = None
-    zone: str = "contact"
-    contact_law: ContactLaw = field(default_factory=Signorini)
-    axes: FrictionAxes | None = None
-    conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
-    formulation: Formulation = field(default_factory=DenseBEM)
-    solver: Solver = field(default_factory=Auto)
-    limits: StoppingCriteria = field(default_factory=StoppingCriteria)
-    output: Output = field(default_factory=Output)
-    second_body: SecondBody | None = None
-    title: str = ""
-    text: str = ""
 
     def __post_init__(self) -> None:
         with faults_of_plugins():
@@ -120,22 +87,6 @@ class Case:
         check_solver(self, self.solver)
 
     @property
-    def fields(self) -> FieldSet:
-        """The fields, which are those of the material."""
-        return self.material.fields
-
-    @cached_property
-    def motions(self) -> IndenterMotions:
-        """Names and places of the motions of the indenter."""
-        return IndenterMotions(self.fields)
-
-    @cached_property
-    def channels(self) -> tuple[FluxChannel, ...]:
-        """How each scalar field crosses the contact."""
-        insulating = Insulating()
-        return tuple(FluxChannel(one, self.conductivity.get(one.name, insulating)) for one in self.fields.scalars)
-
-    @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
         return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.fields)
@@ -148,14 +99,14 @@ class Case:
         Nothing that stops a run.
         """
         second_body = () if self.second_body is None else ((self.second_body.formulation, self.second_body.body),)
-        return (*warnings_of(((self.formulation, self.body), *second_body)), *self.doubts)
+        return (*warnings_of(((self.formulation, self.body), *second_body)), *self.preflight)
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Of the warnings, those that are none of the formulations'."""
+    def preflight(self) -> tuple[str, ...]:
+        """The warnings that do not come from formulations, in words."""
         with faults_of_plugins():
             kinematics = undeformed(self)
-            return (*doubts(kinematics), *idle_potentials(kinematics))
+            return (*preflight(kinematics), *unused_potentials(kinematics))
 
     @property
     def n_increments(self) -> int:
@@ -169,8 +120,8 @@ def warnings_of(bodies: Iterable[tuple[Formulation, Body]]) -> tuple[str, ...]:
         return tuple(dict.fromkeys(text for formulation, body in bodies for text in formulation.warnings(body)))
 
 
-def unheard(text: str) -> None:
-    """Warns nobody."""
+def ignore(text: str) -> None:
+    """Ignore a warning."""
 
 
 def _check_keys(what: str, given: Iterable[str], allowed: Sequence[str]) -> None:

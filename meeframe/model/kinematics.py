@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +20,14 @@ from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, motion_measures, motion_modes
 from meeframe.laws.base import attracts, augmented_traction
 from meeframe.mesh import ContactZone
-from meeframe.model.border import open_sides
 from meeframe.model.conduction import watched
+from meeframe.model.data import CaseData
 from meeframe.model.history import Controls, Converged, at_rest, held
 from meeframe.model.laws import gap_of_law, law_of_increment
 from meeframe.model.step import resisted
-from meeframe.results.records import Region, zone_of
-from meeframe.system.reduced import IndenterEdge, ReducedSystem
-
-if TYPE_CHECKING:
-    from meeframe.model.case import Case
+from meeframe.results.records import Region
+from meeframe.system.capabilities import IndenterEdge
+from meeframe.system.reduced import ReducedSystem
 
 _ACROSS: Final = 1e-9
 """Cosine between a normal and the indenter's axis below which they are across each other."""
@@ -59,7 +57,7 @@ class Increment:
 class IndenterKinematics:
     """The indenter of a case on the reduced system of its body."""
 
-    case: "Case"
+    case: CaseData
     system: ReducedSystem
 
     @cached_property
@@ -73,7 +71,7 @@ class IndenterKinematics:
 
         If the contact law adds to it, along the normals, the indenter stands so that the lowest gap at a node is zero.
         """
-        gap = self._gaps(self.system.points, self.system.frames)
+        gap = self.gaps(self.system.points, self.system.frames)
         return self._lowered(gap)
 
     @cached_property
@@ -82,7 +80,7 @@ class IndenterKinematics:
         added = gap_of_law(self.case.contact_law, self.system.points)
         if not added.any():
             return added
-        gap = self._gaps(self.system.points, self.system.frames) + added
+        gap = self.gaps(self.system.points, self.system.frames) + added
         nearing = -self.modes[0, :, 2]  # of the gap, for each metre of approach
         # a tilted indenter may lie above nodes whose normals are across its axis: approach never closes their gaps
         closing = np.isfinite(gap) & (nearing > _ACROSS)
@@ -93,7 +91,7 @@ class IndenterKinematics:
         """Gaps (n,) of the surfaces alone as the law has them, which lets none overlap if it adds any."""
         return np.maximum(gap + self._lowering, 0.0) if self._lowering.any() else gap
 
-    def _gaps(self, points: Array, frames: Array) -> Array:
+    def gaps(self, points: Array, frames: Array) -> Array:
         """Gap (m,) [m] at points (m, 3) with frames (m, 3, 3), of the indenter where it just touches the zone."""
         cells, place = self.system.cells, self.case.placement
         zone = ContactZone(points, frames, np.ones(len(points)), cells, np.arange(len(points)))
@@ -106,7 +104,7 @@ class IndenterKinematics:
         if self.case.indenter.pointwise:
             return None
         reach = _REACH * longest_side(self.system.points, self.system.cells)
-        rim = find_indenter_edge(self._gaps, self.system.points, self.system.frames, reach)
+        rim = find_indenter_edge(self.gaps, self.system.points, self.system.frames, reach)
         return rim and replace(rim, gap=self._lowered(rim.gap))
 
     def rim(self, increment: Increment) -> IndenterEdge | None:
@@ -115,13 +113,6 @@ class IndenterKinematics:
         return rim and replace(
             rim, gap=rim.gap + np.einsum("k,kn->n", increment.base[:N_RIGID], self.modes[:N_RIGID, :, 2])
         )
-
-    @cached_property
-    def open_sides(self) -> Indices:
-        """Corners (m, 2) of the sides at the border of the zone beyond which contact would go on."""
-        if self.case.formulation.is_periodic():
-            return np.zeros((0, 2), np.int64)
-        return open_sides(zone_of(self.system), None if self.case.indenter.pointwise else self._gaps)
 
     @cached_property
     def modes(self) -> Array:

@@ -17,7 +17,8 @@ from meeframe.mesh import Grading, block_mesh, half_space_mesh, read_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.body_tables import BoundaryTable, FileTable, HalfSpaceTable, MeshTable, SecondBodyTable
-from meeframe.model.case import Case, Output
+from meeframe.model.case import Case
+from meeframe.model.data import Output
 from meeframe.model.locate import locate, locate_in_second_body
 from meeframe.model.restart import Restart, read_restart
 from meeframe.model.schema import CaseTable, RestartTable
@@ -154,7 +155,7 @@ def _assemble(
         formulation=table.formulation,
         solver=solver,
         limits=table.solver.record,
-        output=Output(table.output.figures, table.output.vtu),
+        output=Output(table.output.figures, table.output.vtu, table.output.fields),
         second_body=second_body,
         title=table.title,
         text=text,

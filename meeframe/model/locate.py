@@ -18,7 +18,7 @@ from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_reach, check_title, resistance
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.model.outlook import check_solver
+from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match

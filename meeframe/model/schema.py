@@ -11,6 +11,7 @@ from pydantic import (
     Field,
     Strict,
     ValidationInfo,
+    field_validator,
     model_validator,
 )
 
@@ -18,6 +19,7 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
 from meeframe.fields import FieldSet, ScalarField
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement
 from meeframe.indenters.base import Indenter, IndenterMotions
 from meeframe.laws.base import ConductivityLaw, ContactLaw
@@ -52,8 +54,8 @@ from meeframe.model.values import (
 )
 from meeframe.plugin.registry import CONTRACTS
 from meeframe.plugin.validation import Problem, TableError, build
+from meeframe.results.schema import optional_fields
 from meeframe.solvers import StoppingCriteria
-from meeframe.system.reduced import Formulation
 
 
 def _axes(value: Any) -> Any:
@@ -221,10 +223,20 @@ class RestartTable(Table):
 
 
 class OutputTable(Table):
-    """[output]: what is written beside result.h5 and summary.json."""
+    """[output]: what is written beside result.h5 and summary.json, and the optional fields in result.h5."""
 
     figures: Flag = True
     vtu: Flag = True
+    fields: tuple[Text, ...] | None = None
+
+    @field_validator("fields")
+    @classmethod
+    def _known(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        allowed = optional_fields()
+        for number, name in enumerate(names or ()):
+            if name not in allowed:
+                raise TableError(Problem((number,), f"is no optional field; allowed: {', '.join(allowed)}", name))
+        return names
 
 
 class CaseTable(Table):

@@ -5,13 +5,13 @@ from typing import Final
 
 from meeframe.common.errors import CaseError
 from meeframe.fields import FieldSet
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
 from meeframe.mesh import check_contact_zone, zone_frames
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin.sources import faults_of_plugins
-from meeframe.system.reduced import Formulation
 from meeframe.system.two_body import match_nodes
 
 _BODIES: Final = ("first body", "second body")

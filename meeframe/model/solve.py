@@ -12,21 +12,19 @@ import numpy as np
 from meeframe.common.errors import TooLargeError
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
 from meeframe.fields import Array, Indices
+from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.mesh.body import Body
-from meeframe.model.border import sides_reached
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
-from meeframe.model.cohesion import remark_on_snapping
 from meeframe.model.conduction import check_conduction
+from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Converged, ramped
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
-from meeframe.model.outlook import doubts, idle_potentials
-from meeframe.model.remarks import Arrivals, remarks, remarks_on_end
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.sources import faults_of_plugins, local_files
-from meeframe.results.balance import remark_on_balance
+from meeframe.results.balance import unbalance_warning
 from meeframe.results.records import (
     Loading,
     Provenance,
@@ -39,9 +37,9 @@ from meeframe.results.records import (
 )
 from meeframe.solvers import solve_to_edges
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, kept_of, silent
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
-from meeframe.system.two_body import TwoBodySystem, combine_bodies
+from meeframe.system.two_body import combine_bodies, second_displacement
 
 
 def solve_case(case: Case, progress: Progress = silent) -> Result:
@@ -103,8 +101,10 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
         with faults_of_plugins():
-            kept = kept_of(formulation, system)
-            return system if kept is None else checked(formulation, formulation.restored(body, kept), body.fields.size)
+            arrays = stored_arrays(formulation, system)
+            if arrays is None or not isinstance(formulation, PersistentFormulation):
+                return system
+            return checked(formulation, formulation.from_arrays(body, arrays), body.fields.size)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 
@@ -125,36 +125,43 @@ def solve_steps(
     what the case warns of; a study of the contact zone does not need the one and tells the other itself. Raises
     CaseError if the case continues a run whose state does not belong to this body.
     """
+    clock("contact", 0.0)
     kinematics = IndenterKinematics(case, system)
+    diagnostics = Diagnostics(kinematics, lambda: warnings_of(bodies_of(case)))
     with faults_of_plugins():
         if case.restart is not None:
             check_same_body(case.restart, system)
         here, controls = beginning(kinematics)
     if case.restart is None:
-        arrivals = Arrivals.of(kinematics.touching_gap, np.zeros(len(system.points), bool))
+        onsets = ContactOnsets.of(kinematics.touching_gap, np.zeros(len(system.points), bool))
     else:
-        arrivals = Arrivals.of(case.restart.step.gap, case.restart.step.touching)
+        onsets = ContactOnsets.of(case.restart.step.gap, case.restart.step.touching)
     count = 0
     for number, step in enumerate(case.steps, 1):
         begin, before = here, controls
-        arrivals = Arrivals.of(arrivals.gap, arrivals.touching)
+        onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
             controls = ramped(before, begin, step.given, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
+            share("contact", 0.0)
             with faults_of_plugins():
                 planned = kinematics.increment(controls, here, step.increment_duration)
                 here, result = _solve(kinematics, planned, here, (number, increment), share)
-                arrivals = arrivals.after(result)
+                share("diagnostics", 1.0)
+                onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
-                result = _told(kinematics, planned, result, arrivals if ends else None, warns)
+                result = diagnostics.with_diagnostics(planned, result, onsets if ends else None, warns)
             count += 1
             if boundary and ends:
                 clock("boundary fields", 0.0)
                 try:
                     with faults_of_plugins():
                         recovered = system.recover(result.state.load)
-                    result = _saying(replace(result, boundary=recovered), remark_on_balance(recovered, case.fields))
+                    clock("diagnostics", 1.0)
+                    result = with_message(
+                        replace(result, boundary=recovered), unbalance_warning(recovered, case.fields)
+                    )
                 except Exception:
                     yield result  # it is solved all the same
                     raise
@@ -173,7 +180,6 @@ def _solve(
 
     numbers: of the step and the increment.
     """
-    progress("contact", 0.0)
     # free motions count from the converged state
     start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
     case = kinematics.case
@@ -247,34 +253,9 @@ def _step_result(
     )
 
 
-def _told(
-    kinematics: IndenterKinematics, increment: Increment, result: StepResult, arrivals: Arrivals | None, warns: bool
-) -> StepResult:
-    """The result that says what a reader should know of it, and whether its contact reaches the edge of the zone.
-
-    arrivals: after the increment that ends a load step; warns: what the case warns of, too.
-    """
-    case, zone = kinematics.case, zone_of(kinematics.system)
-    sides = sides_reached(result, kinematics.open_sides) if result.status is Status.CONVERGED else 0
-    # where the edge is reached an overlap of the whole zone is told already
-    doubted = list(doubts(kinematics)) if warns and not sides else []
-    said = list(remarks(zone, result, increment.problem.contact_law, sides, distant=bool(doubted)))
-    if arrivals is not None:
-        said += remarks_on_end(zone, result, case.contact_law, arrivals)
-        said += remark_on_snapping(kinematics.system, case.contact_law, result)
-    if warns:
-        said += [*warnings_of(bodies_of(case)), *doubted, *idle_potentials(kinematics)]
-    return replace(_saying(result, said), reaches_edge=sides > 0)
-
-
-def _saying(result: StepResult, said: Iterable[str]) -> StepResult:
-    """The result with more in its message."""
-    return replace(result, message="; ".join([result.message, *said]))
-
-
 def _surfaces(system: ReducedSystem, state: ContactState) -> tuple[Array, Array, SecondSurface | None]:
     """Displacement and potentials of the body, and those of the second body if there is one."""
-    if not isinstance(system, TwoBodySystem):
+    second_body = second_displacement(system, state.load)
+    if second_body is None:
         return *split_displacement(state.displacement), None
-    second_body = system.second_displacement(state.load)
     return *split_displacement(state.displacement + second_body), SecondSurface(*split_displacement(second_body))

@@ -5,8 +5,9 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, ReducedSystem
+from meeframe.system.reduced import ReducedSystem
 
 _SHAPES: Final[dict[str, tuple[int, ...]]] = {
     "points": (3,),

@@ -1,59 +1,199 @@
-"""Hooks through which everything that has a name in a case file is registered, built-in or not.
+"""Everything that a plugin may import from meeframe, besides `meeframe.testing` for its tests.
 
-What the modules of a plugin need is here, to be imported in one line: contracts, records, quantities, errors, and what
-formulations and solvers make of bodies and laws. It is contract, as the docstrings of all this are, and is kept from
-version to version; so is meeframe.testing for their tests. Other modules may change.
+Contracts, records and helpers for writing laws, indenters, elements, fundamental solutions, formulations and solvers,
+and the hook with which they are registered. Building blocks for formulations on surface meshes are in
+`meeframe.plugin.surfaces`, those of boundary elements in `meeframe.plugin.boundary_elements`.
+
+These names are kept from version to version; all other modules may change. They are imported at their first use, so
+that `import meeframe.plugin` is quick.
 """
 
-from meeframe.common.errors import CaseError
-from meeframe.contact.conduction import Switches, own_response, resistances, unloaded
-from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, indenter_position, unbalance
-from meeframe.elements.base import SurfaceElement
-from meeframe.fields import Array, FieldScaling
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.greens.base import FundamentalSolution, Kernel
-from meeframe.indenters.base import Indenter
-from meeframe.laws.base import ConductivityLaw, ContactLaw, augmented_traction, contact_traction, fixed_point_map
-from meeframe.mesh import zone_frames
-from meeframe.mesh.body import Body, check_conditions
-from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, silent
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "Array",
-    "Body",
-    "CaseError",
-    "ConductivityLaw",
-    "ContactLaw",
-    "ContactProblem",
-    "ContactState",
-    "DenseSystem",
-    "FieldScaling",
-    "Formulation",
-    "FundamentalSolution",
-    "Indenter",
-    "Iterate",
-    "Kernel",
-    "NodalFields",
-    "Progress",
-    "Quantity",
-    "Record",
-    "ReducedSystem",
-    "Solver",
-    "SurfaceElement",
-    "Switches",
-    "augmented_traction",
-    "check_conditions",
-    "check_quantities",
-    "contact_traction",
-    "fixed_point_map",
-    "hookimpl",
-    "indenter_position",
-    "own_response",
-    "resistances",
-    "silent",
-    "unbalance",
-    "unloaded",
-    "zone_frames",
-]
+if TYPE_CHECKING:
+    from meeframe.common.blas import ONE_BLAS_THREAD as ONE_BLAS_THREAD
+    from meeframe.common.errors import CaseError as CaseError
+    from meeframe.common.errors import MaterialError as MaterialError
+    from meeframe.common.errors import MeshError as MeshError
+    from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.contact.channels import FluxChannel as FluxChannel
+    from meeframe.contact.conduction import Switches as Switches
+    from meeframe.contact.conduction import own_response as own_response
+    from meeframe.contact.conduction import resistances as resistances
+    from meeframe.contact.conduction import unloaded as unloaded
+    from meeframe.contact.problem import ContactProblem as ContactProblem
+    from meeframe.contact.problem import ContactState as ContactState
+    from meeframe.contact.problem import Iterate as Iterate
+    from meeframe.contact.problem import Solver as Solver
+    from meeframe.contact.problem import indenter_position as indenter_position
+    from meeframe.contact.problem import unbalance as unbalance
+    from meeframe.elements.base import SurfaceElement as SurfaceElement
+    from meeframe.fields import ELECTRIC as ELECTRIC
+    from meeframe.fields import MECHANICAL as MECHANICAL
+    from meeframe.fields import N_FIELDS as N_FIELDS
+    from meeframe.fields import N_MECHANICAL as N_MECHANICAL
+    from meeframe.fields import POTENTIALS as POTENTIALS
+    from meeframe.fields import Array as Array
+    from meeframe.fields import FieldScaling as FieldScaling
+    from meeframe.fields import FieldSet as FieldSet
+    from meeframe.fields import Indices as Indices
+    from meeframe.fields import ScalarField as ScalarField
+    from meeframe.fields.units import Quantity as Quantity
+    from meeframe.fields.units import check_quantities as check_quantities
+    from meeframe.formulations.base import Formulation as Formulation
+    from meeframe.formulations.base import PersistentFormulation as PersistentFormulation
+    from meeframe.greens._kernels.prefetch import prefetch as prefetch
+    from meeframe.greens.base import FundamentalSolution as FundamentalSolution
+    from meeframe.greens.base import Kernel as Kernel
+    from meeframe.indenters.base import Indenter as Indenter
+    from meeframe.indenters.heights import SampledHeights as SampledHeights
+    from meeframe.laws.base import ConductivityLaw as ConductivityLaw
+    from meeframe.laws.base import ContactLaw as ContactLaw
+    from meeframe.laws.base import StepLengths as StepLengths
+    from meeframe.laws.base import augmented_traction as augmented_traction
+    from meeframe.laws.base import contact_traction as contact_traction
+    from meeframe.laws.base import fixed_point_map as fixed_point_map
+    from meeframe.laws.coulomb import LARGEST_RATIO as LARGEST_RATIO
+    from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
+    from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
+    from meeframe.material.half_space import surface_compliance as surface_compliance
+    from meeframe.mesh.body import Body as Body
+    from meeframe.mesh.body import BoundaryCondition as BoundaryCondition
+    from meeframe.mesh.body import check_conditions as check_conditions
+    from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
+    from meeframe.mesh.zone import ContactZone as ContactZone
+    from meeframe.mesh.zone import frames_of as frames_of
+    from meeframe.mesh.zone import zone_frames as zone_frames
+    from meeframe.plugin.hookspecs import Record as Record
+    from meeframe.plugin.hookspecs import hookimpl as hookimpl
+    from meeframe.system.capabilities import APPROXIMATE_TOLERANCE as APPROXIMATE_TOLERANCE
+    from meeframe.system.capabilities import AnyArray as AnyArray
+    from meeframe.system.capabilities import ApproximateApply as ApproximateApply
+    from meeframe.system.capabilities import ApproximateInverse as ApproximateInverse
+    from meeframe.system.capabilities import Coarsening as Coarsening
+    from meeframe.system.capabilities import EdgeCorrection as EdgeCorrection
+    from meeframe.system.capabilities import EdgeResolution as EdgeResolution
+    from meeframe.system.capabilities import FieldwiseApply as FieldwiseApply
+    from meeframe.system.capabilities import IndenterEdge as IndenterEdge
+    from meeframe.system.capabilities import LatticeStencil as LatticeStencil
+    from meeframe.system.capabilities import Multigrid as Multigrid
+    from meeframe.system.capabilities import Persistence as Persistence
+    from meeframe.system.capabilities import Prolongation as Prolongation
+    from meeframe.system.capabilities import Restriction as Restriction
+    from meeframe.system.capabilities import Stencil as Stencil
+    from meeframe.system.capabilities import Subsystem as Subsystem
+    from meeframe.system.capabilities import apply_fields as apply_fields
+    from meeframe.system.capabilities import diagonal as diagonal
+    from meeframe.system.capabilities import rescale_inverse as rescale_inverse
+    from meeframe.system.dense import DenseSystem as DenseSystem
+    from meeframe.system.dense import in_local_frames as in_local_frames
+    from meeframe.system.reduced import NodalFields as NodalFields
+    from meeframe.system.reduced import Progress as Progress
+    from meeframe.system.reduced import ReducedSystem as ReducedSystem
+    from meeframe.system.reduced import silent as silent
+
+_HOMES = {
+    # Registration
+    "Record": "meeframe.plugin.hookspecs",
+    "hookimpl": "meeframe.plugin.hookspecs",
+    # Errors, quantities and arrays
+    "CaseError": "meeframe.common.errors",
+    "MaterialError": "meeframe.common.errors",
+    "MeshError": "meeframe.common.errors",
+    "TooLargeError": "meeframe.common.errors",
+    "Array": "meeframe.fields",
+    "ELECTRIC": "meeframe.fields",
+    "FieldScaling": "meeframe.fields",
+    "FieldSet": "meeframe.fields",
+    "Indices": "meeframe.fields",
+    "ScalarField": "meeframe.fields",
+    "MECHANICAL": "meeframe.fields",
+    "N_FIELDS": "meeframe.fields",
+    "N_MECHANICAL": "meeframe.fields",
+    "POTENTIALS": "meeframe.fields",
+    "Quantity": "meeframe.fields.units",
+    "check_quantities": "meeframe.fields.units",
+    # Laws
+    "ConductivityLaw": "meeframe.laws.base",
+    "ContactLaw": "meeframe.laws.base",
+    "StepLengths": "meeframe.laws.base",
+    "augmented_traction": "meeframe.laws.base",
+    "contact_traction": "meeframe.laws.base",
+    "fixed_point_map": "meeframe.laws.base",
+    "IsotropicCoulomb": "meeframe.laws.coulomb",
+    "LARGEST_RATIO": "meeframe.laws.coulomb",
+    "OrthotropicCoulomb": "meeframe.laws.coulomb",
+    # Indenters
+    "Indenter": "meeframe.indenters.base",
+    "SampledHeights": "meeframe.indenters.heights",
+    # Elements and fundamental solutions
+    "SurfaceElement": "meeframe.elements.base",
+    "FundamentalSolution": "meeframe.greens.base",
+    "Kernel": "meeframe.greens.base",
+    # Solvers
+    "ContactProblem": "meeframe.contact.problem",
+    "ContactState": "meeframe.contact.problem",
+    "Iterate": "meeframe.contact.problem",
+    "Solver": "meeframe.contact.problem",
+    "indenter_position": "meeframe.contact.problem",
+    "unbalance": "meeframe.contact.problem",
+    "FluxChannel": "meeframe.contact.channels",
+    "Switches": "meeframe.contact.conduction",
+    "own_response": "meeframe.contact.conduction",
+    "resistances": "meeframe.contact.conduction",
+    "unloaded": "meeframe.contact.conduction",
+    # Formulations and bodies
+    "Formulation": "meeframe.formulations.base",
+    "PersistentFormulation": "meeframe.formulations.base",
+    "surface_compliance": "meeframe.material.half_space",
+    "Body": "meeframe.mesh.body",
+    "BoundaryCondition": "meeframe.mesh.body",
+    "check_conditions": "meeframe.mesh.body",
+    "ContactZone": "meeframe.mesh.zone",
+    "zone_frames": "meeframe.mesh.zone",
+    "frames_of": "meeframe.mesh.zone",
+    "SurfaceMesh": "meeframe.mesh.surface",
+    # Reduced systems
+    "NodalFields": "meeframe.system.reduced",
+    "Progress": "meeframe.system.reduced",
+    "ReducedSystem": "meeframe.system.reduced",
+    "silent": "meeframe.system.reduced",
+    "DenseSystem": "meeframe.system.dense",
+    "in_local_frames": "meeframe.system.dense",
+    # Capabilities of reduced systems
+    "APPROXIMATE_TOLERANCE": "meeframe.system.capabilities",
+    "AnyArray": "meeframe.system.capabilities",
+    "ApproximateApply": "meeframe.system.capabilities",
+    "ApproximateInverse": "meeframe.system.capabilities",
+    "Coarsening": "meeframe.system.capabilities",
+    "EdgeCorrection": "meeframe.system.capabilities",
+    "EdgeResolution": "meeframe.system.capabilities",
+    "FieldwiseApply": "meeframe.system.capabilities",
+    "IndenterEdge": "meeframe.system.capabilities",
+    "LatticeStencil": "meeframe.system.capabilities",
+    "Multigrid": "meeframe.system.capabilities",
+    "Persistence": "meeframe.system.capabilities",
+    "Prolongation": "meeframe.system.capabilities",
+    "Restriction": "meeframe.system.capabilities",
+    "Stencil": "meeframe.system.capabilities",
+    "Subsystem": "meeframe.system.capabilities",
+    "apply_fields": "meeframe.system.capabilities",
+    "diagonal": "meeframe.system.capabilities",
+    "rescale_inverse": "meeframe.system.capabilities",
+    # Compiled code and threads
+    "ONE_BLAS_THREAD": "meeframe.common.blas",
+    "prefetch": "meeframe.greens._kernels.prefetch",
+}
+
+__all__ = [*_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'meeframe.plugin' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from meeframe.contact.problem import Solver
 from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.elements.base import SurfaceElement
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.greens import Isotropic, LineIntegral, Residue, Tabulated
 from meeframe.greens.base import FundamentalSolution
@@ -14,7 +15,6 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.solvers import Auto, BarzilaiBorwein, Nesterov, ProjectedCG, SemismoothNewton, Uzawa
-from meeframe.system.reduced import Formulation
 
 _PAPER = "the reference paper"
 _BARNETT = "Barnett, phys. stat. sol. (b) 49 (1972) 741-748"

@@ -8,10 +8,10 @@ import pluggy
 
 from meeframe.contact.problem import Solver
 from meeframe.elements.base import SurfaceElement
+from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
-from meeframe.system.reduced import Formulation
 
 PROJECT = "meeframe"
 hookspec = pluggy.HookspecMarker(PROJECT)

@@ -4,9 +4,9 @@ from collections.abc import Collection, Iterator
 
 from rich.console import Group, RenderableType
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.plugin.describe import documentation, find, parameters
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.registry import Entry, Kind, Registry
@@ -17,12 +17,12 @@ def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> Re
     width = max((len(entry.record.name) for entry in registry.entries), default=0)
     parts: list[RenderableType] = []
     for kind in kinds:
-        table = Table(box=None, pad_edge=False, show_header=False)
+        table = LiteralTable(box=None, pad_edge=False, show_header=False)
         table.add_column(no_wrap=True, min_width=width)
         table.add_column()
         for entry in (entry for entry in registry.entries if entry.kind is kind):
             plugin = f" ({entry.provider.name})" if entry.provider.name != PROJECT else ""
-            table.add_row(Text(entry.record.name), Text(entry.record.summary + plugin))
+            table.add_row(entry.record.name, entry.record.summary + plugin)
         parts += [Text(f"{kind}s", style="bold"), Padding(table, (0, 0, 1, 2), expand=False)]
     return Group(*parts, Text("meeframe plugins show NAME: parameters, provider, source"))
 
@@ -44,11 +44,11 @@ def _page(registry: Registry, entry: Entry) -> Iterator[RenderableType]:
     yield Text("")
     keys = parameters(entry, registry)
     if keys:
-        table = Table(box=None, pad_edge=False, header_style="bold")
+        table = LiteralTable(box=None, pad_edge=False, header_style="bold")
         for title in ("parameter", "unit", "allowed", "default"):
             table.add_column(title)
         for key in keys:
-            table.add_row(key.name, key.unit, Text(key.allowed), Text(key.default))
+            table.add_row(key.name, key.unit, key.allowed, key.default)
         yield table
     else:
         yield Text("It has no parameters.")

@@ -14,6 +14,7 @@ from meeframe.common.errors import PluginError
 from meeframe.contact.problem import Solver
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import OPTIONAL_FIELDS, ScalarField
+from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ConductivityLaw, ContactLaw
@@ -21,7 +22,6 @@ from meeframe.plugin.faults import fault
 from meeframe.plugin.hookspecs import PROJECT, HookSpecs, Record
 from meeframe.plugin.sources import Broken, Provider, file_fault, installed, line_in, load_file, reason
 from meeframe.plugin.validation import Problem, TableError, build, choices
-from meeframe.system.reduced import Formulation
 
 
 class Kind(StrEnum):

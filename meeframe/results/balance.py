@@ -64,7 +64,7 @@ def unbalance(boundary: NodalFields | None) -> Unbalance | None:
 
 
 def _closed(boundary: NodalFields) -> bool:
-    """Whether the integral of the normal vanishes, by the straight sides of the elements."""
+    """Return whether the integral of the normal vanishes, by the straight sides of the elements."""
     outlines = [np.zeros((0, 3)), *(vector_areas(boundary.points[outline]) for outline in corners(boundary.cells))]
     area = np.concatenate(outlines)
     return bool(np.linalg.norm(area.sum(axis=0)) <= _CLOSED * np.linalg.norm(area, axis=1).sum())
@@ -75,8 +75,8 @@ def balanced_names(fields: FieldSet) -> tuple[str, ...]:
     return ("force", *(scalar.resultant.replace("_", " ") for scalar in fields.scalars))
 
 
-def remark_on_balance(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
-    """That the fields on the boundary are out of equilibrium by more than a reader would expect, in words."""
+def unbalance_warning(boundary: NodalFields | None, fields: FieldSet = MEE) -> Iterator[str]:
+    """Yield a warning if the fields on the boundary are out of equilibrium by more than a reader would expect."""
     found = unbalance(boundary)
     if found is None or found.relative.max() <= NOTICED:
         return

@@ -18,7 +18,7 @@ _PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M",
 
 
 def sheet(size: tuple[float, float]) -> "Figure":
-    """An empty figure of a size in inches."""
+    """Return an empty figure of a size in inches."""
     # the object interface: no global state, no display, and half the start-up time of pyplot
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -35,7 +35,7 @@ def head(axes: Any, what: str, title: str) -> None:
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:
-    """Factor and unit with the SI prefix that brings the largest value between 1 and 1000."""
+    """Return the factor and unit with the SI prefix that brings the largest value between 1 and 1000."""
     largest = float(np.abs(values).max())
     exponent = 3 * int(np.floor(np.log10(largest) / 3)) if largest > 0 else 0
     exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))

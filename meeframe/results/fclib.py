@@ -103,7 +103,7 @@ class LocalSolution:
 
 
 def check_size(contacts: int) -> None:
-    """Raises CaseError if a problem has no contacts or more of them than are allowed."""
+    """Raise CaseError if a problem has no contacts or more of them than are allowed."""
     if not 1 <= contacts <= LARGEST:
         raise CaseError(
             f"FCLIB problem with {contacts} contacts; allowed: 1 to {LARGEST}, as its matrix is held in full"
@@ -111,7 +111,7 @@ def check_size(contacts: int) -> None:
 
 
 def natural_residual(problem: LocalProblem, reaction: Array) -> float:
-    """How far reactions (3m,) are from solving a problem; zero for a solution, and it needs nothing but r.
+    """Return how far reactions (3m,) are from solving a problem; zero for a solution, and it needs nothing but r.
 
     |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q and rho the
     inverse of the mean of W's diagonal; over |rho q| if r is zero. FCLIB's merit function is the same with rho = 1,
@@ -127,7 +127,7 @@ def natural_residual(problem: LocalProblem, reaction: Array) -> float:
 
 
 def project_on_cones(reaction: Array, mu: Array) -> Array:
-    """Euclidean projection of (m, 3) onto the cones |r_T| <= mu r_N, mu (m,)."""
+    """Return the Euclidean projection of (m, 3) onto the cones |r_T| <= mu r_N, mu (m,)."""
     tangential = np.linalg.norm(reaction[:, 1:], axis=1)
     along = np.where(
         tangential <= mu * reaction[:, 0], reaction[:, 0], (mu * tangential + reaction[:, 0]) / (1 + mu**2)
@@ -166,7 +166,7 @@ def write_solution(path: Path, solution: LocalSolution) -> None:
 
 
 def read_local(path: Path) -> LocalProblem:
-    """The problem of a file.
+    """Return the problem of a file.
 
     Raises ResultError if it cannot be read, CaseError if it is no local problem in three dimensions without equality
     constraints or if its numbers are not allowed.
@@ -184,7 +184,7 @@ def read_local(path: Path) -> LocalProblem:
 
 
 def read_solution(path: Path) -> LocalSolution | None:
-    """The solution in a file, None if there is none.
+    """Return the solution in a file, None if there is none.
 
     Raises ResultError if it cannot be read, is not finite or not one of the file's problem.
     """
@@ -224,7 +224,7 @@ def _local(local: Any) -> LocalProblem:
 
 
 def _matrix(group: Any) -> Array:
-    """A matrix in full, from any of the three ways in which it may be stored; entries that repeat add up."""
+    """Return a matrix in full, from any of the three ways in which it may be stored; entries that repeat add up."""
     full = np.zeros((_whole(group, "m"), _whole(group, "n")))
     count = _whole(group, "nz")
     p, i, x = (_numbers(group, name) for name in ("p", "i", "x"))
@@ -246,7 +246,7 @@ def _matrix(group: Any) -> Array:
 
 
 def _lines(pointers: Indices, count: int) -> Indices:
-    """Number of the column, or row, of each entry of a compressed matrix with that many of them."""
+    """Return the number of the column, or row, of each entry of a compressed matrix with that many of them."""
     if len(pointers) != count + 1:
         raise ValueError(f"{len(pointers)} pointers for {count} columns or rows of its matrix; allowed: one more")
     return np.repeat(np.arange(count), np.diff(pointers))

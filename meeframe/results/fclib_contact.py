@@ -46,7 +46,7 @@ MATH_INFO: Final = "W: compliance of deformable bodies, unsymmetric where the fo
 def local_problem(
     problem: ContactProblem, state: ContactState | None = None, title: str = "", description: str = ""
 ) -> LocalProblem:
-    """A contact problem as one of FCLIB: forces [N], gaps and slips [m], contacts in the order of the nodes.
+    """Return a contact problem as one of FCLIB: forces [N], gaps and slips [m], contacts in the order of the nodes.
 
     state: of the problem, where its free motions and its conductivities are held; needed only if it has any.
     Raises CaseError if the law is not frictionless or isotropic Coulomb friction with a finite coefficient, if the
@@ -67,7 +67,8 @@ def local_problem(
 
 
 def local_solution(problem: ContactProblem, state: ContactState) -> LocalSolution:
-    """A state of a contact problem as solution of its `local_problem`: gaps and slips [m], forces on the body [N]."""
+    """Return a state of a contact problem as solution of its `local_problem`: gaps and slips [m], forces on the body
+    [N]."""
     nodes = contacts(problem)
     gap = contact_gap(problem, state.displacement, state.motion)[nodes]
     force = problem.system.weights[nodes, None] * state.load[nodes, :PER_CONTACT]
@@ -75,12 +76,12 @@ def local_solution(problem: ContactProblem, state: ContactState) -> LocalSolutio
 
 
 def contacts(problem: ContactProblem) -> Indices:
-    """Numbers (m,) of the nodes that are contacts in FCLIB: those with an indenter above."""
+    """Return the numbers (m,) of the nodes that are contacts in FCLIB: those with an indenter above."""
     return np.flatnonzero(np.isfinite(problem.gap))
 
 
 def contact_problem(local: LocalProblem) -> ContactProblem:
-    """A problem of FCLIB as one of ours: as many nodes as contacts, weights of one, insulating.
+    """Return a problem of FCLIB as one of ours: as many nodes as contacts, weights of one, insulating.
 
     Our laws have one coefficient. Where that of a contact is another, mu_i, its tangential traction is r_T = s_i t with
     s_i = mu_i / max(mu) and its slip s_i u_T: the cone in t has the largest coefficient, and W becomes S W S, which
@@ -114,7 +115,7 @@ def contact_problem(local: LocalProblem) -> ContactProblem:
 
 
 def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
-    """A state of the `contact_problem` of a local problem as its solution, with u = W r + q."""
+    """Return a state of the `contact_problem` of a local problem as its solution, with u = W r + q."""
     r = -_scales(local) * state.load[:, COMPONENTS].ravel()
     return LocalSolution(local.matrix @ r + local.q, r)
 
@@ -136,7 +137,7 @@ def solve_local(
 
 
 def _scales(local: LocalProblem) -> Array:
-    """s_i of `contact_problem` for each component, one for the normal ones, (3m,)."""
+    """Return s_i of `contact_problem` for each component, one for the normal ones, (3m,)."""
     largest = float(local.mu.max()) or 1.0
     scale = np.ones((len(local.mu), PER_CONTACT))
     scale[:, 1:] = (local.mu / largest)[:, None] if local.mu.any() else 1.0
@@ -144,7 +145,8 @@ def _scales(local: LocalProblem) -> Array:
 
 
 def friction_coefficient(law: ContactLaw) -> float:
-    """The friction coefficient of a law, zero without friction. Raises CaseError if FCLIB does not know the law."""
+    """Return the friction coefficient of a law, zero without friction. Raises CaseError if FCLIB does not know the
+    law."""
     match law:
         case Signorini():
             return 0.0
@@ -170,7 +172,7 @@ def _motion(problem: ContactProblem, state: ContactState | None) -> Array:
 
 
 def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
-    """Resistances (n, 2) of the contact in a state."""
+    """Return the resistances (n, 2) of the contact in a state."""
     if state is not None:
         ahead = indenter_position(problem, state.motion) - state.displacement
         pressing = contact_traction(problem.contact_law, state.load[:, 2], ahead[:, 2])
@@ -184,7 +186,7 @@ def _resistance(problem: ContactProblem, state: ContactState | None) -> Array:
 
 
 def _condensed(compliance: Array, ahead: Array, resistance: Array, dofs: Indices) -> tuple[Array, Array]:
-    """W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
+    """Return W per density (k, k) and q (k,) at mechanical dofs (k,) with the conducting potentials eliminated.
 
     compliance: (5n, 5n); ahead: (5n,) of the indenter over the unloaded body; resistance: (n, 2).
     """

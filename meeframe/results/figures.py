@@ -1,57 +1,35 @@
 """Figures of the last finished increment: maps over the contact zone, sections through its centre; and its history."""
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import Array, FieldSet
+from meeframe.fields import Array
+from meeframe.results import schema
 from meeframe.results.canvas import LINE_COLOURS, head, prefixed, sheet
 from meeframe.results.history import history, name_of
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone, resultants
+from meeframe.results.schema import NodalField
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class _Quantity:
-    """A nodal quantity to draw.
-
-    file: stem of the figure's name; column: of the potentials, None for the pressure.
-    """
-
-    file: str
-    label: str
-    unit: str
-    column: int | None = None
-
-    def values(self, step: StepResult) -> Array:
-        """Return nodal values, (n,), SI."""
-        return -step.traction[:, 2] if self.column is None else step.potentials[:, self.column]
-
-
+_PRESSURE: Final = "pressure"
 _BETWEEN: Final = (0.1, 2.0)
 """Bounds of the weights by which the edge of the contact is put between two nodes."""
 _SEEN: Final = 0.01
 """Fraction of the largest traction from which on attraction is shown: it fades with the distance, but never ends."""
 
 
-def _quantities(fields: FieldSet) -> Iterator[_Quantity]:
-    """Yield the quantities that have maps and sections."""
-    yield _Quantity("pressure", "contact pressure", "Pa")
-    for column, scalar in enumerate(fields.scalars):
-        yield _Quantity(scalar.value_name, scalar.value_name.replace("_", " "), scalar.value_unit, column)
-
-
 def figures(result: Result) -> "dict[str, Figure]":
-    """Figures of the last finished increment by file name; none if there is none, if not all in it is finite, or if the
-    zone has neither cells nor nodes that span an area.
+    """Return the figures of the last finished increment by file name; none if there is none, if not all in it is
+    finite, or if the zone has neither cells nor nodes that span an area.
 
     A potential that is zero throughout has none. With several increments that converged, their history besides.
     """
@@ -64,7 +42,7 @@ def figures(result: Result) -> "dict[str, Figure]":
         return {}
     picture = Picture.of(result.zone)
     title = _title(result)
-    drawn = {f"{q.file}.png": _map(q, result, picture, title) for q in _shown(step)}
+    drawn = {f"{row.name}.png": _map(row, result, picture, title) for row in _shown(result.zone, step)}
     drawn |= {"sections.png": _sections(result, picture, title), "stick_slip.png": _regions(result, picture, title)}
     past = history(result)
     return drawn if past is None else drawn | {"history.png": past}
@@ -86,15 +64,14 @@ def save_figure(figure: "Figure", path: Path) -> None:
         figure.canvas.print_png(path, pil_kwargs={"compress_level": 1})  # type: ignore[attr-defined]  # of Agg's canvas
 
 
-def _shown(step: StepResult) -> list[_Quantity]:
-    """The pressure, and the potentials that are not zero throughout."""
-    return [
-        quantity for quantity in _quantities(step.fields) if quantity.file == "pressure" or quantity.values(step).any()
-    ]
+def _shown(zone: Zone, step: StepResult) -> list[NodalField]:
+    """Return the pressure, and the other fields with maps that are not zero throughout."""
+    rows = schema.nodal(schema.View.MAP, step.fields).values()
+    return [row for row in rows if row.name == _PRESSURE or row.values(zone, step).any()]
 
 
 def _title(result: Result) -> str:
-    """Title of the case, and the increment where there are several."""
+    """Return the title of the case, and the increment where there are several."""
     factor, unit = prefixed(np.array([result.steps[-1].loading.approach]), "m")
     approach = f"{result.steps[-1].loading.approach / factor:.4g} {unit}"
     step = f"{name_of(result, result.steps[-1])}, approach {approach}"
@@ -103,7 +80,8 @@ def _title(result: Result) -> str:
 
 
 def _edge(zone: Zone, step: StepResult) -> Array:
-    """What is positive at nodes in contact and negative at others, (n,), and zero where the contact ends between them.
+    """Return what is positive at nodes in contact and negative at others, (n,), and zero where the contact ends
+    between them.
 
     Along a smooth edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each counts over its mean at the nodes next
     to the edge: on average the line goes half way between two nodes, but close to one that hardly touches.
@@ -120,22 +98,22 @@ def _edge(zone: Zone, step: StepResult) -> Array:
     return np.where(touching, level, -level)
 
 
-def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "Figure":
+def _map(row: NodalField, result: Result, picture: Picture, title: str) -> "Figure":
     figure = sheet((5.6, 4.6))
     axes = figure.subplots()
     zone, step = result.zone, result.steps[-1]
     touching = step.touching
-    of_contact = quantity.file == "pressure"
+    of_contact = row.name == _PRESSURE
     axes.set(aspect="equal", xlabel=f"x [{picture.unit}]", ylabel=f"y [{picture.unit}]")
-    head(axes, quantity.label, title)
+    head(axes, row.label, title)
     felt = _felt(step)
     if of_contact and not felt.any():
         _no_contact(axes, picture)
         return figure
-    values = quantity.values(step)
-    factor, unit = prefixed(values, quantity.unit)
+    values = row.values(zone, step)
+    factor, unit = prefixed(values, row.unit)
     drawn = picture.shade(axes, values / factor)
-    figure.colorbar(drawn, ax=axes, label=f"{quantity.label} [{unit}]")
+    figure.colorbar(drawn, ax=axes, label=f"{row.label} [{unit}]")
     if touching.any() and not touching.all():
         edge = picture.values(_edge(zone, step))
         rim = picture.beside(touching, ~touching)
@@ -150,7 +128,8 @@ def _map(quantity: _Quantity, result: Result, picture: Picture, title: str) -> "
 
 
 def _felt(step: StepResult) -> NDArray[np.bool_]:
-    """Nodes (n,) in contact, and those that are attracted across the gap, but for what no colour tells from nothing."""
+    """Return the nodes (n,) in contact, and those that are attracted across the gap, but for what no colour tells from
+    nothing."""
     size = np.abs(step.traction[:, 2])
     return np.asarray(step.touching | (size > _SEEN * size.max()))
 
@@ -167,7 +146,7 @@ def _no_contact(axes: Any, picture: Picture) -> None:
 
 
 def _regions(result: Result, picture: Picture, title: str) -> "Figure":
-    """Where the contact sticks and where it slips."""
+    """Return where the contact sticks and where it slips."""
     step, totals = result.steps[-1], resultants(result.zone, result.steps[-1])
     figure = sheet((5.6, 4.9))
     axes = figure.subplots()
@@ -192,14 +171,14 @@ def _sections(result: Result, picture: Picture, title: str) -> "Figure":
     x = np.linspace(picture.points[:, 0].min(), picture.points[:, 0].max(), 401)
     on_axis = np.abs(picture.points[:, 1]) < 1e-6 * np.ptp(picture.points[:, 1])
     step = result.steps[-1]
-    shown = [(quantity.label, quantity.unit, quantity.values(step)) for quantity in _shown(step)]
+    shown = [(row.label, row.unit, row.values(result.zone, step)) for row in _shown(result.zone, step)]
     if step.traction[:, :2].any():
         along = np.einsum("nk,nka,a->n", step.traction[:, :2], result.zone.frames[:, :2], picture.axes[0])
         shown.insert(1, ("traction along x", "Pa", along))
     figure = sheet((6.0, 2.4 * len(shown)))
     rows = figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0]
     sections = picture.section(x, *(values for _, _, values in shown))
-    for axes, (label, unit, values), section, colour in zip(rows, shown, sections, LINE_COLOURS, strict=False):
+    for axes, (label, unit, values), section, colour in zip(rows, shown, sections, cycle(LINE_COLOURS), strict=False):
         factor, unit = prefixed(values, unit)
         axes.plot(x, section / factor, color=colour, linewidth=1.8)
         axes.plot(picture.points[on_axis, 0], values[on_axis] / factor, "o", color=colour, markersize=3.5)

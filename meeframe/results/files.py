@@ -1,16 +1,20 @@
-"""The result file: self-describing HDF5, written step by step so that an interrupted run keeps its finished steps.
+"""The result file: self-describing HDF5. Each increment of a run is written once, when it is finished.
 
 Layout (docs/results.md): attributes of the root say what made the file; /zone is the contact zone; /boundary the points
 and cells of the whole boundary; /steps/0001, /steps/0002, ... hold one increment each. Every dataset has `units`.
+
+While a run goes on each increment is a file of its own in the folder `result.increments`, to which result.h5 has
+external links: no byte of a finished increment is written again, so that a run that is killed at any moment leaves
+files that can be read, and an increment costs the same however many there are. At the end of the run they are moved
+into result.h5.
 """
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, final
 
 import h5py
 import numpy as np
@@ -18,86 +22,118 @@ import numpy as np
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
-from meeframe.indenters.base import RIGID_RESULTANTS, IndenterMotions
+from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
+from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
-from meeframe.results.output import RESULT_FILE, replacing
-from meeframe.results.records import Loading, Provenance, Region, Result, SecondSurface, StepResult, Zone, resultants
+from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
+from meeframe.results.records import Loading, Provenance, Region, Result, RunStatus, SecondSurface, StepResult, Zone
+from meeframe.results.schema import BOUNDARY, NodalField, Stored
 from meeframe.system.reduced import NodalFields
 
-FORMAT: Final = "meeframe-result 4"
+FORMAT: Final = "meeframe-result 5"
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
-_STEP_UNITS: Final = {
-    "initial_gap": "m",
-    "gap": "m",
-    "traction": "Pa",
-    "displacement": "m",
-    "contact_fraction": "1",
-    "slip": "m",
-    "total_slip": "m",
-    "slip_path": "m",
-    "dissipation": "J/m^2",
-    "region": "1",
-    "step": "1",
-    "increment": "1",
-    "history": "1",
-    "residual": "1",
-    "iterations": "1",
-}
+_STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
 _LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
-_RESULTANT_UNITS: Final = {
-    "force": "N",
-    **{name: IndenterMotions().units[name] for name in RIGID_RESULTANTS},
-    "dissipated_energy": "J",
-    "contact_area": "m^2",
-    "stick_area": "m^2",
-    "slip_area": "m^2",
-    "max_pressure": "Pa",
-    "max_tension": "Pa",
-}
+_SMALL: Final = 4096
+"""Arrays of fewer bytes are not compressed."""
+_CHUNK: Final = 1 << 24
+"""Bytes of a chunk, at most."""
+_BOUNDARY_FILE: Final = "boundary.h5"
+_SURFACE: Final = ("displacement", "potentials")
+"""Attributes of StepResult that the surface of a second body has, too."""
 
 
-def resultant_units(fields: FieldSet) -> dict[str, str]:
-    """Return the units of all resultants by name."""
-    totals = {scalar.resultant: scalar.resultant_unit for scalar in fields.scalars}
-    return _RESULTANT_UNITS | totals | {f"max_abs_{scalar.value_name}": scalar.value_unit for scalar in fields.scalars}
+@final
+@dataclass(eq=False)
+class ResultWriter:
+    """Writes the result of one run into its folder, increment by increment.
+
+    Parameters
+    ----------
+    folder
+        Output folder.
+    result
+        What is known of the run before its first increment.
+    fields
+        Optional nodal fields to store (`meeframe.results.schema.optional_fields`); None: all.
+    """
+
+    folder: Path
+    result: Result
+    fields: Collection[str] | None = None
+    count: int = field(default=0, init=False)
+    _has_boundary: bool = field(default=False, init=False)
+
+    def append(self, step: StepResult) -> None:
+        """Write one more increment, whole or not at all. Raises ResultError if it cannot be written."""
+        increments = self.folder / INCREMENTS
+        increments.mkdir(exist_ok=True)
+        if step.boundary is not None and not self._has_boundary and self._stores(BOUNDARY):
+            with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
+                _put_boundary_mesh(file, step.boundary)
+            self._has_boundary = True
+        with replacing(self._path(self.count + 1)) as path, changed_file(path, "w") as file:
+            _put_step(file, self.result.zone, step, self.fields)
+        if self.count == 0:
+            self._write_links()
+        self.count += 1
+
+    def finish(self, ended: Callable[[], Result]) -> Result:
+        """Move the increments into result.h5 and return what `ended` returns, the result with its timings.
+
+        ended: called when everything else is written. Raises ResultError if the file cannot be written; increments
+        then stay where they are.
+        """
+        with replacing(self.folder / RESULT_FILE) as path, changed_file(path, "w") as file:
+            _put_head(file, self.result)
+            if self._has_boundary:
+                with h5py.File(self.folder / INCREMENTS / _BOUNDARY_FILE, "r") as source:
+                    source.copy(source["/"], file, "boundary")
+            steps = file.create_group("steps")
+            for number in range(1, self.count + 1):
+                with h5py.File(self._path(number), "r") as source:
+                    source.copy(source["/"], steps, _name(number))
+            result = ended()
+            _put_end(file, result)
+        shutil.rmtree(self.folder / INCREMENTS, ignore_errors=True)
+        return result
+
+    def _write_links(self) -> None:
+        with replacing(self.folder / RESULT_FILE) as path, changed_file(path, "w") as file:
+            _put_head(file, self.result)
+            file.attrs["status"] = str(RunStatus.UNFINISHED)
+            file["boundary"] = h5py.ExternalLink(f"{INCREMENTS}/{_BOUNDARY_FILE}", "/")
+            steps = file.create_group("steps")
+            for number in range(1, self.result.planned_steps + 1):
+                steps[_name(number)] = h5py.ExternalLink(f"{INCREMENTS}/{self._path(number).name}", "/")
+
+    def _stores(self, name: str) -> bool:
+        return self.fields is None or name in self.fields
+
+    def _path(self, number: int) -> Path:
+        return self.folder / INCREMENTS / f"{_name(number)}.h5"
 
 
-def create_result(folder: Path, result: Result) -> None:
-    """Write the result file with the increments that are finished so far."""
+def write_result(folder: Path, result: Result, fields: Collection[str] | None = None) -> None:
+    """Write a result file as a whole; fields: as in ResultWriter. Raises ResultError if it cannot be written."""
     with replacing(folder / RESULT_FILE) as path, changed_file(path, "w") as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["title"] = result.provenance.title
-        file.attrs["case"] = result.provenance.case_text
-        file.attrs["versions"] = json.dumps(dict(result.provenance.versions))
-        file.attrs["threads"] = result.provenance.threads
-        file.attrs["planned_steps"] = result.planned_steps
-        file.attrs["status"] = str(result.status)
-        zone = file.create_group("zone")
-        zone.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
-        _put_all(zone, _ZONE_UNITS, {name: getattr(result.zone, name) for name in _ZONE_UNITS})
-        _put_cells(zone, result.zone.cells)
-        file.create_group("steps")
-        for step in result.steps:
-            _put_step(file, result.zone, step)
+        _put_head(file, result)
+        boundary = next((step.boundary for step in result.steps if step.boundary is not None), None)
+        if boundary is not None and (fields is None or BOUNDARY in fields):
+            _put_boundary_mesh(file.create_group("boundary"), boundary)
+        steps = file.create_group("steps")
+        for number, step in enumerate(result.steps, 1):
+            _put_step(steps.create_group(_name(number)), result.zone, step, fields)
+        _put_end(file, result)
 
 
-def append_step(folder: Path, zone: Zone, step: StepResult) -> None:
-    """Add one increment to the result file."""
-    with _changing(folder) as file:
-        _put_step(file, zone, step)
-
-
-def finish_result(folder: Path, result: Result) -> None:
-    """Write what is known after the last step: status, timings [s], peak memory [MB]."""
-    with _changing(folder) as file:
-        file.attrs["status"] = str(result.status)
-        file.attrs["timings"] = json.dumps(dict(result.timings))
-        file.attrs["peak_memory_mb"] = result.peak_memory_mb
+def _name(number: int) -> str:
+    return f"{number:04d}"
 
 
 def read_result(folder: str | Path) -> Result:
-    """The result in an output folder; raises ResultError if there is none or it cannot be read."""
+    """Return the result in an output folder; raises ResultError if there is none or it cannot be read."""
     folder = Path(folder)
     path = folder / RESULT_FILE
     try:
@@ -119,42 +155,39 @@ def read_result(folder: str | Path) -> Result:
         raise ResultError(f"{path} is damaged: {error}") from None
 
 
-@contextmanager
-def _changing(folder: Path) -> Iterator[Any]:
-    """The result file open for a change that takes place whole or not at all.
-
-    HDF5 cannot undo a change that was cut short, so each one is made to a copy: steps squared in data copied, which
-    only thousands of steps would notice.
-    """
-    target = folder / RESULT_FILE
-    with replacing(target) as path:
-        shutil.copyfile(target, path)
-        with changed_file(path, "r+") as file:
-            yield file
-
-
-def _put_scalars(group: Any, fields: FieldSet, potentials: Array, fluxes: Array | None = None) -> None:
-    """Write potentials (n, scalars) and fluxes (n, scalars) as datasets by the names of their fields."""
-    for scalar, potential in zip(fields.scalars, potentials.T, strict=True):
-        _put_all(group, {scalar.value_name: scalar.value_unit}, {scalar.value_name: potential})
-    if fluxes is not None:
-        for scalar, flux in zip(fields.scalars, fluxes.T, strict=True):
-            _put_all(group, {scalar.flux_name: scalar.flux_unit}, {scalar.flux_name: flux})
+def _put_head(file: Any, result: Result) -> None:
+    """What is known before the first increment."""
+    file.attrs["format"] = FORMAT
+    file.attrs["title"] = result.provenance.title
+    file.attrs["case"] = result.provenance.case_text
+    file.attrs["versions"] = json.dumps(dict(result.provenance.versions))
+    file.attrs["threads"] = result.provenance.threads
+    file.attrs["planned_steps"] = result.planned_steps
+    zone = file.create_group("zone")
+    zone.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
+    _put_all(zone, _ZONE_UNITS, {name: getattr(result.zone, name) for name in _ZONE_UNITS})
+    _put_cells(zone, result.zone.cells)
 
 
-def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
-    steps = file["steps"]
-    group = steps.create_group(f"{len(steps) + 1:04d}")
+def _put_end(file: Any, result: Result) -> None:
+    """What is known after the last increment."""
+    file.attrs["status"] = str(result.status)
+    file.attrs["timings"] = json.dumps(dict(result.timings))
+    file.attrs["peak_memory_mb"] = result.peak_memory_mb
+
+
+def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] | None) -> None:
     group.attrs.update({"status": str(step.status), "message": step.message, "reaches_edge": step.reaches_edge})
     group.attrs["note"] = (
         "traction, displacement, slip: along e1, e2, nu of the zone's frames; fluxes: outward; "
-        + "region: "
-        + ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
+        "zero: names of fields that are zero at all nodes; "
+        "region: " + ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
     )
-    fields, motions = step.fields, IndenterMotions(step.fields)
-    group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in fields.scalars])
+    motions = IndenterMotions(step.fields)
+    group.attrs["scalar_fields"] = json.dumps([asdict(scalar) for scalar in step.fields.scalars])
+    chosen = [row for row in schema.nodal_fields(step.fields) if _is_stored(row, fields)]
+    _put_fields(group, chosen, {row.name: row.values(zone, step) for row in chosen})
     _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
-    _put_scalars(group, fields, step.potentials, step.fluxes)
     loading = group.create_group("loading")
     units = {name: motions.units[name] for name in motions.motions} | _LOADING_UNITS
     _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
@@ -162,37 +195,66 @@ def _put_step(file: Any, zone: Zone, step: StepResult) -> None:
         _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
     prescribed = step.loading.prescribed
     _put_all(loading.create_group("prescribed"), {key: motions.units[key] for key in prescribed}, prescribed)
-    totals, units = resultants(zone, step), resultant_units(fields)
-    _put_all(group.create_group("resultants"), units, {name: getattr(totals, name) for name in units})
+    units = {total.name: total.unit for total in schema.total_rows(step.fields)}
+    _put_all(group.create_group("resultants"), units, schema.totals(zone, step))
     if step.area_fraction is not None:
         _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:
-        surface = group.create_group("second_body")
-        _put_all(surface, {"displacement": "m"}, {"displacement": step.second_body.displacement})
-        _put_scalars(surface, fields, step.second_body.potentials)
-    if step.boundary is not None:
-        _put_boundary(file, group, step.boundary, fields)
+        rows = _surface_fields(step.fields)
+        values = {row.name: _column(getattr(step.second_body, row.attribute), row) for row in rows}
+        _put_fields(group.create_group("second_body"), rows, values)
+    if step.boundary is not None and (fields is None or BOUNDARY in fields):
+        units = {"values": ", ".join(step.fields.value_units), "fluxes": ", ".join(step.fields.flux_units)}
+        values = {"values": step.boundary.values, "fluxes": step.boundary.fluxes}
+        _put_all(group.create_group("boundary"), units, values)
+
+
+def _is_stored(row: NodalField, fields: Collection[str] | None) -> bool:
+    if row.stored is Stored.ALWAYS:
+        return True
+    # without a choice all that a step holds, but for what follows from that
+    return bool(row.attribute) if fields is None else row.name in fields
+
+
+def _surface_fields(fields: FieldSet) -> list[NodalField]:
+    return [row for row in schema.nodal_fields(fields) if row.attribute in _SURFACE]
+
+
+def _column(array: Array, row: NodalField) -> Array:
+    return array if row.column is None else array[:, row.column]
+
+
+def _put_fields(group: Any, rows: Sequence[NodalField], values: Mapping[str, Any]) -> None:
+    """Write nodal fields; of those that are zero throughout the name alone."""
+    zero = [row.name for row in rows if not values[row.name].any()]
+    group.attrs["zero"] = " ".join(zero)
+    _put_all(group, {row.name: row.unit for row in rows if row.name not in zero}, values)
 
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
     for name, unit in units.items():
-        group.create_dataset(name, data=values[name]).attrs["units"] = unit
+        _put(group, name, values[name]).attrs["units"] = unit
+
+
+def _put(group: Any, name: str, values: Any) -> Any:
+    """Return a dataset, compressed if that serves; one chunk for the whole array compresses best."""
+    array = np.asarray(values)
+    if array.nbytes < _SMALL:
+        return group.create_dataset(name, data=array)
+    chunk = (min(len(array), max(1, _CHUNK * len(array) // array.nbytes)), *array.shape[1:])
+    return group.create_dataset(name, data=array, chunks=chunk, shuffle=True, compression="gzip", compression_opts=1)
 
 
 def _put_cells(group: Any, cells: tuple[tuple[str, Indices], ...]) -> None:
     own = group.create_group("cells")
     own.attrs["note"] = "numbers into points; meshio cell types"
     for number, (cell_type, connectivity) in enumerate(cells):
-        own.create_dataset(str(number), data=connectivity).attrs.update({"type": cell_type, "units": "1"})
+        _put(own, str(number), connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
-def _put_boundary(file: Any, step: Any, boundary: NodalFields, fields: FieldSet) -> None:
-    if "boundary" not in file:
-        shared = file.create_group("boundary")
-        _put_all(shared, {"points": "m"}, {"points": boundary.points})
-        _put_cells(shared, boundary.cells)
-    units = {"values": ", ".join(fields.value_units), "fluxes": ", ".join(fields.flux_units)}
-    _put_all(step.create_group("boundary"), units, {"values": boundary.values, "fluxes": boundary.fluxes})
+def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
+    _put_all(group, {"points": "m"}, {"points": boundary.points})
+    _put_cells(group, boundary.cells)
 
 
 def _read(file: Any) -> Result:
@@ -209,39 +271,53 @@ def _read(file: Any) -> Result:
         ),
         zone=zone,
         planned_steps=int(attributes["planned_steps"]),
-        steps=tuple(_get_step(file, file["steps"][name], n) for name in sorted(file["steps"])),
+        steps=tuple(_get_steps(file, zone)),
         timings=table_of(file, "timings", int | float) if "timings" in attributes else {},
         peak_memory_mb=float(attributes.get("peak_memory_mb", 0.0)),
     )
 
 
-def _get_step(file: Any, group: Any, n: int) -> StepResult:
-    boundary, second_body = None, None
-    fields = _get_fields(group)
-    names = [scalar.value_name for scalar in fields.scalars]
+def _get_steps(file: Any, zone: Zone) -> Iterator[StepResult]:
+    """Return the finished increments, with slips that the file does not hold."""
+    steps = file["steps"]
+    start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
+    for name in sorted(steps, key=int):
+        link = steps.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink) and not (Path(file.filename).parent / link.filename).exists():
+            return  # the run was stopped before
+        step = _get_step(file, steps[name], zone, *start)
+        if step.status is Status.CONVERGED:
+            start = step.total_slip, step.slip_path
+        yield step
+
+
+def _get_step(file: Any, group: Any, zone: Zone, total_slip: Array, slip_path: Array) -> StepResult:
+    """Return an increment; total_slip (n, 2) and slip_path (n,) [m] are those of the last converged one before."""
+    n = len(zone.points)
+    boundary, second_body, field_set = None, None, _get_field_set(group)
+    rows = _surface_fields(field_set)
     if "second_body" in group:
-        own = group["second_body"]
-        second_body = SecondSurface(numbers_of(own, "displacement", (n, 3)), _get_scalars(own, names, n))
+        second_body = SecondSurface(**_get_fields(group["second_body"], rows, n))
     if "boundary" in group:
         own, shared = group["boundary"], file["boundary"]
         p = len(shared["points"])
-        both = (numbers_of(own, name, (p, fields.size)) for name in ("values", "fluxes"))
-        boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *both)
+        fields = (numbers_of(own, name, (p, field_set.size)) for name in ("values", "fluxes"))
+        boundary = NodalFields(numbers_of(shared, "points", (p, 3)), _get_cells(shared, p), *fields)
+    held = [row for row in schema.nodal_fields(field_set) if row.attribute]
+    zero = text_of(group, "zero").split()
+    missing = {row.name for row in held if row.stored is not Stored.ALWAYS and row.name not in (*group, *zero)}
+    loading = _get_loading(group["loading"], field_set)
+    arrays = _get_fields(group, [row for row in held if row.name not in missing], n)
+    if missing:
+        surface = arrays["displacement"] if second_body is None else arrays["displacement"] - second_body.displacement
+        touching = arrays["region"] != Region.OPEN
+        derived = _slips(zone, loading, surface, touching, total_slip, slip_path)
+        arrays |= {name: derived[name] for name in missing}
     return StepResult(
-        loading=_get_loading(group["loading"], fields),
+        loading=loading,
         step=int(group["step"][()]),
         increment=int(group["increment"][()]),
-        initial_gap=numbers_of(group, "initial_gap", (n,)),
-        traction=numbers_of(group, "traction", (n, 3)),
-        displacement=numbers_of(group, "displacement", (n, 3)),
-        potentials=_get_scalars(group, names, n),
-        fluxes=_get_scalars(group, [scalar.flux_name for scalar in fields.scalars], n),
-        contact_fraction=numbers_of(group, "contact_fraction", (n,)),
-        slip=numbers_of(group, "slip", (n, 2)),
-        total_slip=numbers_of(group, "total_slip", (n, 2)),
-        slip_path=numbers_of(group, "slip_path", (n,)),
-        dissipation=numbers_of(group, "dissipation", (n,)),
-        region=numbers_of(group, "region", (n,), "iu"),
+        **arrays,
         status=Status(group.attrs["status"]),
         iterations=int(group["iterations"][()]),
         residual=float(group["residual"][()]),
@@ -251,20 +327,47 @@ def _get_step(file: Any, group: Any, n: int) -> StepResult:
         second_body=second_body,
         area_fraction=numbers_of(group, "area_fraction", (n,)) if "area_fraction" in group else None,
         reaches_edge=bool(group.attrs["reaches_edge"]),
-        fields=fields,
+        fields=field_set,
     )
 
 
-def _get_fields(group: Any) -> FieldSet:
+def _get_field_set(group: Any) -> FieldSet:
     """Return the field set of an increment; files of earlier versions, which do not say, have the default one."""
     if "scalar_fields" not in group.attrs:
         return MEE
     return FieldSet(tuple(ScalarField(**entry) for entry in json.loads(text_of(group, "scalar_fields"))))
 
 
-def _get_scalars(group: Any, names: Sequence[str], n: int) -> Array:
-    """Return datasets (n,) of these names as one array, (n, scalars)."""
-    return np.stack([numbers_of(group, name, (n,)) for name in names], axis=1)
+def _slips(
+    zone: Zone, loading: Loading, displacement: Array, touching: Any, total_slip: Array, slip_path: Array
+) -> dict[str, Array]:
+    """Return what follows from the motion of the indenter and the displacement (n, 3) of the surface under it.
+
+    The total slip is their difference along e1 and e2; the others follow from the last converged increment before.
+    """
+    modes = motion_modes(zone.points, zone.frames, loading.axes, loading.reference)[:N_RIGID]
+    total: Array = np.einsum("k,knt->nt", loading.motion[:N_RIGID], modes[:, :, :2]) - displacement[:, :2]
+    slip = total - total_slip
+    path = slip_path + np.where(touching, np.linalg.norm(slip, axis=1), 0.0)
+    return {"slip": slip, "total_slip": total, "slip_path": path}
+
+
+def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any]:
+    """Return the attributes of records that nodal fields are taken from, by name."""
+    zero = text_of(group, "zero").split()
+    arrays: dict[str, Any] = {}
+    columns = 1 + max((row.column for row in rows if row.column is not None), default=-1)
+    for row in rows:
+        kinds = "iu" if row.integer else "biuf"
+        if row.name in zero:
+            values = np.zeros((n, *row.shape), np.int64 if row.integer else float)
+        else:
+            values = numbers_of(group, row.name, (n, *row.shape), kinds)
+        if row.column is None:
+            arrays[row.attribute] = values
+        else:
+            arrays.setdefault(row.attribute, np.empty((n, columns)))[:, row.column] = values
+    return arrays
 
 
 def _get_loading(group: Any, fields: FieldSet) -> Loading:

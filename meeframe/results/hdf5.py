@@ -26,7 +26,7 @@ class _Sink:
         return getattr(self._file, name)
 
     def write(self, data: Any) -> int:
-        """All of the data."""
+        """Return all of the data."""
         place, whole = self._file.tell(), memoryview(data).cast("B")
         left = whole
         try:
@@ -54,7 +54,7 @@ class _Sink:
 
 @contextmanager
 def sink(path: Path, mode: str) -> Iterator[_Sink]:
-    """A file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
+    """Return a file for HDF5 to write, mode "w", or to change, "r+". Raises OSError if it cannot be written."""
     file = _Sink(path, {"w": "w+", "r+": "r+"}[mode])
     try:
         yield file
@@ -66,13 +66,13 @@ def sink(path: Path, mode: str) -> Iterator[_Sink]:
 
 @contextmanager
 def changed_file(path: Path, mode: str) -> Iterator[Any]:
-    """An HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
+    """Return an HDF5 file to be written, mode "w", or to be changed, "r+". Raises OSError if it cannot be written."""
     with sink(path, mode) as own, h5py.File(own, mode) as file:
         yield file
 
 
 def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf") -> Any:
-    """A dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
+    """Return a dataset as an array. Raises ValueError unless it holds numbers, of kinds of numpy, in that shape."""
     values = group[name][()]
     if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds or values.shape != shape:
         found = f"{values.dtype} of shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
@@ -81,7 +81,7 @@ def numbers_of(group: Any, name: str, shape: tuple[int, ...], kinds: str = "biuf
 
 
 def text_of(group: Any, name: str) -> str:
-    """An attribute. Raises ValueError unless it is a text."""
+    """Return an attribute. Raises ValueError unless it is a text."""
     text = group.attrs[name]
     if not isinstance(text, str):
         raise ValueError(f"attribute {name!r} of {group.name} is no text")
@@ -89,7 +89,7 @@ def text_of(group: Any, name: str) -> str:
 
 
 def table_of(group: Any, name: str, kind: Any) -> dict[str, Any]:
-    """What an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
+    """Return what an attribute holds as JSON. Raises ValueError unless that is a table of values of a kind."""
     table = json.loads(text_of(group, name))
     if not isinstance(table, dict) or not all(isinstance(value, kind) for value in table.values()):
         raise ValueError(f"attribute {name!r} of {group.name} is not the table that belongs there")

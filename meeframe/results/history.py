@@ -21,14 +21,14 @@ _ROOM: Final = 0.05
 
 
 def name_of(result: Result, step: StepResult) -> str:
-    """An increment in words: 'step 2', or 'step 2.5' where the step has several."""
+    """Return an increment in words: 'step 2', or 'step 2.5' where the step has several."""
     several = any(other.step == step.step and other.increment > 1 for other in result.steps)
     return f"step {step.step}.{step.increment}" if several else f"step {step.step}"
 
 
 def history(result: Result) -> "Figure | None":
-    """Normal force over approach; if there is any, tangential force over translation, and energy dissipated since the
-    beginning.
+    """Return the normal force over approach; if there is any, tangential force over translation, and energy dissipated
+    since the beginning.
 
     Of the increments that converged; None if there are fewer than two.
     """

@@ -1,7 +1,9 @@
-"""The output folder: refused before anything is computed, made with the first result; files in it are whole."""
+"""The output folder: refused before anything is computed, held by one run at a time; files in it are whole."""
 
+import fcntl
 import os
 import re
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -10,23 +12,96 @@ from threading import get_native_id
 from typing import Final
 
 from meeframe.common.errors import ResultError
-from meeframe.fields import MEE, OPTIONAL_FIELDS
+from meeframe.results import schema
 
 RESULT_FILE: Final = "result.h5"
 SUMMARY_FILE: Final = "summary.json"
 FIELDS_FILE: Final = "fields.vtu"
-FIGURE_FILES: Final = (
-    "pressure.png",
-    *(f"{scalar.value_name}.png" for scalar in (*MEE.scalars, *OPTIONAL_FIELDS)),
-    "sections.png",
-    "stick_slip.png",
-    "history.png",
-)
-OUTPUT_FILES: Final = (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, *FIGURE_FILES)
+INCREMENTS: Final = "result.increments"
+"""Folder of the increments of a run that has not ended, one file each."""
+LOCK_FILE: Final = ".lock"
+_DRAWN: Final = ("sections.png", "stick_slip.png", "history.png")
+
+
+def output_files() -> tuple[str, ...]:
+    """Return the names of all files that a run may write."""
+    maps = (f"{name}.png" for name in schema.nodal(schema.View.MAP))
+    return (RESULT_FILE, SUMMARY_FILE, FIELDS_FILE, *maps, *_DRAWN)
+
+
+@contextmanager
+def open_output(folder: Path, overwrite: bool) -> Iterator[None]:
+    """Hold an output folder for one run, from before anything is computed until it ends.
+
+    Nothing in the folder is changed. A folder that is made for it goes again if it is still empty at the end.
+
+    Raises
+    ------
+    ResultError
+        If another process holds the folder, if the folder cannot be written, or if it holds anything and overwrite is
+        false.
+    """
+    with locked(folder):
+        check_output(folder, overwrite)
+        yield
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder for this process alone, by a lock on a file in it; make the folder if there is none.
+
+    The operating system releases the lock when the process ends, however it ends: a file that a killed process left
+    behind locks nothing. Without effect on file systems that have no locks. Raises ResultError if another process
+    holds the folder, or if it cannot be written.
+    """
+    absent: list[Path] = []
+    try:
+        if folder.is_file():
+            raise NotADirectoryError("it is a file")
+        absent = [path for path in (folder, *folder.parents) if not path.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        file = _lock(folder)
+    except OSError as error:
+        _remove_empty(absent)
+        raise _unwritable(folder, error) from None
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            (folder / LOCK_FILE).unlink()  # before the lock is released: nobody else holds this file
+        os.close(file)
+        _remove_empty(absent)
+
+
+def _lock(folder: Path) -> int:
+    """Return the descriptor of the locked lock file. Raises ResultError if another process holds it."""
+    while True:
+        file = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(file)
+            raise ResultError(
+                f"folder {folder} is in use: another run writes there; wait until it ends or name another folder"
+            ) from None
+        except OSError:  # a file system without locks
+            return file
+        try:
+            if os.path.samestat(os.fstat(file), os.stat(folder / LOCK_FILE)):
+                return file
+        except FileNotFoundError:  # its last holder removed it in between
+            pass
+        os.close(file)
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def check_output(folder: Path, overwrite: bool) -> None:
-    """See that the output folder can be made and files written there; nothing is changed or left behind.
+    """Check that the output folder can be made and files written there; nothing is changed or left behind.
 
     Raises ResultError if it cannot be written, or if it holds anything and overwrite is false.
     """
@@ -36,15 +111,13 @@ def check_output(folder: Path, overwrite: bool) -> None:
             raise NotADirectoryError("it is a file")
         absent = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-        occupied = sorted(entry.name for entry in folder.iterdir())
+        occupied = sorted(entry.name for entry in folder.iterdir() if entry.name != LOCK_FILE)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise _unwritable(folder, error) from None
     finally:
-        for made in absent:  # the first result makes it for good
-            with suppress(OSError):
-                made.rmdir()
+        _remove_empty(absent)  # the first result makes it for good
     if occupied and not overwrite:
         listed = ", ".join(occupied[:4]) + (", ..." if len(occupied) > 4 else "")
         otherwise = "name another one or pass --overwrite (from Python overwrite=True)"
@@ -66,10 +139,12 @@ def clear_output(folder: Path) -> None:
     """Make the output folder or remove the files that an earlier run left in it, and only those. Raises ResultError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in map(Path, OUTPUT_FILES):
+        for name in map(Path, output_files()):
             (folder / name).unlink(missing_ok=True)
             for leftover in folder.glob(f".{name.stem}.*{name.suffix}"):  # of a run that was killed while it wrote
                 leftover.unlink()
+        if (folder / INCREMENTS).is_dir():
+            shutil.rmtree(folder / INCREMENTS)
     except OSError as error:
         raise _unwritable(folder, error) from None
 
@@ -80,7 +155,7 @@ def _unwritable(folder: Path, error: OSError) -> ResultError:
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """Path of a temporary file that takes the target's place at the end, unless an exception passes.
+    """Return the path of a temporary file that takes the target's place at the end, unless an exception passes.
 
     Whatever happens, the target holds either its old content or its new one. Raises ResultError if writing fails.
     """
@@ -98,8 +173,8 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def _of_files(error: OSError | RuntimeError) -> str | None:
-    """What an error of a file says, in words; None if it is not one. HDF5 writes the number of what the system said
-    into its text, and what it meets on closing h5py raises as a RuntimeError."""
+    """Return what an error of a file says, in words; None if it is not one. HDF5 writes the number of what the system
+    said into its text, and what it meets on closing h5py raises as a RuntimeError."""
     number = re.search(r"errno = (\d+)", str(error))
     if number:
         return os.strerror(int(number[1]))
@@ -108,7 +183,7 @@ def _of_files(error: OSError | RuntimeError) -> str | None:
 
 @contextmanager
 def rewriting(target: Path) -> Iterator[Callable[[str], None]]:
-    """Writes texts into a file, each in place of the one before; an interruption is told where the last of them is."""
+    """Write texts into a file, each in place of the one before; an interruption is told where the last of them is."""
     written = False
 
     def write(text: str) -> None:

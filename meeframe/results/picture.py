@@ -23,7 +23,7 @@ TRIANGLES: Final = {
 
 
 def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
-    """Factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
+    """Return the factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
     return prefixed(np.array([np.ptp(zone.points, axis=0) / 2 for zone in zones]), "m")
 
 
@@ -44,7 +44,7 @@ class Picture:
 
     @classmethod
     def of(cls, zone: Zone, scale: tuple[float, str] | None = None) -> "Picture":
-        """The zone seen along its mean normal, coordinates from the middle of its extent.
+        """Return the zone seen along its mean normal, coordinates from the middle of its extent.
 
         They run along the axes that the zone's frames have where no direction field turns them. scale: factor and unit,
         if not those that suit the zone. A zone that knows no cells is cut as Delaunay did.
@@ -63,8 +63,8 @@ class Picture:
         return cls(points, factor, unit, axes, Triangulation(flat[:, 0], flat[:, 1], triangles), quads)
 
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
-        """StoppingCriteria along x and y of a square about these nodes (n,), half as large again; cut at the zone's
-        edges."""
+        """Return the stoppingCriteria along x and y of a square about these nodes (n,), half as large again; cut at
+        the zone's edges."""
         low, high = self.points[chosen].min(axis=0), self.points[chosen].max(axis=0)
         reach = 0.75 * (high - low).max() or np.ptp(self.points, axis=0).max()
         begin = np.maximum((low + high) / 2 - reach, self.points.min(axis=0))
@@ -72,17 +72,18 @@ class Picture:
         return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))
 
     def values(self, nodal: Array) -> Array:
-        """Values at the points of the triangulation of values (n,) at the nodes of the zone."""
+        """Return the values at the points of the triangulation of values (n,) at the nodes of the zone."""
         return _with_centres(nodal, self.quads)
 
     def shade(self, axes: Any, nodal: Array, **limits: float) -> Any:
-        """Colours of values (n,) at the nodes drawn over the zone; limits: vmin, vmax."""
+        """Return the colours of values (n,) at the nodes drawn over the zone; limits: vmin, vmax."""
         drawn = axes.tripcolor(self.triangulation, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
         drawn.set_in_layout(False)  # it ends with its axes; its extent would be found triangle by triangle
         return drawn
 
     def section(self, x: Array, *nodal: Array) -> list[Array]:
-        """Values along y = 0 at x (k,) for each of the values (n,) at the nodes, masked where there is no zone."""
+        """Return the values along y = 0 at x (k,) for each of the values (n,) at the nodes, masked where there is no
+        zone."""
         from matplotlib.tri import LinearTriInterpolator
 
         y = self.triangulation.y[self.triangulation.triangles]
@@ -96,7 +97,8 @@ class Picture:
         return self._part(np.logical_and.reduce(at))
 
     def _part(self, chosen: NDArray[np.bool_]) -> Any:
-        """The triangulation by these triangles (t,) alone, whole if there are none: matplotlib's have at least one."""
+        """Return the triangulation by these triangles (t,) alone, whole if there are none: matplotlib's have at least
+        one."""
         from matplotlib.tri import Triangulation
 
         flat = self.triangulation

@@ -42,7 +42,7 @@ class Zone:
 
 
 def zone_of(system: ReducedSystem) -> Zone:
-    """The contact zone of a reduced system."""
+    """Return the contact zone of a reduced system."""
     return Zone(system.points, system.frames, system.weights, system.cells)
 
 
@@ -223,7 +223,7 @@ class Resultants:
 
 
 def resultants(zone: Zone, step: StepResult) -> Resultants:
-    """Resultants and maxima over the contact zone.
+    """Return the resultants and maxima over the contact zone.
 
     force: (3,) of the indenter on the body, global axes [N]; the same along the axes of the indenter's place:
     normal_force, against its axis, and tangential_force (2,) [N], moment (2,) about e1 and e2 and torque about the axis

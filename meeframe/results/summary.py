@@ -7,25 +7,28 @@ from typing import Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.fields import FieldSet, ScalarField
+from meeframe.fields import MEE, FieldSet
 from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
+from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
-from meeframe.results.records import Result, Resultants, RunStatus, StepResult, Zone, resultants
+from meeframe.results.records import Result, RunStatus, StepResult, Zone, resultants
 
 AT_EDGE: Final = "the contact reaches the edge of its zone, where it is cut off: forces and areas are not its own"
 _Row = tuple[str, str, list[Any]]
 
+_ENERGY: Final = "dissipated_energy"
 _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 """Resultants that the table shows beside the motion on which they work; the others have rows in any case."""
 
 
 def summary(result: Result) -> dict[str, Any]:
-    """What summary.json holds, of plain Python types; see docs/results.md. Numbers that are not finite become None."""
+    """Return what summary.json holds, of plain Python types; see docs/results.md. Numbers that are not finite become
+    None."""
     made = result.provenance
     data = {
         "title": made.title,
@@ -44,22 +47,20 @@ def summary(result: Result) -> dict[str, Any]:
 
 
 def summary_json(result: Result) -> str:
-    """Text of summary.json."""
+    """Return the text of summary.json."""
     return json.dumps(summary(result), indent=2, allow_nan=False) + "\n"
 
 
 def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
-    totals, balance = resultants(zone, step), unbalance(step.boundary)
+    totals, balance = schema.totals(zone, step), unbalance(step.boundary)
     loading = step.loading
     return {
         "step": step.step,
         "increment": step.increment,
-        **{name: getattr(loading, name) for name in RIGID_MOTIONS},
-        **loading.scalars,
+        **{name: getattr(loading, name) for name in IndenterMotions(step.fields).motions},
         "prescribed": dict(loading.prescribed),
         "duration": loading.duration,
-        **{name: value for name, value in vars(totals).items() if name != "scalars"},
-        **totals.scalars,
+        **totals,
         "reaches_edge": step.reaches_edge,
         "unbalance": None if balance is None else _unbalance(balance, step.fields),
         "iterations": step.iterations,
@@ -75,7 +76,8 @@ def _unbalance(balance: Unbalance, fields: FieldSet) -> dict[str, Any]:
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
-    """What concerns a load step as a whole: its finished increments, and the energy that friction dissipates in it."""
+    """Return what concerns a load step as a whole: its finished increments, and the energy that friction dissipates in
+    it."""
     numbers = sorted({step.step for step in result.steps})
     counts = [sum(step.step == number for step in result.steps) for number in numbers]
     energies = _dissipated(result, numbers)
@@ -96,27 +98,21 @@ def _plain(value: Any) -> Any:
 
 
 def summary_table(result: Result) -> RenderableType:
-    """The summary for the terminal: a line on the run and a table with a column for each step, at its end."""
-    table = Table(title=result.provenance.title or None, title_justify="left")
+    """Return the summary for the terminal: a line on the run and a table with a column for each step, at its end."""
+    table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
     shown = [step for step, after in zip(result.steps, (*result.steps[1:], None), strict=True) if _ends(step, after)]
     for step in shown:
         table.add_column(name_of(result, step), justify="right")
-    totals = [resultants(result.zone, step) for step in shown]
+    totals = [schema.totals(result.zone, step) for step in shown]
+    for total, energy in zip(totals, _dissipated(result, [step.step for step in shown]), strict=True):
+        total[_ENERGY] = energy
     rows: list[_Row] = [
         ("approach", "m", [step.loading.approach for step in shown]),
-        *((f"force {axis}", "N", [total.force[i] for total in totals]) for i, axis in enumerate("xyz")),
         *_motions(shown, totals),
-        *(row for scalar in _scalar_fields(shown) for row in _where_any(*_scalar_rows(scalar, totals))),
+        *_totals(totals, shown[0].fields if shown else MEE),
         *_unbalances(shown),
-        ("contact area", "m^2", [total.contact_area for total in totals]),
-        *_where_any(
-            ("sticking area", "m^2", [total.stick_area for total in totals]),
-            ("dissipated energy, whole step", "J", _dissipated(result, [step.step for step in shown])),
-        ),
-        ("largest pressure", "Pa", [total.max_pressure for total in totals]),
-        *_where_any(("largest tension", "Pa", [total.max_tension for total in totals])),
         *_durations(result, shown),
         ("iterations", "", [step.iterations for step in shown]),
         ("residual", "", [step.residual for step in shown]),
@@ -129,18 +125,6 @@ def summary_table(result: Result) -> RenderableType:
     return Group(table, *messages, _headline(result))
 
 
-def _scalar_fields(shown: list[StepResult]) -> tuple[ScalarField, ...]:
-    return shown[0].fields.scalars if shown else ()
-
-
-def _scalar_rows(scalar: ScalarField, totals: list[Resultants]) -> Iterator[_Row]:
-    """Yield rows on the total flux and the largest potential of a scalar field."""
-    flux, potential = scalar.resultant.replace("_", " "), scalar.value_name.replace("_", " ")
-    yield flux, scalar.resultant_unit, [total.scalars[scalar.resultant] for total in totals]
-    largest = [total.scalars[f"max_abs_{scalar.value_name}"] for total in totals]
-    yield f"largest |{potential}|", scalar.value_unit, largest
-
-
 def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
     """Rows on what is missing to the equilibrium of the body, of closed boundaries whose fields are known."""
     found = [unbalance(step.boundary) for step in shown]
@@ -150,14 +134,18 @@ def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
             yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
 
 
-def _where_any(*rows: _Row) -> tuple[_Row, ...]:
-    """Rows on one phenomenon; none where all their numbers are zero."""
-    return rows if any(any(values) for _, _, values in rows) else ()
+def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
+    """Return rows of totals, of phenomena that there are; the dissipated energy is that of the whole load step."""
+    for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
+        for i, label in enumerate(row.labels):
+            words = f"{label}, whole step" if row.name == _ENERGY else label
+            yield words, row.unit, [float(np.atleast_1d(total[row.name])[i]) for total in totals]
 
 
-def _motions(shown: list[StepResult], totals: list[Resultants]) -> Iterator[_Row]:
-    """Rows of the indenter's motions other than the approach that were free or are not zero, and of their moments."""
-    motions = IndenterMotions(shown[0].fields) if shown else IndenterMotions()
+def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
+    """Return rows of the indenter's motions other than the approach that were free or are not zero, and of their
+    moments."""
+    motions = IndenterMotions(shown[0].fields if shown else MEE)
     for name, place in list(motions.motions.items())[1:]:
         free = any(motions.columns[key] == place for step in shown for key in step.loading.prescribed)
         moved = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
@@ -166,25 +154,24 @@ def _motions(shown: list[StepResult], totals: list[Resultants]) -> Iterator[_Row
         yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], moved)
         if name in _ABOUT:
             about = _ABOUT[name]
-            yield from _components(
-                about, motions.units[about], [np.atleast_1d(getattr(total, about)) for total in totals]
-            )
+            yield from _components(about, motions.units[about], [np.atleast_1d(total[about]) for total in totals])
 
 
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
-    """Rows of a quantity with one component, or with those along, or about, e1 and e2."""
+    """Return rows of a quantity with one component, or with those along, or about, e1 and e2."""
     words = (name.replace("_", " "),) if len(values[0]) == 1 else (f"{name} e1", f"{name} e2")
     for i, word in enumerate(words):
         yield word, unit, [float(value[i]) for value in values]
 
 
 def _ends(step: StepResult, after: StepResult | None) -> bool:
-    """Whether an increment is the last one of its step so far."""
+    """Return whether an increment is the last one of its step so far."""
     return after is None or after.step != step.step
 
 
 def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
-    """Row of the time that the finished increments of each load step took, if any step says how long it takes."""
+    """Return the row of the time that the finished increments of each load step took, if any step says how long it
+    takes."""
     if all(end.loading.duration is None for end in shown):
         return []
     all_times = [[s.loading.duration or math.nan for s in result.steps if s.step == end.step] for end in shown]
@@ -193,8 +180,8 @@ def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, 
 
 
 def _dissipated(result: Result, numbers: list[int]) -> list[float]:
-    """Energy that friction dissipates in the whole of each load step of these numbers [J]; increments that did not
-    converge do not count."""
+    """Return the energy that friction dissipates in the whole of each load step of these numbers [J]; increments that
+    did not converge do not count."""
     done = [step for step in result.steps if step.status is Status.CONVERGED]
     energies = [(step.step, resultants(result.zone, step).dissipated_energy) for step in done]
     return [float(sum(energy for number, energy in energies if number == wanted)) for wanted in numbers]

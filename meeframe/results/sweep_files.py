@@ -1,6 +1,5 @@
 """Files of a sweep: sweep.h5, which xarray opens, and sweep.json, which says what the folder's points are of."""
 
-import fcntl
 import json
 import shutil
 from collections.abc import Collection, Iterator
@@ -13,7 +12,7 @@ import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
 from meeframe.results.hdf5 import sink
-from meeframe.results.output import check_output, replacing
+from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
 from meeframe.results.sweep_records import INCREMENT, SweepResult
 
 FORMAT: Final = "meeframe-sweep 1"
@@ -21,7 +20,6 @@ SWEEP_FILE: Final = "sweep.h5"
 LIST_FILE: Final = "sweep.json"
 POINTS: Final = "points"
 SYSTEMS: Final = "systems"
-LOCK_FILE: Final = ".lock"
 NODE: Final = "node"
 
 
@@ -38,7 +36,7 @@ def write_sweep(folder: Path, sweep: SweepResult) -> None:
 
 
 def check_installed() -> None:
-    """Raises CaseError unless what writes sweep.h5 is installed."""
+    """Raise CaseError unless what writes sweep.h5 is installed."""
     try:
         for module in ("xarray", "h5netcdf"):
             import_module(module)
@@ -47,7 +45,7 @@ def check_installed() -> None:
 
 
 def dataset(sweep: SweepResult) -> Any:
-    """The sweep as an xarray.Dataset."""
+    """Return the sweep as an xarray.Dataset."""
     import xarray
 
     names = [axis.name for axis in sweep.axes]
@@ -77,29 +75,8 @@ def open_folder(folder: Path, keys: Collection[str], overwrite: bool) -> Iterato
     unless overwrite is true if it holds anything else, or another sweep.
     """
     check_output(folder, overwrite or _held(folder) is not None or _begun(folder))
-    with _locked(folder):
+    with locked(folder):
         _make_ready(folder, set(keys), overwrite)
-        yield
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """The folder for this process alone. The system lets go of it when the process ends, however it ends."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK_FILE).open("a")
-    except OSError as error:
-        raise _unwritable(folder, error) from None
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ResultError(
-                f"folder {folder} is in use: another process writes a sweep there; wait until it ends or name another "
-                "folder"
-            ) from None
-        except OSError:  # a file system without locks
-            pass
         yield
 
 
@@ -142,7 +119,7 @@ def drop_systems(folder: Path, keys: Collection[str]) -> None:
 
 
 def _begun(folder: Path) -> bool:
-    """Whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
+    """Return whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
     try:
         return all(
             path.name == LOCK_FILE
@@ -155,7 +132,7 @@ def _begun(folder: Path) -> bool:
 
 
 def _held(folder: Path) -> set[str] | None:
-    """Keys of the points of the sweep that a folder holds; None if it holds none."""
+    """Return the keys of the points of the sweep that a folder holds; None if it holds none."""
     try:
         table = json.loads((folder / LIST_FILE).read_text(encoding="utf-8"))
         return set(table["points"]) if table["format"] == FORMAT else None

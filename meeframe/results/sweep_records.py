@@ -51,7 +51,7 @@ class SweepResult:
         return tuple(len(axis.labels) for axis in self.axes)
 
     def last(self, quantity: str) -> Array:
-        """A quantity at the end of each point, in the shape of the axes: its last increment that is a number."""
+        """Return a quantity at the end of each point, in the shape of the axes: its last increment that is a number."""
         values = self.quantities[quantity]
         if values.ndim == len(self.axes):
             return values

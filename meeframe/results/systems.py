@@ -1,4 +1,4 @@
-"""Files of reduced systems: what a reduction computes, kept so that it need not be computed again."""
+"""Files of reduced systems: the results of reductions, stored so that they are computed once."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,14 +11,15 @@ import numpy as np
 from meeframe.fields import Array
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
+from meeframe.system.capabilities import AnyArray
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import AnyArray, NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 Found = TypeVar("Found")
 
 FORMAT: Final = "meeframe-system 1"
-KEPT: Final = "meeframe-kept-system 1"
-"""Of systems without a matrix, in the arrays that their formulation restores them from."""
+ARRAYS: Final = "meeframe-kept-system 1"
+"""Format of systems without a matrix, stored as the arrays of `Persistence.to_arrays`."""
 
 _UNITS: Final = {
     "points": "m",
@@ -42,20 +43,20 @@ def write_system(path: Path, key: str, system: ReducedSystem, matrix: Array) -> 
             _put(file, f"cells/{number}", connectivity).attrs.update({"type": cell_type, "units": "1"})
 
 
-def write_kept(path: Path, key: str, kept: Mapping[str, AnyArray]) -> None:
-    """Write what a reduced system without a matrix keeps (ReducedSystem.kept); see write_system."""
-    with _written(path, KEPT, key) as file:
-        for name, array in kept.items():
+def write_arrays(path: Path, key: str, arrays: Mapping[str, AnyArray]) -> None:
+    """Write the arrays of a reduced system without a matrix (`Persistence.to_arrays`); see write_system."""
+    with _written(path, ARRAYS, key) as file:
+        for name, array in arrays.items():
             _put(file, name, array)
 
 
-def read_kept(path: Path, key: str) -> dict[str, AnyArray] | None:
-    """What write_kept wrote; None if there is no whole file of this key."""
-    return _read(path, KEPT, key, lambda file: {name: file[name][()] for name in file})
+def read_arrays(path: Path, key: str) -> dict[str, AnyArray] | None:
+    """Return the arrays of a file of write_arrays; None if there is no complete file with this key."""
+    return _read(path, ARRAYS, key, lambda file: {name: file[name][()] for name in file})
 
 
 def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) -> DenseSystem | None:
-    """The reduced system of a file, bit for bit; None if there is no whole file of this key.
+    """Return the reduced system of a file, bit for bit; None if there is no whole file of this key.
 
     recovery: how fields on the whole boundary are found, which no file holds.
     """
@@ -69,7 +70,7 @@ def read_system(path: Path, key: str, recovery: Callable[[Array], NodalFields]) 
 
 
 def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Found | None:
-    """What is taken from a file of this kind and key; None if there is no whole one."""
+    """Return what is taken from a file of this kind and key; None if there is no whole one."""
     try:
         with h5py.File(path, "r") as file:
             return take(file) if (file.attrs["format"], file.attrs["key"]) == (kind, key) else None
@@ -79,13 +80,14 @@ def _read(path: Path, kind: str, key: str, take: Callable[[Any], Found]) -> Foun
 
 @contextmanager
 def _written(path: Path, kind: str, key: str) -> Iterator[Any]:
-    """A file in the making."""
+    """Return a file in the making."""
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         file.attrs.update({"format": kind, "key": key})
         yield file
 
 
 def _put(file: Any, name: str, array: Any) -> Any:
-    """A dataset with a check sum, so that a change on the disk shows when it is read; single numbers have none."""
+    """Return a dataset with a check sum, so that a change on the disk shows when it is read; single numbers have
+    none."""
     checked = {"chunks": True, "fletcher32": True} if np.ndim(array) else {}
     return file.create_dataset(name, data=array, **checked)

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
-from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, Indices
+from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_pairs
+from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, replacing
 from meeframe.results.records import Result, StepResult, Zone
 from meeframe.system.reduced import NodalFields
@@ -31,14 +32,14 @@ def write_fields(folder: Path, result: Result) -> None:
 
     step = next((step for step in reversed(result.steps) if step.boundary is not None), None)
     if step is None or step.boundary is None:
-        raise ResultError("the result holds no fields on the boundary to write")
+        raise ResultError(
+            "the result holds no fields on the whole boundary; with [output] fields in the case file, name 'boundary'"
+        )
     boundary = step.boundary
-    data: dict[str, Array | Indices] = {"displacement [m]": boundary.values[:, MECHANICAL]}
-    for column, scalar in enumerate(step.fields.scalars, N_MECHANICAL):
-        data[f"{scalar.value_name.replace('_', ' ')} [{scalar.value_unit}]"] = boundary.values[:, column]
-    data["traction [Pa]"] = boundary.fluxes[:, MECHANICAL]
-    for column, scalar in enumerate(step.fields.scalars, N_MECHANICAL):
-        data[f"{scalar.flux_name.replace('_', ' ')} [{scalar.flux_unit}]"] = boundary.fluxes[:, column]
+    data: dict[str, Array | Indices] = {
+        field.label: np.squeeze(getattr(boundary, field.source)[:, field.columns], axis=1 if field.is_scalar else ())
+        for field in schema.boundary_fields(step.fields)
+    }
     data |= _contact(result.zone, step, boundary)
     mesh = meshio.Mesh(boundary.points, _cells(boundary), point_data=data)
     with replacing(folder / FIELDS_FILE) as path:
@@ -46,20 +47,25 @@ def write_fields(folder: Path, result: Result) -> None:
 
 
 def _contact(zone: Zone, step: StepResult, boundary: NodalFields) -> dict[str, Array | Indices]:
-    """Region (p,) and slips (p, 3) in global axes at the points of the boundary."""
+    """Return fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
+
+    Elsewhere whole numbers are zero, others NaN.
+    """
     points, nodes = _matched(zone, boundary)
-    region = np.zeros(len(boundary.points), np.int64)
-    region[points] = step.region[nodes]
-    data: dict[str, Array | Indices] = {"region": region}
-    for name in ("slip", "total_slip"):
-        slip = np.full((len(boundary.points), 3), np.nan)
-        slip[points] = np.einsum("nt,nti->ni", getattr(step, name)[nodes], zone.frames[nodes, :2])
-        data[f"{name.replace('_', ' ')} [m]"] = slip
+    data: dict[str, Array | Indices] = {}
+    for row in schema.nodal(schema.View.VTK, step.fields).values():
+        values = row.values(zone, step)[nodes]
+        if row.components in (2, 3):
+            values = np.einsum("nt,nti->ni", values, zone.frames[nodes, : row.components])
+        shape = (len(boundary.points), *values.shape[1:])
+        field = np.zeros(shape, np.int64) if row.integer else np.full(shape, np.nan)
+        field[points] = values
+        data[row.label if row.unit == "1" else f"{row.label} [{row.unit}]"] = field
     return data
 
 
 def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
-    """Points of the boundary on elements of the contact zone, and the nodes of the zone that they are.
+    """Return the points of the boundary on elements of the contact zone, and the nodes of the zone that they are.
 
     By elements: at the edge of the zone a point that is repeated there may belong to the surface outside.
     """
@@ -77,7 +83,7 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
 
 
 def _rows_among(rows: Indices, others: Indices) -> NDArray[np.bool_]:
-    """Which rows (e, n) hold the same numbers as one of the others (f, n), in any order."""
+    """Return which rows (e, n) hold the same numbers as one of the others (f, n), in any order."""
     row = np.dtype([("", np.int64)] * rows.shape[1])
     one, other = (np.ascontiguousarray(np.sort(each, axis=1), np.int64).view(row) for each in (rows, others))
     return np.isin(one, other)[:, 0]

@@ -14,6 +14,7 @@ from meeframe.solvers.cg.projected_cg import ProjectedCG
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
 from meeframe.solvers.newton.method import SemismoothNewton
+from meeframe.system.capabilities import EdgeResolution
 
 FALL: Final = 0.9
 """Progress is a residual below this fraction of the smallest so far."""
@@ -118,7 +119,7 @@ def _stages(problem: ContactProblem) -> tuple[_Stage, ...]:
 def _resolves_edges(problem: ContactProblem) -> bool:
     """Whether edges lie between nodes, or are to once the problem has been solved
     (meeframe.solvers.edge_resolution)."""
-    return problem.area_fraction is not None or problem.system.edges(np.zeros(len(problem.gap))) is not None
+    return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
 
 
 def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactState | None, scales: Scales) -> Iterate:

@@ -9,8 +9,9 @@ from meeframe.contact.conduction import TOUCHING
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.driver import StoppingCriteria, solve
+from meeframe.system.capabilities import EdgeResolution, IndenterEdge
 from meeframe.system.edge_correction import correct_edge
-from meeframe.system.reduced import IndenterEdge, Progress, silent
+from meeframe.system.reduced import Progress, silent
 
 
 def solve_to_edges(
@@ -45,15 +46,13 @@ def resolved(
     rim: gives where the indenter ends; asked for only if the system resolves edges.
     """
     pressure = np.maximum(-state.load[:, 2], 0.0)
-    smooth = problem.system.edges(pressure)
-    if smooth is None:
+    resolution = problem.system.capability(EdgeResolution)
+    if resolution is None:
         return None
-    end = rim()
-    edges = smooth if end is None else problem.system.edges(pressure, end)
-    if edges is None:
-        return None
+    smooth, end = resolution.edge_correction(pressure), rim()
+    edges = smooth if end is None else resolution.edge_correction(pressure, end)
     # a rim counts if it changes the edge: one somewhere in the zone, which the contact does not reach, is none
-    ends = end is not None and not np.array_equal(edges.own, smooth.own)
+    ends = end is not None and not np.array_equal(edges.extra_compliance, smooth.extra_compliance)
     if not (ends or _charged_edge(problem)):
         return None
     gap = problem.gap
@@ -62,7 +61,9 @@ def resolved(
     elif (np.isinf(gap) & (edges.area_fraction > 0.0)).any():
         return None
     area_fraction = np.where(np.isfinite(gap), edges.area_fraction, 0.0)
-    return replace(problem, system=correct_edge(problem.system, edges.own), gap=gap, area_fraction=area_fraction)
+    return replace(
+        problem, system=correct_edge(problem.system, edges.extra_compliance), gap=gap, area_fraction=area_fraction
+    )
 
 
 def _charged_edge(problem: ContactProblem) -> bool:

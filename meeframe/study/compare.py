@@ -8,10 +8,11 @@ from typing import Final
 
 from meeframe.common.errors import MeeframeError
 from meeframe.common.toml import read_toml
+from meeframe.formulations.base import Formulation
 from meeframe.mesh import zone_frames
 from meeframe.mesh.body import Body
 from meeframe.model.cache import distinct_bodies, system_key
-from meeframe.model.case import Case, Warn, unheard, warnings_of
+from meeframe.model.case import Case, Warn, ignore, warnings_of
 from meeframe.model.solve import bodies_of, joined, provenance, reduce_for_contact, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
@@ -20,7 +21,7 @@ from meeframe.results.output import check_output, replacing, rewriting
 from meeframe.results.records import Zone, zone_of
 from meeframe.study.choices import Combination, combinations, read_choices
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_figure, comparison_json
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, silent
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 NUMBERS_FILE: Final = "compare.json"
 FIGURE_FILE: Final = "sections.png"
@@ -33,7 +34,7 @@ def compare(
     overwrite: bool = False,
     registry: Registry | None = None,
     progress: Progress = silent,
-    warn: Warn = unheard,
+    warn: Warn = ignore,
 ) -> Comparison:
     """Run all combinations of a case file; write compare.json, after every increment anew, and sections.png into `out`.
 
@@ -50,8 +51,8 @@ def compare(
     chosen = combinations(file, tables, read_choices(options), registry)
     check_output(out, overwrite)
     cases = [combination.case for combination in chosen if combination.case is not None]
-    doubts = dict.fromkeys(text for case in cases for text in case.doubts)
-    for warning in (*warnings_of(distinct_bodies(cases).values()), *doubts):
+    foreseen = dict.fromkeys(text for case in cases for text in case.preflight)
+    for warning in (*warnings_of(distinct_bodies(cases).values()), *foreseen):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(str(tables.get("title", "")), text, versions)

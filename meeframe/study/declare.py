@@ -13,7 +13,8 @@ from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml
 from meeframe.fields.units import read_quantity
 from meeframe.plugin.validation import Problem, TableError, choices, problems_of
-from meeframe.study.quantities import NODAL, TOTALS
+from meeframe.results import schema
+from meeframe.study.quantities import TOTALS
 
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
@@ -142,7 +143,7 @@ class StudyTable(Table):
 
     @model_validator(mode="after")
     def _quantities_are_known(self) -> "StudyTable":
-        names = TOTALS if self.kind == "curves" else NODAL
+        names = TOTALS if self.kind == "curves" else schema.nodal(schema.View.STUDY)
         for panel in self.panels:
             shown = self.shown(panel)
             if not shown:

@@ -13,7 +13,7 @@ from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
 from meeframe.results.records import StepResult, Zone, resultants
 from meeframe.study.declare import Changes, PanelTable, StudyTable, changed, load_study
-from meeframe.study.quantities import NODAL, TOTALS, largest
+from meeframe.study.quantities import TOTALS, largest, nodal
 from meeframe.study.reports.study import Panel, Study
 from meeframe.study.sweep.engine import InProcess, Pool, solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus
@@ -136,7 +136,7 @@ def _panel(
 def _values(study: StudyTable, quantity: str, run: Run) -> Array:
     if study.kind == "curves":
         return np.array(TOTALS[quantity](resultants(run.zone, run.step)))
-    return NODAL[quantity](run.zone, run.step)
+    return nodal(quantity, run.zone, run.step)
 
 
 def _scale(study: StudyTable, quantity: str, reference: Run) -> float:

@@ -1,4 +1,4 @@
-"""Validation: the cases of a folder, run one after the other, with table, numbers and report written as they come.
+"""Run the validation cases of a folder one after the other, and write table, numbers and report along the way.
 
 A case is a folder with a module checks.py: TITLE, SOURCE (where the references are published) and a generator
 `run(quick)` of the records below. At its top it may import modules beside it, and those beside its folder, by name.
@@ -48,7 +48,7 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba", "tamaas")
 
 @dataclass(frozen=True, eq=False)
 class ValidationCase:
-    """A case to run. items: what its run yields, for a quick or a full validation."""
+    """A case to run. items: function that yields its items, for a quick or a full validation."""
 
     name: str
     title: str
@@ -59,10 +59,12 @@ class ValidationCase:
 def known_cases(folder: Path) -> dict[str, Path]:
     """Return the case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
     if not folder.is_dir():
-        raise CaseError(f"folder of cases {folder} does not exist; name the one that holds them with --validation")
+        raise CaseError(f"folder of validation cases {folder} does not exist; name another folder with --validation")
     found = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
     if not found:
-        raise CaseError(f"folder of cases {folder} holds no */{MODULE}; name another one with --validation")
+        raise CaseError(
+            f"folder of validation cases {folder} contains no */{MODULE}; name another folder with --validation"
+        )
     return found
 
 
@@ -71,7 +73,7 @@ def load_case(folder: Path) -> ValidationCase:
     module = _import(folder / MODULE)
     for name, kind in (("TITLE", str), ("SOURCE", str), ("run", Callable)):
         if not isinstance(getattr(module, name, None), kind):  # type: ignore[arg-type]
-            raise CaseError(f"{folder / MODULE}: {name} is missing; a case has the texts TITLE, SOURCE and run(quick)")
+            raise CaseError(f"{folder / MODULE}: {name} is missing; a case defines TITLE, SOURCE and run(quick)")
     return ValidationCase(folder.name, module.TITLE, module.SOURCE, module.run)
 
 

@@ -16,7 +16,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import ELECTRIC, N_FIELDS
 from meeframe.indenters.base import COLUMNS, MOTIONS
 from meeframe.model.cache import cached_reduce
-from meeframe.model.case import Case, Warn, unheard, warnings_of
+from meeframe.model.case import Case, Warn, ignore, warnings_of
 from meeframe.model.load import case_from_tables, load_case
 from meeframe.model.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.plugin import registry as plugins
@@ -90,7 +90,7 @@ def verify(
     registry: Registry | None = None,
     progress: Progress = silent,
     cache: Path | None = None,
-    warn: Warn = unheard,
+    warn: Warn = ignore,
 ) -> Verification:
     """Run a case by several formulations on several meshes; write verify.json, after every run anew, and a picture.
 
@@ -113,7 +113,7 @@ def verify(
         raise CaseError(f"{file}: a verification needs two formulations or more that take the case{told}")
     check_output(out, overwrite)
     out.mkdir(parents=True, exist_ok=True)
-    for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.doubts):
+    for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.preflight):
         warn(text)
     versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
     found = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))

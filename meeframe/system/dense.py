@@ -1,4 +1,4 @@
-"""A reduced system held as one matrix: what dense boundary elements and finite elements hand over."""
+"""Reduced systems stored as one matrix, as made by dense boundary elements and finite elements."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,32 +13,36 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 @final
 @dataclass(frozen=True, eq=False)
 class DenseSystem(ReducedSystem):
-    """displacement = offset + matrix : load.
+    """A reduced system with displacement = offset + matrix : load.
 
-    matrix: (n, 5, n, 5), response (node, field) to the load (node, field), signs as in ReducedSystem;
-    recovery: gives the fields on the whole boundary for a load (n, 5).
+    Attributes
+    ----------
+    matrix
+        (n, 5, n, 5), response (node, field) to the load (node, field), signs as in `ReducedSystem`.
+    recovery
+        Function that returns the fields on the whole boundary for a load (n, 5).
     """
 
     matrix: Array
     recovery: Callable[[Array], NodalFields]
 
     def apply(self, load: Array) -> Array:
-        """compliance(load), (n, 5) for load (n, 5): one matrix-vector product."""
+        """Return compliance(load), (n, 5), for a load (n, 5) by one matrix-vector product."""
         size = self.offset.size
         response: Array = self.matrix.reshape(size, size) @ np.ravel(load)
         return response.reshape(load.shape)
 
     def diagonal_blocks(self) -> Array:
-        """Response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, 5, 5)."""
         nodes = np.arange(len(self.offset))
         return self.matrix[nodes, :, nodes, :]
 
     def dense(self) -> Array | None:
-        """The compliance, (n, 5, n, 5)."""
+        """Return the compliance, (n, 5, n, 5)."""
         return self.matrix
 
     def recover(self, load: Array) -> NodalFields:
-        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
         return self.recovery(load)
 
 
@@ -51,10 +55,16 @@ def in_local_frames(
     compliance: Array,
     fields: Callable[[Array], NodalFields],
 ) -> DenseSystem:
-    """The reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
+    """Return the reduced system of a relation in global axes: values (n, 5) = offset + compliance : extended tractions.
 
-    points, frames, weights, cells: as in ReducedSystem; offset: (n, 5) and compliance: (n, 5, n, 5) of the extended
-    displacement, potentials not negated; fields: on the whole boundary for extended tractions (n, 5) in global axes.
+    Parameters
+    ----------
+    points, frames, weights, cells
+        As in `ReducedSystem`.
+    offset, compliance : (n, 5) and (n, 5, n, 5) arrays
+        Of the extended displacement, potentials not negated.
+    fields
+        Function that returns the fields on the whole boundary for extended tractions (n, 5) in global axes.
     """
     n_fields = offset.shape[1]
     to_load = np.zeros((len(frames), n_fields, n_fields))

@@ -1,4 +1,4 @@
-"""A reduced system with nothing but what it must have: for tests of what solvers do without the rest."""
+"""A reduced system without capabilities, for tests of what solvers do without them."""
 
 from dataclasses import dataclass
 from typing import final
@@ -10,27 +10,33 @@ from meeframe.system.reduced import NodalFields, ReducedSystem
 @final
 @dataclass(frozen=True, eq=False)
 class MatrixFree(ReducedSystem):
-    """A system that shows neither its matrix nor an approximate inverse nor a coarser division."""
+    """A system that hides the matrix and all capabilities of another one.
+
+    Attributes
+    ----------
+    hidden
+        The other system.
+    """
 
     hidden: ReducedSystem
 
     @classmethod
     def of(cls, system: ReducedSystem) -> "MatrixFree":
-        """Of any system."""
+        """Return a system with the same products and nothing else."""
         return cls(system.points, system.frames, system.weights, system.cells, system.offset, system)
 
     def apply(self, load: Array) -> Array:
-        """See ReducedSystem."""
+        """Return the product of the hidden system."""
         return self.hidden.apply(load)
 
     def diagonal_blocks(self) -> Array:
-        """See ReducedSystem."""
+        """Return those of the hidden system."""
         return self.hidden.diagonal_blocks()
 
     def dense(self) -> None:
-        """Nothing."""
+        """Return None."""
         return
 
     def recover(self, load: Array) -> NodalFields:
-        """See ReducedSystem."""
+        """Return that of the hidden system."""
         return self.hidden.recover(load)

@@ -4,7 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
+from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
 ROUND_OFF: Final = 1e-9
@@ -13,7 +14,7 @@ LOADS: Final = 6
 
 def typical_load(system: ReducedSystem) -> Array:
     """Return the sizes (5,) of loads whose own displacements do work alike."""
-    own: Array = system.own_response(range(N_FIELDS)).mean(axis=0)
+    own: Array = diagonal(system, range(system.n_fields)).mean(axis=0)
     return 1.0 / np.sqrt(np.abs(own))
 
 

@@ -217,10 +217,10 @@ def test_stopped_in_a_run(case_file, tmp_path, monkeypatch, error, status, expec
     def stop(*_):
         raise error
 
-    monkeypatch.setattr("meeframe.model.run.solve_steps", stop)
+    monkeypatch.setattr("meeframe.study.run.solve_steps", stop)
     code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (code, out) == (status, "")
-    assert err.splitlines()[-1] == f"{expected}; no step was finished; nothing was written to {tmp_path / 'out'}"
+    assert err.splitlines()[-1] == f"{expected}; no increment was finished; nothing was written to {tmp_path / 'out'}"
     assert not (tmp_path / "out").exists()
 
 
@@ -230,8 +230,8 @@ def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_pa
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meeframe.model.run.solve_steps", stop)
-    monkeypatch.setattr("meeframe.model.run._content", stop)
+    monkeypatch.setattr("meeframe.study.run.solve_steps", stop)
+    monkeypatch.setattr("meeframe.study.run._Run._content", stop)
     code, out, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (code, out) == (130, "")
     assert err.splitlines()[-1] == "interrupted"
@@ -277,7 +277,7 @@ def test_stopped_before_the_run(case_file, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("meeframe.model.run.load_case", stop)
+    monkeypatch.setattr("meeframe.study.run.load_case", stop)
     status, _, err = meeframe_command("run", case_file, "--out", tmp_path / "out")
     assert (status, err.splitlines()[-1]) == (130, f"interrupted; nothing was written to {tmp_path / 'out'}")
 

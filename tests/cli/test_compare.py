@@ -13,6 +13,7 @@ import meeframe
 from meeframe.cli import app
 from meeframe.common.errors import CaseError, MaterialError, MeshError
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.laws.base import ConductivityLaw
@@ -23,7 +24,7 @@ from meeframe.results.records import resultants
 from meeframe.study.choices import Choice
 from meeframe.study.compare import compare
 from meeframe.study.reports.compare import Comparison, comparison_table
-from meeframe.system.reduced import Formulation, silent
+from meeframe.system.reduced import silent
 
 NESTED = '{name = "dense-bem", fundamental_solution = "reside"}'
 COULOMB = '{name = "isotropic-coulomb", mu = 0.2}'

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meeframe.mesh import zone_frames
-from meeframe.plugin import Formulation, NodalFields, Record, ReducedSystem, hookimpl, silent
+from meeframe.plugin import NodalFields, Persistence, PersistentFormulation, Record, ReducedSystem, hookimpl, silent
 
 COMPLIANCE = 1e-14 * np.array([1.0, 1.0, 1.0, 1e13, 1e8])
 
@@ -36,7 +36,7 @@ def reach(place, fails):
 
 
 @dataclass(frozen=True, eq=False)
-class Bed(ReducedSystem):
+class Bed(ReducedSystem, Persistence):
     fails: str
 
     def apply(self, load):
@@ -54,13 +54,13 @@ class Bed(ReducedSystem):
         reach("recover", self.fails)
         return NodalFields(self.points, self.cells, self.apply(load), load)
 
-    def kept(self):
-        reach("kept", self.fails)
+    def to_arrays(self):
+        reach("to_arrays", self.fails)
         return {"nothing": np.zeros(1)}
 
 
 @dataclass(frozen=True)
-class Springs(Formulation):
+class Springs(PersistentFormulation):
     fails: str = ""
 
     def check(self, body):
@@ -76,8 +76,8 @@ class Springs(Formulation):
         offset = np.zeros((len(zone.points), 5))
         return Bed(zone.points, zone.frames, zone.weights, zone.cells, offset, self.fails)
 
-    def restored(self, body, kept):
-        reach("restored", self.fails)
+    def from_arrays(self, body, arrays):
+        reach("from_arrays", self.fails)
         return self.reduce(body)
 
 
@@ -148,10 +148,10 @@ def warned(case, _folder):
         ("apply", whole),
         ("recover", whole),
         ("dense", turned_case),
-        ("kept", for_contact),
-        ("restored", for_contact),
+        ("to_arrays", for_contact),
+        ("from_arrays", for_contact),
         ("dense", cached),
-        ("restored", cached_twice),
+        ("from_arrays", cached_twice),
         ("apply", continued),
     ],
 )

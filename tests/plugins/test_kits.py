@@ -12,6 +12,7 @@ import meeframe.testing as kits
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
 from meeframe.elements import Quad4
+from meeframe.formulations.base import Formulation, PersistentFormulation
 from meeframe.indenters.base import Indenter
 from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.laws.base import ContactLaw, conducts
@@ -21,8 +22,9 @@ from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
 from meeframe.plugin.scaffold import new_plugin
 from meeframe.solvers import SemismoothNewton
+from meeframe.system.capabilities import Persistence
 from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, ReducedSystem, silent
+from meeframe.system.reduced import ReducedSystem, silent
 from meeframe.testing.manufactured import LinearField
 
 
@@ -203,8 +205,8 @@ SPOILT = {
 
 
 @dataclass(frozen=True)
-class Altered(Formulation):
-    """A right formulation whose system is changed, and restored otherwise if it is kept."""
+class Altered(PersistentFormulation):
+    """A right formulation whose system is changed, and made from arrays otherwise."""
 
     inner: Formulation
     change: Callable[[DenseSystem, Body], ReducedSystem]
@@ -216,8 +218,8 @@ class Altered(Formulation):
     def reduce(self, body, progress=silent):
         return self.change(self.inner.reduce(body, progress), body)
 
-    def restored(self, body, kept):
-        return self.restore(self.inner.reduce(body), kept)
+    def from_arrays(self, body, arrays):
+        return self.restore(self.inner.reduce(body), arrays)
 
 
 @pytest.mark.parametrize("fault", SPOILT)
@@ -230,8 +232,8 @@ def test_wrong_formulations_are_caught(layer, fault):
 
 
 @dataclass(frozen=True, eq=False)
-class Kept(ReducedSystem):
-    """Keeps its offset, and shows no matrix."""
+class Stored(ReducedSystem, Persistence):
+    """Stores its offset, and shows no matrix."""
 
     inner: DenseSystem
 
@@ -247,27 +249,27 @@ class Kept(ReducedSystem):
     def recover(self, load):
         return self.inner.recover(load)
 
-    def kept(self):
+    def to_arrays(self):
         return {"offset": self.offset}
 
 
-def kept(system):
-    return Kept(system.points, system.frames, system.weights, system.cells, system.offset, system)
+def stored(system):
+    return Stored(system.points, system.frames, system.weights, system.cells, system.offset, system)
 
 
-RESTORED = {
-    "weights": lambda s, k: kept(replace(s, weights=2 * s.weights, offset=k["offset"])),
-    "apply": lambda s, k: kept(replace(s, matrix=2 * s.matrix, offset=k["offset"])),
+FROM_ARRAYS = {
+    "weights": lambda s, k: stored(replace(s, weights=2 * s.weights, offset=k["offset"])),
+    "apply": lambda s, k: stored(replace(s, matrix=2 * s.matrix, offset=k["offset"])),
 }
 
 
-@pytest.mark.parametrize("fault", RESTORED)
-def test_wrongly_restored_systems_are_caught(layer, fault):
+@pytest.mark.parametrize("fault", FROM_ARRAYS)
+def test_systems_wrongly_made_from_arrays_are_caught(layer, fault):
     formulation, body, field = layer
-    right = Altered(formulation, lambda s, _: kept(s), lambda s, k: kept(replace(s, offset=k["offset"])))
+    right = Altered(formulation, lambda s, _: stored(s), lambda s, k: stored(replace(s, offset=k["offset"])))
     kits.check_formulation(right, body, field, tolerance=1e-9)
-    with pytest.raises(AssertionError, match=f"{fault} is another when restored"):
-        kits.check_formulation(replace(right, restore=RESTORED[fault]), body, field, tolerance=1e-9)
+    with pytest.raises(AssertionError, match=f"{fault} changes when made from arrays"):
+        kits.check_formulation(replace(right, restore=FROM_ARRAYS[fault]), body, field, tolerance=1e-9)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.elements import Quad4
 from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, ScalarField
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.material import Material, library_material
@@ -31,12 +32,12 @@ from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
 from meeframe.results.figures import figures
-from meeframe.results.files import create_result, read_result
+from meeframe.results.files import read_result, write_result
 from meeframe.results.records import resultants
 from meeframe.results.summary import summary, summary_table
 from meeframe.results.vtk import write_fields
 from meeframe.solvers import Auto, StoppingCriteria, solve
-from meeframe.system.reduced import Formulation, ReducedSystem
+from meeframe.system.reduced import ReducedSystem
 
 HEAT = ScalarField(
     name="thermal",
@@ -191,7 +192,7 @@ def test_case_files_results_and_reports_show_it(tmp_path: Path) -> None:
     drop = last.potentials[:, 2] - last.loading.temperature
     equal(last.fluxes[:, 2], np.where(last.touching, 700.0 * drop, 0.0))
 
-    create_result(tmp_path, result)
+    write_result(tmp_path, result)
     read = read_result(tmp_path)
     assert read.steps[1].fields == case.fields
     np.testing.assert_array_equal(read.steps[1].fluxes, last.fluxes)

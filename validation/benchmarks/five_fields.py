@@ -16,6 +16,7 @@ from meeframe.laws import IsotropicCoulomb, Signorini
 from meeframe.laws.base import ContactLaw
 from meeframe.material import library_material
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
+from meeframe.system.capabilities import apply_fields, apply_load
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.half_space import indentation_problem
 
@@ -60,7 +61,7 @@ def conducting(n: int, material: str, potentials: tuple[float, float]) -> Record
         return solve(problem, solver, limits)
 
     found = {
-        "one product": lambda: system.response(normal, (2,)),
+        "one product": lambda: apply_load(system, normal, (2,)),
         "five products": lambda: system.apply(load),
         "one whole": lambda: whole(0.0, ProjectedCG()),
         "five whole": lambda: whole(np.inf, ProjectedCG()),
@@ -98,7 +99,7 @@ def newton(n: int) -> Record:
     runs = {name: sorted((turn[name] for turn in turns), key=_processor)[TURNS // 2] for name in jobs}
     system, load = _mee_half_space(n), np.random.default_rng(1).normal(size=(n * n, 5))
     normal = load * [0.0, 0.0, 1.0, 0.0, 0.0]
-    one = median_time(lambda: system.response(normal, [2]), 9)["processor"]
+    one = median_time(lambda: apply_load(system, normal, [2]), 9)["processor"]
     return {"runs": runs, "product_one": one, "product_five": median_time(lambda: system.apply(load), 9)["processor"]}
 
 
@@ -122,7 +123,7 @@ def shared(n: int) -> Record:
     record: Record = {}
     for count in (1, 2):
         with threads(count):
-            one = median_time(lambda: system.block_response(load[:, 2:3], (2,), (2,)), 9)
+            one = median_time(lambda: apply_fields(system, load[:, 2:3], (2,), (2,)), 9)
             five = median_time(lambda: system.apply(load), 9)
             record[str(count)] = {"one": 1e3 * one["wall"], "five": 1e3 * five["wall"]}
     return record

@@ -23,8 +23,8 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Half space by fast Fourier transforms, with friction"
 MU, SHARE, RADIUS = 0.3, 0.5, 1.0
@@ -68,7 +68,7 @@ def mindlin(system: ReducedSystem) -> ContactProblem:
 
 def timed(problem: ContactProblem, solver: Solver, tolerance: float = TOLERANCE) -> tuple[ContactSolution, Record]:
     """Solve a problem; return the solution with times [s], steps and products on the finest grid."""
-    counted = Counted.of(problem.system)
+    counted = OperationCounter.of(problem.system)
     problem = ContactProblem(
         counted,
         problem.contact_law,

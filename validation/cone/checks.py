@@ -1,4 +1,4 @@
-"""Love and Sneddon: a rigid cone on an isotropic half space."""
+"""Check a rigid cone on an isotropic half space against Love and Sneddon."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +17,7 @@ ANGLE = 0.02
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Force and contact radius on 64 cells, then the order of convergence."""
+    """Check force and contact radius on 64 cells, then the order of convergence."""
     case = Run(STIFFNESS, elastic_response(), Cone(ANGLE), APPROACH)
     found = case.at(64)
     exact = 2.0 / np.pi * MODULUS * APPROACH**2 / np.tan(ANGLE)

@@ -1,4 +1,4 @@
-"""Hertz with two radii of curvature: from nearly round to like a cylinder."""
+"""Check Hertz contacts with two radii of curvature, from nearly circular to cylinder-like."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ SOURCE = "Hertz (1882); Johnson, Contact Mechanics (1985), section 4.2."
 RADIUS = 0.02
 """Smaller radius of curvature, across x [m]."""
 RATIOS = (2.0, 10.0, 100.0)
-"""Of the radii."""
+"""Ratios of the radii."""
 
 
 @dataclass(frozen=True)
 class Ellipse:
-    """Semi-axes a >= b along x and y [m], peak pressure [Pa] of a contact at an approach."""
+    """Elliptic contact: semi-axes a >= b along x and y [m] and peak pressure [Pa]."""
 
     a: float
     b: float
@@ -33,16 +33,16 @@ class Ellipse:
 
     @property
     def force(self) -> float:
-        """2/3 p_0 pi a b [N]."""
+        """Force 2/3 p_0 pi a b [N]."""
         return 2.0 / 3.0 * np.pi * self.a * self.b * self.peak
 
     def pressure(self, x: Array, y: Array) -> Array:
-        """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) [Pa], zero outside."""
+        """Return p_0 sqrt(1 - x^2/a^2 - y^2/b^2) [Pa], zero outside."""
         return np.asarray(self.peak * np.sqrt(np.maximum(1.0 - (x / self.a) ** 2 - (y / self.b) ** 2, 0.0)))
 
 
 def contact(ratio: float) -> Ellipse:
-    """Radii ratio RADIUS along x, RADIUS along y.
+    """Return the contact for radii ratio * RADIUS along x and RADIUS along y.
 
     With k = b/a and m = 1 - k^2: A = p_0 b (K - E)/(E* m a^2), B = p_0 b (E/k^2 - K)/(E* m a^2), g = p_0 b K/E*.
     """
@@ -58,14 +58,14 @@ def contact(ratio: float) -> Ellipse:
 
 
 def pressed(ratio: float, cells: float) -> Pressed:
-    """So many cells along both axes of the ellipse."""
+    """Press with the given number of cells along both axes of the ellipse."""
     exact = contact(ratio)
     height = Paraboloid(ratio * RADIUS, RADIUS).height
     return press(STIFFNESS, height, APPROACH, (2.0 * exact.a, 2.0 * exact.b), cells)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Force, peak and semi-axes, 64 cells along both; one ellipse by way of its case file."""
+    """Check force, peak and semi-axes on 64 cells along both axes; one ellipse also from its case file."""
     exact = contact(10.0)
     totals = {"force": exact.force, "max_pressure": exact.peak}
     yield from totals_of(Path(__file__).with_name("paraboloid.toml"), totals)

@@ -1,4 +1,4 @@
-"""Friction against closed forms: Cattaneo-Mindlin with its loop, full stick, torsion."""
+"""Check friction against closed forms: Cattaneo-Mindlin with its loop, full stick, torsion."""
 
 from collections.abc import Iterator
 
@@ -34,7 +34,7 @@ EXACT, COUPLED = (0.0, True), (0.5, False)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """A grid of 32 x 32 cells for partial slip; coarser grids elsewhere; in full, boundary elements too."""
+    """Check partial slip on 32 x 32 cells, the rest on coarser grids; boundary elements if not `quick`."""
     shares = (0.6,) if quick else (0.3, 0.6, 0.8, 0.9)
     slips = [found for body in ((EXACT,) if quick else (EXACT, COUPLED)) for found in cattaneo(*body, 32, shares)]
     for row, _ in slips:
@@ -56,7 +56,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _slip(name: str, row: SlipRow, load: float) -> Iterator[Check]:
-    """The bounds stated beforehand for 32 cells, in proportion at coarser ones."""
+    """Check against bounds for 32 cells, which increase in proportion on coarser grids."""
     coarser = 32 / row.cells
     name = f"{name}, {row.cells} cells"
     yield _relative(f"{name}: load", row.load, load)
@@ -64,14 +64,14 @@ def _slip(name: str, row: SlipRow, load: float) -> Iterator[Check]:
         yield _relative(f"{name}: stick radius", row.stick_radius, 0.02 * coarser)
     else:
         yield _relative(f"{name}: stick radius from the margin to the friction limit", row.stick_moment, 0.02 * coarser)
-        # cells stick or slip as wholes: counting them tells where the outline is to half a cell
+        # cells stick or slip as a whole: counting them gives the outline to half a cell
         half_a_cell = ZONE / row.cells / stick_share(row.share) / 2
         yield _relative(f"{name}: stick radius from the area of sticking cells", row.stick_radius, half_a_cell)
     yield _relative(f"{name}: traction, except in the cells at both radii", row.traction, 0.03 * coarser)
 
 
 def _relative(name: str, difference: float, tolerance: float) -> Check:
-    """A relative difference that the study has made already."""
+    """Return a check of a relative difference that the study has computed."""
     return Check(f"{name}, relative to the exact value", 1.0 + difference, 1.0, tolerance)
 
 
@@ -84,7 +84,7 @@ def _tractions(states: list[SlipState], shares: tuple[float, ...]) -> Plot:
             Curve(f"Q = {share:g} mu P", r, state.exact[order] / scale),
             Curve(f"Q = {share:g} mu P, cells", r, state.along[order] / scale, points=True),
         ]
-    return Plot("Partial slip: traction along the load", "r / a", "traction over its largest", tuple(curves))
+    return Plot("Partial slip: traction along the load", "r / a", "traction relative to its maximum", tuple(curves))
 
 
 def _loop(loop: Loop) -> Iterator[Item]:
@@ -96,7 +96,7 @@ def _loop(loop: Loop) -> Iterator[Item]:
         Curve("Mindlin and Deresiewicz", loop.displacement, loop.exact),
         Curve("computed", loop.displacement, loop.force, points=True),
     )
-    yield Plot("A full reversal", "displacement over the limit of sliding", "Q / mu P", curves)
+    yield Plot("A full reversal", "displacement relative to the sliding limit", "Q / mu P", curves)
 
 
 def _punch(coarse: BondedRow, fine: BondedRow) -> Iterator[Check]:
@@ -120,7 +120,7 @@ def _stick(pressed: Pressed) -> Iterator[Item]:
 
 
 def _on_elements() -> Iterator[Check]:
-    """Prescribed forces and moments on boundary elements, from case files."""
+    """Check prescribed forces and moments on boundary elements, from case files."""
     drag, _ = drag_on_elements(16)
     name = f"boundary elements, nu = 0.49, mu = {FRICTION:g}"
     yield _relative(f"{name}: approach", drag.approach, 0.01)

@@ -1,4 +1,4 @@
-"""Friction against closed forms on boundary elements: the whole chain from case files."""
+"""Compare friction with closed forms on boundary elements, from case files."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,13 +25,13 @@ from meeframe.testing.closed_forms_friction import (
 
 HERE = Path(__file__).parent
 SPHERE_POISSON, PUNCH_POISSON = 0.49, 0.2
-"""Of sphere.toml, torsion.toml and punch.toml, which repeat RADIUS, YOUNG and FRICTION."""
+"""Poisson's ratios of sphere.toml, torsion.toml and punch.toml, which repeat RADIUS, YOUNG and FRICTION."""
 ELEMENTS_SIDE = 5e-3
-"""Of the zone in the case files [m]."""
+"""Side of the zone in the case files [m]."""
 
 
 def load(name: str, divisions: int) -> Case:
-    """A case file on boundary elements, with so many elements along a side of the zone."""
+    """Load a case file with boundary elements and the given number of elements along a side of the zone."""
     case = meeframe.load_case(HERE / f"{name}.toml")
     rings = round(10 * (divisions / 24) ** 0.5)
     return replace(case, mesh=half_space_mesh(0.1, ELEMENTS_SIDE, divisions, rings, Quad4()))
@@ -39,9 +39,12 @@ def load(name: str, divisions: int) -> Case:
 
 @dataclass(frozen=True)
 class DragRow:
-    """Cattaneo-Mindlin on boundary elements, under prescribed forces. per_radius: elements in a contact radius;
-    approach: relative difference; row: at the first turning point, its load is the displacement; turned: relative
-    difference of the displacement at the opposite one; dissipation: in the loop, relative difference."""
+    """Cattaneo-Mindlin on boundary elements, under prescribed forces.
+
+    per_radius: elements in a contact radius; approach: relative difference; row: at the first reversal, with the
+    displacement as its load; turned: relative difference of the displacement at the second reversal; dissipation:
+    relative difference in the loop.
+    """
 
     per_radius: float
     approach: float
@@ -51,7 +54,7 @@ class DragRow:
 
 
 def drag_on_elements(divisions: int) -> tuple[DragRow, SlipState]:
-    """sphere.toml: to a tangential force, to the opposite one, and forth again."""
+    """Solve sphere.toml: a tangential force, the opposite one, and the first again."""
     zone, (pressed, *turns) = _solved("sphere", divisions)
     exact = PartialSlip(_hertz_of(zone, pressed), FRICTION)
     force = float(resultants(zone, turns[0]).tangential_force[0])
@@ -68,13 +71,13 @@ def drag_on_elements(divisions: int) -> tuple[DragRow, SlipState]:
 
 
 def torsion_on_elements(divisions: int) -> tuple[SlipRow, SlipState]:
-    """torsion.toml: a twist; the row's load is the torque."""
+    """Solve torsion.toml: a twist; the load of the row is the torque."""
     zone, (pressed, turned) = _solved("torsion", divisions)
     exact = SphereTorsion(_hertz_of(zone, pressed), FRICTION)
     twist = turned.loading.twist
     x, y, _ = zone.points.T
     r, traction = np.hypot(x, y), _global_traction(zone, turned)
-    # on the axis there is no direction around it, and no traction
+    # on the axis the circumferential direction is undefined and the traction zero
     around = np.divide(x * traction[:, 1] - y * traction[:, 0], r, out=np.zeros_like(r), where=r > 0.0)
     share = exact.stick_share(twist)
     state = _state_on_elements(
@@ -93,14 +96,14 @@ def _solved(name: str, divisions: int) -> tuple[Zone, list[StepResult]]:
 
 
 def _hertz_of(zone: Zone, pressed: StepResult) -> HertzContact:
-    """The Hertz contact under the normal force of a step."""
+    """Return the Hertz contact under the normal force of a step."""
     normal = resultants(zone, pressed).normal_force
     approach = (0.75 * normal / contact_modulus(YOUNG, SPHERE_POISSON)) ** (2 / 3) / RADIUS ** (1 / 3)
     return HertzContact(YOUNG, SPHERE_POISSON, RADIUS, approach)
 
 
 def _global_traction(zone: Zone, step: StepResult) -> Array:
-    """(n, 3) [Pa]; the frames of a flat zone are the global axes turned about the normal."""
+    """Return tractions (n, 3) [Pa] in global axes; frames of a flat zone are these axes rotated about the normal."""
     return np.asarray(np.einsum("na,nai->ni", step.traction, zone.frames))
 
 
@@ -113,7 +116,7 @@ def _state_on_elements(
 
 
 def punch_on_elements(divisions: int) -> BondedRow:
-    """punch.toml with mu = inf and with mu = 0."""
+    """Solve punch.toml with mu = inf and with mu = 0."""
     case = load("punch", divisions)
     system = reduce(case)
     (bonded,) = solve_steps(case, system)
@@ -127,7 +130,7 @@ def punch_on_elements(divisions: int) -> BondedRow:
 
 
 def check_converged(*steps: StepResult) -> None:
-    """Raises RuntimeError for a step that is not a solution."""
+    """Raise RuntimeError for a step that is not a solution."""
     for step in steps:
         if step.status is not Status.CONVERGED:
             raise RuntimeError(f"{step.loading}: {step.status}: {step.message}")

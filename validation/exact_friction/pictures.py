@@ -1,4 +1,4 @@
-"""Pictures of the exact checks with friction."""
+"""Draw the figures of the page on friction against closed forms."""
 
 from collections.abc import Callable, Sequence
 
@@ -25,7 +25,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
 def partial_slip_picture(found: list[tuple[SlipRow, SlipState]], wanted: Sequence[float]) -> Figure:
-    """Tractions over the radius at some loads, and the stick radius at all of them."""
+    """Draw tractions over the radius at some loads, and the stick radius at all loads."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     row, _ = found[0]
     exact = PartialSlip(HertzContact(YOUNG, row.poisson, RADIUS, APPROACH), FRICTION)
@@ -40,7 +40,7 @@ def partial_slip_picture(found: list[tuple[SlipRow, SlipState]], wanted: Sequenc
 
 
 def torsion_picture(found: list[tuple[SlipRow, SlipState]], wanted: Sequence[float]) -> Figure:
-    """Tractions over the radius at some twists, and torque over twist."""
+    """Draw tractions over the radius at some twists, and torque over twist."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     row, _ = found[0]
     exact = SphereTorsion(HertzContact(YOUNG, row.poisson, RADIUS, APPROACH), FRICTION)
@@ -71,7 +71,7 @@ def _tractions(
 
 
 def loop_picture(loop: Loop, coarser: list[Loop]) -> Figure:
-    """The loop, and how its work converges."""
+    """Draw the loop and the convergence of its work."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     exact = PartialSlip(HertzContact(YOUNG, loop.poisson, RADIUS, APPROACH), FRICTION)
     turning = loop.displacement[0]
@@ -102,7 +102,7 @@ def loop_picture(loop: Loop, coarser: list[Loop]) -> Figure:
 
 
 def full_stick_picture(pressed: list[Pressed], punches: list[BondedRow]) -> Figure:
-    """Contact stiffness of sphere and cone along their paths, and the flat punch's factor as cells shrink."""
+    """Draw the contact stiffness of sphere and cone along their paths, and the convergence of the flat punch."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     numbers = sorted({found.exact.poisson for found in pressed})
     for found in pressed:

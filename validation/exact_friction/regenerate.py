@@ -1,8 +1,8 @@
-"""Regenerate the exact checks with friction.
+"""Regenerate the page on friction against closed forms.
 
     uv run python validation/exact_friction/regenerate.py
 
-Writes docs/validation/exact_friction.md with its pictures and the numbers as JSON. `--quick` takes coarse grids only;
+Writes docs/validation/exact_friction.md with its figures, and the numbers as JSON. `--quick` uses coarse grids only;
 `--out` names another folder.
 """
 
@@ -29,7 +29,7 @@ from study import (
 NAME = Path(__file__).parent.name
 DOCS = Path(__file__).parents[2] / "docs" / "validation"
 EXACT, COUPLED = (0.0, True), (0.5, False)
-"""Poisson's ratio and Goodman's approximation: where Cattaneo-Mindlin is exact, and where all but small slips are."""
+"""Poisson's ratio and Goodman's approximation: where Cattaneo-Mindlin is exact, and where it neglects small slips."""
 LOADS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 SHOWN = (0.2, 0.4, 0.6, 0.8)
 STICKS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4)
@@ -39,7 +39,7 @@ TURNING, INCREMENTS = 0.9, 8
 
 
 def main() -> None:
-    """Run the study and write its page."""
+    """Run the study and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="coarse grids only")
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page (default: docs/validation)")
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def partial_slip(grids: tuple[int, ...], out: Path) -> dict[str, list]:
-    """Cattaneo-Mindlin: up, and in a loop."""
+    """Run Cattaneo-Mindlin, for increasing load and in a loop."""
     slips = [found for grid in grids for found in cattaneo(*EXACT, grid, LOADS)]
     coupled = cattaneo(*COUPLED, grids[-1], LOADS)
     save(partial_slip_picture(slips[-len(LOADS) :], SHOWN), out, "partial_slip")
@@ -72,7 +72,7 @@ def partial_slip(grids: tuple[int, ...], out: Path) -> dict[str, list]:
 
 
 def sticking(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
-    """Full stick: flat punch, sphere and cone."""
+    """Run full stick: flat punch, sphere and cone."""
     punches = [bonded_punch(poisson, grid) for poisson in POISSON for grid in (*grids, finest)]
     pressed = [full_stick(power, poisson, grid, grid) for power in (2, 1) for poisson in POISSON for grid in grids[:3]]
     save(full_stick_picture([found for found in pressed if found.cells == grids[2]], punches), out, "full_stick")
@@ -80,7 +80,7 @@ def sticking(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
 
 
 def twisting(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
-    """Torsion of a sphere."""
+    """Run torsion of a sphere."""
     twisted = [found for grid in grids for found in torsion(*COUPLED, grid, STICKS)]
     save(torsion_picture(twisted[-len(STICKS) :], SHOWN_STICKS), out, "torsion")
     stiffness = [page.TwistRow(grid, twist_stiffness(*COUPLED, grid)) for grid in (*grids, finest)]
@@ -88,7 +88,7 @@ def twisting(grids: tuple[int, ...], finest: int, out: Path) -> dict[str, list]:
 
 
 def on_elements(divisions: tuple[int, ...]) -> dict[str, list]:
-    """The same on boundary elements."""
+    """Run the problems on boundary elements."""
     return {
         "drag_on_elements": [drag_on_elements(count)[0] for count in divisions],
         "torsion_on_elements": [torsion_on_elements(count)[0] for count in divisions],
@@ -97,7 +97,7 @@ def on_elements(divisions: tuple[int, ...]) -> dict[str, list]:
 
 
 def save(figure, out: Path, kind: str) -> None:
-    """Write a picture of the page."""
+    """Write a figure of the page."""
     figure.savefig(out / f"{NAME}_{kind}.png", dpi=110)
 
 

@@ -1,4 +1,4 @@
-"""Friction against closed forms on square cells: partial slip and its hysteresis, full stick, torsion."""
+"""Compare friction with closed forms on square cells: partial slip and its hysteresis, full stick, torsion."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -23,33 +23,36 @@ from meeframe.testing.load_path import PathStep, Position, follow
 
 YOUNG, RADIUS, APPROACH, FRICTION = 200e9, 0.1, 5e-5, 0.5
 ZONE = 2.1
-"""Side of the square of cells over the contact radius."""
+"""Side of the square of cells, relative to the contact radius."""
 TIP = 5e-2
-"""Approach of cone and sphere under full stick over their contact radius, about; all is linear in it."""
+"""Approximate approach of cone and sphere under full stick, relative to their contact radius; results scale with it."""
 STICKS = 1e-9
 """A cell sticks if its traction is below Coulomb's bound by more than this fraction."""
 
 
 @lru_cache(maxsize=1)
 def cells_under(radius: float, poisson: float, cells: int, goodman: bool, zone: float = ZONE) -> DenseSystem:
-    """The elastic half space, cells x cells of them on a square of side zone x radius."""
+    """Return the elastic half space with cells x cells square cells on a square of side zone * radius."""
     return elastic_half_space(YOUNG, poisson, zone * radius, cells, goodman)
 
 
 def distance(system: DenseSystem) -> Array:
-    """From the axis, (n,) [m]."""
+    """Return the distance from the axis, (n,) [m]."""
     return np.hypot(system.points[:, 0], system.points[:, 1])
 
 
 def uniform(system: DenseSystem, gap: Array, along_x: float) -> Position:
-    """The indenter moved along x [m]."""
+    """Return the position of the indenter moved along x [m]."""
     return Position(gap, np.tile([along_x, 0.0], (len(gap), 1)))
 
 
 @dataclass(frozen=True, eq=False)
 class SlipState:
-    """Nodes of a contact in partial slip: r (n,) [m] from the axis, traction (n, 3) [Pa], its part along the load (n,)
-    and the exact one (n,), weights (n,) [m^2], size [m] of cells or elements, exact contact and stick radius [m]."""
+    """Nodes of a contact in partial slip.
+
+    r (n,) [m]: distance from the axis; traction (n, 3) [Pa]; along, exact (n,): its component along the load and the
+    exact one; weights (n,) [m^2]; size [m] of cells or elements; exact contact and stick radius [m].
+    """
 
     r: Array
     traction: Array
@@ -63,30 +66,33 @@ class SlipState:
 
     @property
     def sticking(self) -> Array:
-        """(n,) bool: in contact and below Coulomb's bound."""
+        """True (n,) where a node is in contact and below Coulomb's limit."""
         bound = self.friction * np.maximum(-self.traction[:, 2], 0.0)
         return np.hypot(self.traction[:, 0], self.traction[:, 1]) < (1.0 - STICKS) * bound
 
     def stick_difference(self) -> float:
-        """Radius of the circle whose area is that of the sticking cells, relative to the exact stick radius."""
+        """Return the relative error of the stick radius of a circle with the area of the sticking cells."""
         return float(np.sqrt(self.weights[self.sticking].sum() / np.pi) / self.stick_radius - 1.0)
 
     def stick_moment_difference(self) -> float:
-        """Stick radius c by the second moment of the reserve mu p - |t| of square cells, relative to the exact one.
+        """Return the relative error of the stick radius c from the second moment of the margin mu p - |t|.
 
-        The closed form leaves a reserve in proportion to sqrt(c^2 - r^2), whose mean of r^2 is 2/5 c^2 whatever its
-        size. Cells enter by what they carry and not as in or out, so that the measure is finer than a cell; each adds
-        its own second moment, size^2/6.
+        In the closed form the margin is proportional to sqrt(c^2 - r^2), so the mean of r^2 weighted with it is
+        2/5 c^2. Square cells are weighted with their margin instead of counted, which resolves less than a cell; the
+        second moment of each cell, size^2/6, is included.
         """
         bound = self.friction * np.maximum(-self.traction[:, 2], 0.0)
-        reserve = self.weights * (bound - np.hypot(self.traction[:, 0], self.traction[:, 1]))
-        kept = np.where(self.sticking, reserve, 0.0)
-        mean = kept @ (self.r**2 + self.size**2 / 6.0) / kept.sum()
+        margin = self.weights * (bound - np.hypot(self.traction[:, 0], self.traction[:, 1]))
+        weights = np.where(self.sticking, margin, 0.0)
+        mean = weights @ (self.r**2 + self.size**2 / 6.0) / weights.sum()
         return float(np.sqrt(2.5 * mean) / self.stick_radius - 1.0)
 
     def traction_differences(self) -> tuple[float, float, float]:
-        """Largest difference over the largest exact traction, with one cell either side of contact and stick radius
-        left out, where the exact traction has vertical tangents, and everywhere; root mean square over the contact."""
+        """Return the differences of the traction, relative to the largest exact one.
+
+        The values are the largest difference except within one cell of contact and stick radius, where the exact
+        traction has vertical tangents; the largest difference everywhere; and the root mean square over the contact.
+        """
         error = np.abs(self.along - self.exact) / self.exact.max()
         smooth = np.abs(self.r[:, None] - [self.contact_radius, self.stick_radius]).min(axis=1) > self.size
         inside = self.r < self.contact_radius
@@ -95,9 +101,11 @@ class SlipState:
 
 @dataclass(frozen=True)
 class SlipRow:
-    """Partial slip at one load; differences to the closed form, relative. share: of the force (of the radius in
-    torsion: that which sticks); load: force or torque; stick_radius: by the area of what sticks; stick_moment: by the
-    reserve, for square cells under Cattaneo and Mindlin's tractions alone."""
+    """Partial slip at one load, with relative differences from the closed form.
+
+    share: load relative to the sliding force (in torsion: stick radius relative to the contact radius); load: force or
+    torque; stick_radius: from the sticking area; stick_moment: from the margin, for Cattaneo-Mindlin on cells only.
+    """
 
     poisson: float
     goodman: bool
@@ -116,12 +124,12 @@ def slip_row(state: SlipState, share: float, load: float, poisson: float, goodma
 
 
 def stick_share(share: float) -> float:
-    """Stick over contact radius at Q = share mu P. Source: Johnson, Contact Mechanics (1985), eq. (7.42)."""
+    """Return stick radius / contact radius at Q = share mu P. Source: Johnson, Contact Mechanics (1985), eq. (7.42)."""
     return float((1.0 - share) ** (1.0 / 3.0))
 
 
 def cattaneo(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) -> list[tuple[SlipRow, SlipState]]:
-    """Tangential loading of a sphere to displacements at which Q = share mu P."""
+    """Load a sphere tangentially to displacements at which Q = share mu P."""
     exact = PartialSlip(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
     a = exact.hertz.contact_radius
     system = cells_under(a, poisson, cells, goodman)
@@ -154,9 +162,11 @@ def _law() -> ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A full reversal between displacements of one size: displacement, force, exact force (m,) over the limits
-    d_M and mu P, from the turning point on; area of the loop and dissipation by slip in it, both over
-    the exact dissipation."""
+    """A full reversal between opposite displacements.
+
+    displacement, force, exact (m,): relative to the limits d_M and mu P, from the first reversal on; area of the loop
+    and dissipation by slip, both relative to the exact dissipation.
+    """
 
     poisson: float
     goodman: bool
@@ -169,12 +179,12 @@ class Loop:
 
     @property
     def curve(self) -> float:
-        """Largest difference of the force over its largest value."""
+        """Largest difference of the force, relative to its largest value."""
         return float(np.abs(self.force - self.exact).max() / np.abs(self.exact).max())
 
 
 def hysteresis(poisson: float, goodman: bool, cells: int, share: float, increments: int) -> Loop:
-    """Load to Q = share mu P, back to the opposite displacement, and forth again, each in so many increments."""
+    """Load to Q = share mu P, reverse to the opposite displacement and return, each in `increments` steps."""
     exact = PartialSlip(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
     system = cells_under(exact.hertz.contact_radius, poisson, cells, goodman)
     gap = distance(system) ** 2 / (2 * RADIUS) - APPROACH
@@ -184,7 +194,7 @@ def hysteresis(poisson: float, goodman: bool, cells: int, share: float, incremen
     force = np.array([step.force[0] for step in steps])
     back = np.array([exact.turned_force(place, turning) for place in places[: increments + 1]])
     true = exact.loop_dissipation(share * exact.limit_force)
-    # trapezoidal rule in the phase, of high order on a closed loop, where a polygon would cut the corners
+    # trapezoidal rule in the phase: of high order on a closed loop, where a polygon would cut the corners
     phase = np.pi * np.arange(1, 2 * increments + 1) / increments
     area = -turning * np.pi / increments * float(force[1:] @ np.sin(phase))
     return Loop(
@@ -201,7 +211,7 @@ def hysteresis(poisson: float, goodman: bool, cells: int, share: float, incremen
 
 @dataclass(frozen=True)
 class BondedRow:
-    """A flat punch: load over that without friction, relative to c, and load without friction to the exact one."""
+    """Flat punch: ratio of the loads with and without friction, its exact value, and error of the frictionless load."""
 
     poisson: float
     cells: int
@@ -211,12 +221,12 @@ class BondedRow:
 
     @property
     def difference(self) -> float:
-        """Of the ratio to c."""
+        """Relative difference of the ratio from the exact factor."""
         return self.ratio / self.factor - 1.0
 
 
 def bonded_punch(poisson: float, cells: int) -> BondedRow:
-    """The cells whose centres lie under a punch of unit radius, pressed in with mu = inf and with mu = 0."""
+    """Press cells with centres under a punch of unit radius, with mu = inf and with mu = 0."""
     system = cells_under(1.0, poisson, cells, False, zone=2.0)
     gap = np.where(distance(system) < 1.0, -1e-3, np.inf)
     bonded, free = (
@@ -229,7 +239,7 @@ def bonded_punch(poisson: float, cells: int) -> BondedRow:
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """Sphere or cone under full stick, pressed in little by little to a unit contact radius.
+    """Sphere or cone under full stick, pressed in incrementally to a unit contact radius.
 
     approach, force (m,) [m], [N] after each increment; exact: closed form.
     """
@@ -241,25 +251,25 @@ class Pressed:
 
     @property
     def force_difference(self) -> float:
-        """Of the last force, relative."""
+        """Relative difference of the last force."""
         return float(self.force[-1] / self.exact.force(self.approach[-1]) - 1.0)
 
     @property
     def stiffness(self) -> tuple[Array, Array]:
-        """Approaches (m - 2,) and dP/dg (m - 2,) there, by differences over two increments."""
+        """Approaches (m - 2,) and stiffness dP/dg (m - 2,), by differences over two increments."""
         middle = (self.approach[2:] + self.approach[:-2]) / 2
         return middle, (self.force[2:] - self.force[:-2]) / (self.approach[2:] - self.approach[:-2])
 
     @property
     def stiffness_difference(self) -> float:
-        """Mean dP/dg over the second half of the path, relative to 2 c E* a's."""
+        """Relative difference of the mean stiffness over the second half of the path from that of 2 c E* a."""
         half = len(self.approach) // 2
         exact = [self.exact.force(self.approach[i]) for i in (half, -1)]
         return float((self.force[-1] - self.force[half]) / (exact[1] - exact[0]) - 1.0)
 
 
 def full_stick(power: int, poisson: float, cells: int, increments: int) -> Pressed:
-    """Cone (power 1) or sphere (power 2); the contact radius grows by equal increments."""
+    """Press a cone (power 1) or sphere (power 2) with equal increments of the contact radius."""
     exact = FullStick(YOUNG, poisson, power, TIP / 2 if power == 2 else TIP)
     system = cells_under(1.0, poisson, cells, False)
     height = exact.coefficient * distance(system) ** power
@@ -270,7 +280,7 @@ def full_stick(power: int, poisson: float, cells: int, increments: int) -> Press
 
 
 def torsion(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) -> list[tuple[SlipRow, SlipState]]:
-    """A sphere twisted until only `share` of the contact radius sticks (Lubkin)."""
+    """Twist a sphere until the stick radius is `share` of the contact radius (Lubkin)."""
     exact = SphereTorsion(HertzContact(YOUNG, poisson, RADIUS, APPROACH), FRICTION)
     a = exact.hertz.contact_radius
     system = cells_under(a, poisson, cells, goodman)
@@ -296,7 +306,7 @@ def torsion(poisson: float, goodman: bool, cells: int, shares: Iterable[float]) 
 
 
 def twist_stiffness(poisson: float, goodman: bool, cells: int) -> float:
-    """Torque over twist of a sphere that sticks everywhere, relative to 16 G a^3/3."""
+    """Return the relative error of the torsional stiffness of a sphere without slip, 16 G a^3/3."""
     exact = SphereTorsion(HertzContact(YOUNG, poisson, RADIUS, APPROACH), np.inf)
     system = cells_under(exact.hertz.contact_radius, poisson, cells, goodman)
     (step,) = _twisted(system, IsotropicCoulomb(np.inf), [1e-4])
@@ -304,13 +314,13 @@ def twist_stiffness(poisson: float, goodman: bool, cells: int) -> float:
 
 
 def _twisted(system: DenseSystem, law: ContactLaw, twists: list[float]) -> list[PathStep]:
-    """The sphere is pressed in first, then turned about its axis."""
+    """Press the sphere in, then rotate it about its axis."""
     gap = distance(system) ** 2 / (2 * RADIUS) - APPROACH
     across = np.column_stack([-system.points[:, 1], system.points[:, 0]])
     return list(follow(system, law, [Position(gap, twist * across) for twist in (0.0, *twists)]))[1:]
 
 
 def _around(system: DenseSystem, step: PathStep) -> Array:
-    """Traction along the circles about the axis, (n,) [Pa]; no cell has its centre on the axis."""
+    """Return the circumferential traction, (n,) [Pa]; no cell has its centre on the axis."""
     x, y, _ = system.points.T
     return np.asarray((x * step.state.load[:, 1] - y * step.state.load[:, 0]) / np.hypot(x, y))

@@ -1,4 +1,4 @@
-"""Boussinesq: a rigid flat-ended circular punch on an isotropic half space."""
+"""Check a rigid flat-ended circular punch on an isotropic half space against Boussinesq."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,7 +18,7 @@ RADIUS = 2e-3
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The force on grids 64 cells wide, the pressure away from the singular edge, and first order."""
+    """Check the force on grids 64 cells wide, the pressure away from the singular edge, and first order."""
     case = Run(STIFFNESS, elastic_response(), FlatPunch(RADIUS), APPROACH)
     exact = 2.0 * RADIUS * MODULUS * APPROACH
     found = case.at(64)

@@ -480,7 +480,7 @@ SOLVERS = {
         "conjugate gradients without a matrix and friction, with conduction",
         {
             **half_space(60, matrix_up_to=0),
-            "conductivity": {"electric": PERFECT},
+            "conductivity": {"electric": BY_PRESSURE},
             "indenter": {**SPHERE, "electric_potential": "2 kV"},
             "solver": solver("projected-cg"),
         },
@@ -500,7 +500,7 @@ SOLVERS = {
 FUNDAMENTAL_SOLUTIONS = {
     "residue": FrozenCase(
         "fundamental solution by residues, turned material",
-        {**plane(divisions=4, rings=2, fundamental_solution="residue"), "material": TILTED},
+        {**plane(divisions=4, rings=1, fundamental_solution="residue"), "material": TILTED},
     ),
     "line-integral": FrozenCase(
         "fundamental solution by line integrals",

@@ -1,4 +1,4 @@
-"""Hertz: a rigid sphere on an isotropic half space."""
+"""Check a rigid sphere on an isotropic half space against Hertz."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +19,7 @@ EXACT = HertzContact(YOUNG, POISSON, 0.1, APPROACH)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Totals and pressure on 64 cells, also by way of the case file, then the order of convergence."""
+    """Check totals and pressure on 64 cells, also from the case file, then the order of convergence."""
     yield from totals_of(
         Path(__file__).with_name("sphere.toml"), {"force": EXACT.force, "max_pressure": EXACT.peak_pressure}
     )
@@ -34,7 +34,7 @@ def _on_64_cells(found: Pressed) -> Iterator[Item]:
     yield Check("largest pressure, 64 cells", float(found.pressure.max()), EXACT.peak_pressure, 1e-3, "Pa")
     yield Check("contact radius, 64 cells", np.sqrt(found.contact_area / np.pi), EXACT.contact_radius, 0.01, "m")
     error = np.abs(found.pressure - EXACT.pressure(found.r)) / EXACT.peak_pressure
-    # cells that the edge crosses may lie a diagonal within it
+    # centres of cells on the contact edge are up to a diagonal inside it
     inner = found.r < EXACT.contact_radius - np.sqrt(2.0) * found.spacing
     largest, mean = float(error[inner].max()), float(np.sqrt(np.mean(error[error > 0.0] ** 2)))
     yield Check(

@@ -1,4 +1,4 @@
-"""Indentation moduli of cubic and transversely isotropic crystals: from the surface compliance and from runs."""
+"""Check indentation moduli of cubic and hexagonal crystals, from the surface compliance and from runs."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ SOURCE = (
 CUBIC = {"Cu": (168.4, 121.4, 75.4), "Si": (165.7, 63.9, 79.6), "Al": (107.3, 60.9, 28.3)}
 """c11, c12, c44 [GPa]."""
 PUBLISHED = {"Cu": (134.0, 147.4, 151.6), "Si": (164.8, 172.8, 175.3), "Al": (79.0, 80.2, 80.6)}
-"""On (100), (110), (111) [GPa]."""
+"""Moduli on (100), (110), (111) [GPa]."""
 FACES = {"100": (1.0, 0.0, 0.0), "110": (1.0, 1.0, 0.0), "111": (1.0, 1.0, 1.0)}
 HEXAGONAL = {"Zn": (161.0, 34.2, 50.1, 61.0, 38.3), "Mg": (59.7, 26.2, 21.7, 61.7, 16.4)}
 """c11, c12, c13, c33, c44 [GPa]."""
@@ -26,7 +26,7 @@ RADIUS, APPROACH, CELLS = 0.1, 1e-5, 32
 
 
 def crystal(elastic: Array) -> Material:
-    """An elastic material of a Voigt matrix (6, 6) [GPa]."""
+    """Return an elastic material with a Voigt matrix (6, 6) [GPa]."""
     none, one = np.zeros((3, 6)), np.eye(3)
     return Material.from_voigt("crystal", elastic * 1e9, none, none, 1e-10 * one, 0.0 * one, 1e-6 * one)
 
@@ -45,26 +45,26 @@ def hexagonal(c11: float, c12: float, c13: float, c33: float, c44: float) -> Mat
 
 
 def hexagonal_modulus(c11: float, c13: float, c33: float, c44: float) -> float:
-    """On the basal plane, in the unit of the constants."""
+    """Return the modulus on the basal plane, in the unit of the constants."""
     mean = np.sqrt(c11 * c33)
     return float(2.0 * np.sqrt((c11 * c33 - c13**2) / c11 / (1.0 / c44 + 2.0 / (mean + c13))))
 
 
 def facing_up(material: Material, normal: tuple[float, float, float]) -> Material:
-    """Turned so that the normal points along x3."""
+    """Return the material rotated so that the normal points along x3."""
     nu = np.array(normal) / np.linalg.norm(normal)
     return material.rotated(rotation_about(np.cross(nu, (0.0, 0.0, 1.0)), np.arccos(nu[2])))
 
 
 def modulus_of_run(stiffness: Array) -> float:
-    """3 P/(4 sqrt(R) g^(3/2)) [Pa] of a sphere."""
+    """Return 3 P/(4 sqrt(R) g^(3/2)) [Pa] of a sphere."""
     width = 2.0 * np.sqrt(RADIUS * APPROACH)
     found = press(stiffness, lambda x, y: (x**2 + y**2) / (2.0 * RADIUS), APPROACH, width, CELLS)
     return 0.75 * found.force / (np.sqrt(RADIUS) * APPROACH**1.5)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Every face by the surface compliance, and by runs (quick: copper and zinc only)."""
+    """Check every face by the surface compliance and by runs (quick: copper and zinc only)."""
     plotted: dict[str, list[float]] = {"computed": [], "published": []}
     for name, constants in CUBIC.items():
         material = cubic(*constants)
@@ -72,7 +72,7 @@ def run(quick: bool) -> Iterator[Item]:
             mean = indentation_modulus(material.stiffness, normal) / 1e9
             yield Check(f"{name} ({face}), surface compliance", mean, published, 0.06, "GPa", absolute=True)
             if not quick or name == "Cu":
-                # the contact on (110) is an ellipse, for which the mean over directions is a first approximation
+                # the contact on (110) is elliptic, and the mean over directions is only a first approximation
                 tolerance = 5e-3 if face == "110" else 1.5e-3
                 found = modulus_of_run(facing_up(material, normal).stiffness)
                 yield Check(f"{name} ({face}), sphere, {CELLS} cells", found, published * 1e9, tolerance, "Pa")
@@ -88,11 +88,11 @@ def run(quick: bool) -> Iterator[Item]:
     yield _angles(7 if quick else 31)
     published = np.array(plotted["published"])
     curves = (Curve("equal", published, published), Curve("faces", published, np.array(plotted["computed"]), True))
-    yield Plot("Cu, Si, Al: computed against published moduli", "published [GPa]", "computed [GPa]", curves)
+    yield Plot("Cu, Si, Al: computed and published moduli", "published [GPa]", "computed [GPa]", curves)
 
 
 def _angles(count: int) -> Plot:
-    """From (001) by way of (111) to (110)."""
+    """Plot the modulus from (001) through (111) to (110)."""
     angles = np.linspace(0.0, 90.0, count)
     curves = []
     for name in ("Cu", "Si"):
@@ -105,7 +105,7 @@ def _angles(count: int) -> Plot:
         values = np.array(PUBLISHED[name])[[0, 2, 1]] / PUBLISHED[name][0]
         curves.append(Curve(f"{name}, published", places, values, points=True))
     return Plot(
-        "Modulus over that of (001), normal turned about [1-10]",
+        "Modulus relative to (001), normal rotated about [1-10]",
         "angle between the normal and [001] [degrees]",
         "M / M(001)",
         tuple(curves),

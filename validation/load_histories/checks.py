@@ -1,4 +1,4 @@
-"""A hysteresis loop under prescribed forces on a block: energy that goes in is energy that friction takes."""
+"""Check the energy balance of a hysteresis loop under prescribed forces on a block."""
 
 import tomllib
 from collections.abc import Iterator
@@ -14,11 +14,11 @@ from meeframe.study.validate import Check, Claim, Curve, Item, Plot
 TITLE = "Hysteresis loop on a magneto-electro-elastic block, boundary elements"
 SOURCE = "Balance of energy: docs/theory.md. Case file loop.toml; quick: on a coarser mesh."
 RATIO = 0.54
-"""Of tangential to normal force at the turning points, as in the case file."""
+"""Ratio of tangential and normal force at the reversals, as in the case file."""
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """From the first turning point on, once forth and back."""
+    """Check one loop from the first reversal on."""
     tables = tomllib.loads((Path(__file__).parent / "loop.toml").read_text(encoding="utf-8"))
     if quick:
         tables["mesh"] |= {"divisions": 6, "rings": 3, "layers": 1}
@@ -39,7 +39,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _energy(found: Result) -> Iterator[Check]:
-    """Work of the indenter, by the mean of the tractions at both ends of an increment, less what is stored."""
+    """Check the dissipation against work minus stored energy; work uses mean tractions of an increment."""
     turn = max(index for index, step in enumerate(found.steps) if step.step == 2)
     steps = [step for step in found.steps[turn:] if step.step < 5]
     totals = [resultants(found.zone, step) for step in steps]

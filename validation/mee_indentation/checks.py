@@ -1,4 +1,4 @@
-"""A magneto-electro-elastic half space under sphere, cone and flat punch, insulating, conducting and at potentials."""
+"""Check a magneto-electro-elastic half space: sphere, cone, punch; insulating, conducting, at potentials."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,15 +20,15 @@ SOURCE = (
 APPROACH = 5e-5
 SPHERE = Sphere(0.1)
 FORCES = {"EMII": 23330.6, "ECMII": 21896.1, "EIMCI": 23287.8, "EMCI": 21849.6}
-"""Under the sphere [N]."""
+"""Forces on the sphere [N]."""
 POTENTIALS = (-1.5e4, 30.0)
-"""[V], [A]: they draw the surface to the indenter."""
+"""Potentials [V], [A] that attract the surface to the indenter."""
 STIFFNESS = library_material("batio3-cofe2o4").stiffness
 XI = axisymmetric_compliance(STIFFNESS)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Surface compliance, then all shapes and conditions on 64 cells (quick: a selection)."""
+    """Check the surface compliance, then all shapes and conditions on 64 cells (quick: a selection)."""
     yield from response(STIFFNESS, ("xi11", "xi12", "xi13", "xi22", "xi23", "xi33"))
     for name, force in FORCES.items():
         exact = indent(XI, SPHERE, APPROACH, *CONDITIONS[name])

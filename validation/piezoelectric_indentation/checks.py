@@ -1,4 +1,4 @@
-"""A piezoelectric half space under sphere, cone and flat punch, insulating, conducting and at potentials."""
+"""Check a piezoelectric half space under sphere, cone and flat punch, insulating, conducting and at potentials."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,13 +20,13 @@ SOURCE = (
 APPROACH = 5e-5
 CONDITIONS = {"insulating": (None, None), "grounded": (0.0, None)}
 POTENTIAL = -2e4
-"""[V]: it draws the surface to the indenter."""
+"""Potential [V] that attracts the surface to the indenter."""
 STIFFNESS = library_material("pzt-4").stiffness
 XI = axisymmetric_compliance(STIFFNESS)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Surface compliance, then all shapes and conditions on 64 cells (quick: a selection)."""
+    """Check the surface compliance, then all shapes and conditions on 64 cells (quick: a selection)."""
     yield from response(STIFFNESS, ("xi11", "xi12", "xi22"))
     shapes = {"sphere": Sphere(0.1), "cone": Cone(0.02), "flat punch": FlatPunch(2e-3)}
     for shape_name, shape in shapes.items():

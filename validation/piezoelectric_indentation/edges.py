@@ -1,4 +1,4 @@
-"""Prints the tables of docs/halfspace.md: totals with the edge of the contact between the nodes, and along them.
+"""Print the tables of docs/halfspace.md: errors of totals with contact edges between the nodes and along them.
 
 Usage: uv run python validation/piezoelectric_indentation/edges.py
 """
@@ -24,28 +24,28 @@ STIFFNESS = library_material("pzt-4").stiffness
 SHAPES = {"sphere": Sphere(0.1), "cone": Cone(0.02), "punch": FlatPunch(2e-3)}
 GRIDS = (16, 32, 64, 128)
 ON_GRIDS = np.linspace(64.0, 65.2, 7)
-"""Cells under an insulated punch."""
+"""Numbers of cells under an insulated punch."""
 
 
 def run_of(name: str, edges: Edges, potential: float | None = POTENTIAL) -> Run:
-    """A shape on PZT-4 at the potential, insulating without one."""
+    """Return a shape on PZT-4 at the potential, insulating if it is None."""
     return Run(STIFFNESS, axisymmetric_compliance(STIFFNESS), SHAPES[name], APPROACH, (potential, None), edges)
 
 
 def errors(run: Run, grids: Sequence[float]) -> Array:
-    """Relative errors of force and charge, (n, 2)."""
+    """Return the relative errors of force and charge, (n, 2)."""
     exact = run.exact
     return np.array([run.at(cells).totals[:2] for cells in grids]) / [exact.force, exact.charge or np.inf] - 1.0
 
 
 def row(head: str, found: Sequence[Array]) -> str:
-    """Largest errors of some grids: sphere P and Q, cone P and Q, punch, whose P and Q are alike."""
+    """Return a row of largest errors: sphere P and Q, cone P and Q, and punch, whose P and Q are equal."""
     sphere, cone, punch = (np.abs(of_grids).max(axis=0) for of_grids in found)
     return f"| {head} | {' | '.join(f'{error:.1e}' for error in (*sphere, *cone, punch.max()))} |"
 
 
 def tables() -> Iterator[str]:
-    """Rows as they are found."""
+    """Yield rows as they are computed."""
     kinds: tuple[Edges, ...] = ("resolved", "nodes")
     yield f"| cells, edges | sphere: P | sphere: Q | cone: P | cone: Q | punch: P = Q |\n{'| --- ' * 6}|"
     for edges in kinds:

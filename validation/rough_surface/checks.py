@@ -1,4 +1,4 @@
-"""A rough rigid surface on an isotropic half space, frictionless and periodic: against Tamaas, an independent code."""
+"""Compare a rough rigid surface on an isotropic half space, frictionless and periodic, with Tamaas."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,36 +31,36 @@ SOURCE = (
 )
 PERIOD = 1e-3
 PRESSURES = (0.02, 0.08)
-"""Mean pressure over E* times the root mean square slope."""
+"""Mean pressure relative to E* times the root mean square slope."""
 SLOPE = 0.1
 Density = Literal["bilinear", "constant", "trigonometric"]
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Pressure and gap on the grid, (n, n) [Pa], [m]."""
+    """Pressure [Pa] and gap [m] on the grid, (n, n)."""
 
     pressure: Array
     gap: Array
 
     @property
     def area(self) -> float:
-        """Share of the nodes that are pressed."""
+        """Fraction of the nodes under pressure."""
         return float((self.pressure > 0.0).mean())
 
 
 def surface(samples: int, shortest: float) -> SelfAffine:
-    """With waves down to that length [m]."""
+    """Return a self-affine surface with waves down to the length `shortest` [m]."""
     return SelfAffine(PERIOD, shortest, 0.8, rms_slope=SLOPE, roll_off=PERIOD / 2, seed=11, samples=samples)
 
 
 def heights_of(rough: SelfAffine) -> Array:
-    """Above the lowest point, (samples, samples) [m]."""
+    """Return the heights above the lowest point, (samples, samples) [m]."""
     return rough.surface() - rough.surface().min()
 
 
 def reduced(samples: int, density: Density) -> ReducedSystem:
-    """One period of the half space; trigonometric densities give sums of waves, as in the other code."""
+    """Return one period of the half space; trigonometric densities give sums of waves, as in Tamaas."""
     width = PERIOD * (samples - 1) / samples
     mesh = half_space_mesh(4.0 * PERIOD, width, samples - 1, 1, Quad4())
     formulation = HalfSpace(density, periodic=True, matrix_up_to=0)
@@ -68,7 +68,7 @@ def reduced(samples: int, density: Density) -> ReducedSystem:
 
 
 def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact:
-    """Heights (n, n) above the lowest point of the rigid surface [m], pressed on until that mean pressure [Pa]."""
+    """Press heights (n, n) [m] of a rigid surface on the half space with a mean pressure [Pa]."""
     press = np.zeros((len(system.points), 5))
     press[:, 2] = -1.0
     area = float(system.weights.sum())
@@ -87,7 +87,7 @@ def ours(system: ReducedSystem, heights: Array, mean_pressure: float) -> Contact
 
 
 def theirs(tamaas: Any, heights: Array, mean: float, constraint: str, tolerance: float = 1e-10) -> Contact:
-    """The same by Tamaas; mean: of the pressure [Pa] or of the gap [m], whichever the constraint is."""
+    """Solve with Tamaas; mean: mean pressure [Pa] or gap [m], according to the constraint."""
     tamaas.set_log_level(tamaas.LogLevel.error)
     model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [PERIOD, PERIOD], list(heights.shape))
     model.E, model.nu = YOUNG, POISSON
@@ -102,7 +102,7 @@ def theirs(tamaas: Any, heights: Array, mean: float, constraint: str, tolerance:
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Two loads, by the other code's densities and by ours; pressures, area, and the force at the same mean gap."""
+    """Compare pressures, area and force at the same mean gap, for two loads and two kinds of densities."""
     try:
         import tamaas
     except ImportError:
@@ -114,7 +114,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
-    """Eight samples in the shortest wave: the same discrete problem for both codes."""
+    """Compare the same discrete problem, with eight samples in the shortest wave."""
     system, heights = reduced(samples, "trigonometric"), heights_of(surface(samples, 8 * PERIOD / samples))
     for share in PRESSURES:
         mean = share * MODULUS * SLOPE
@@ -132,21 +132,21 @@ def _same_densities(tamaas: Any, samples: int) -> Iterator[Item]:
         Curve("Tamaas", places, judge.pressure[line] / 1e9),
         Curve("meeframe", places, found.pressure[line] / 1e9, points=True),
     )
-    yield Plot("Pressure on the line through its largest value", "y [mm]", "pressure [GPa]", curves)
+    yield Plot("Pressure on the line through its maximum", "y [mm]", "pressure [GPa]", curves)
 
 
 def _case_file(tamaas: Any) -> Iterator[Check]:
-    """The second load on 64 x 64 nodes, prescribed as a force."""
+    """Check the case file: the second load on 64 x 64 nodes, prescribed as a force."""
     judge = theirs(tamaas, heights_of(surface(64, PERIOD / 8)), PRESSURES[1] * MODULUS * SLOPE, "pressure")
     exact = {"force": PRESSURES[1] * MODULUS * SLOPE * PERIOD**2, "max_pressure": float(judge.pressure.max())}
     yield from totals_of(Path(__file__).with_name("periodic.toml"), exact)
 
 
 def _bilinear(tamaas: Any, samples: int, shares: tuple[float, ...]) -> Iterator[Item]:
-    """The default densities of runs, on waves that the grid resolves: two discretisations of the same contact.
+    """Compare the default densities of runs with Tamaas: two discretisations of the same contact on resolved waves.
 
-    At the edge of the contact, where pressures fall like a square root, they differ by a part of what a spacing brings:
-    nodes within two spacings of it are left to the mean square. Counted areas approach theirs in first order.
+    At the contact edge the pressure tends to zero like a square root, and the discretisations differ there: nodes
+    within two spacings of it are excluded from the largest difference. Counted areas converge to first order.
     """
     systems = [reduced(count, "bilinear") for count in (samples // 2, samples)]
     heights = [heights_of(surface(count, PERIOD / 8)) for count in (samples // 2, samples)]
@@ -178,7 +178,7 @@ def _at_same_gap(name: str, tamaas: Any, heights: Array, found: Contact, mean: f
 
 
 def _inner(found: Contact, judge: Contact) -> NDArray[np.bool_]:
-    """Nodes whose neighbours up to the second are pressed in both; the surface is periodic."""
+    """Return nodes whose neighbours up to the second are under pressure in both; the surface is periodic."""
     pressed = (found.pressure > 0.0) & (judge.pressure > 0.0)
     return minimum_filter(pressed, size=5, mode="wrap")
 

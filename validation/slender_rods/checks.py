@@ -10,13 +10,13 @@ import numpy as np
 from meeframe.elements import Quad4, Quad9
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Array
+from meeframe.formulations.base import Formulation
 from meeframe.material import library_material
 from meeframe.mesh import box_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind
 from meeframe.study.validate import Check, Curve, Item, Plot, Skip
-from meeframe.system.reduced import Formulation
 
 TITLE = "Slender rods: accuracy of boundary elements in bending"
 SOURCE = (

@@ -1,4 +1,4 @@
-"""A Hertz contact that slides: tractions are mu p everywhere, and the surface follows in closed form."""
+"""Check a sliding Hertz contact: tractions are mu p everywhere, displacements have a closed form."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ FRICTION, ZONE = 0.5, 2.1
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Just before and well after the onset of sliding."""
+    """Check states just before and well after the onset of sliding."""
     cells = 24 if quick else 32
     exact, a = PartialSlip(HERTZ, FRICTION), HERTZ.contact_radius
     system = elastic_half_space(HERTZ.young, HERTZ.poisson, ZONE * a, cells, goodman=True)
@@ -41,14 +41,14 @@ def run(quick: bool) -> Iterator[Item]:
     along, across = displacement(x, y)
     inner = np.hypot(x, y) < a
     for name, found, true in (("along", moved[:, 0], along), ("across", moved[:, 1], across)):
-        # rigid motion counts for the one along: both over its largest value
+        # the displacement along the motion contains the rigid motion: both errors are relative to its largest value
         error = float(np.abs(found - true)[inner].max() / np.abs(along).max())
         yield Check(f"surface displacement {name} the motion, largest error", error, 0.0, 5e-3, "", True)
     yield _plot(x, y, moved[:, 0], a)
 
 
 def displacement(x: Array, y: Array) -> tuple[Array, Array]:
-    """Along and across the traction mu p_0 sqrt(1 - r^2/a^2) within r < a, (n,) [m] each."""
+    """Return displacements along and across the traction mu p_0 sqrt(1 - r^2/a^2) for r < a, (n,) [m] each."""
     a, nu = HERTZ.contact_radius, HERTZ.poisson
     unit = np.pi * FRICTION * HERTZ.peak_pressure / (32.0 * shear_modulus(HERTZ.young, nu) * a)
     along = unit * (4.0 * (2.0 - nu) * a**2 - (4.0 - 3.0 * nu) * x**2 - (4.0 - nu) * y**2)

@@ -1,4 +1,4 @@
-"""Spence: normal indentation with finite friction, where a ring around a sticking disc slips from the beginning."""
+"""Check normal indentation with finite friction against Spence: an annulus around a sticking disc slips."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ STICKS = 1e-9
 
 
 def stick_share(friction: float, poisson: float) -> float:
-    """c/a; K'(k) is the elliptic integral of the complementary modulus."""
+    """Return c/a; K'(k) is the elliptic integral of the complementary modulus."""
     ratio = friction * 2.0 * (1.0 - poisson) / (1.0 - 2.0 * poisson)
     return float(brentq(lambda k: np.arctanh(k) - ratio * k * ellipkm1(k**2), 1e-9, 1.0 - 1e-15, xtol=1e-15))
 
@@ -42,19 +42,19 @@ class State:
 
     @property
     def ratio(self) -> Array:
-        """Tangential traction over pressure, (n,), nan where open."""
+        """Ratio of tangential traction and pressure, (n,), nan where open."""
         return np.hypot(self.load[:, 0], self.load[:, 1]) / np.where(self.load[:, 2] < 0.0, -self.load[:, 2], np.nan)
 
     @property
     def stick_share(self) -> float:
-        """Root of the sticking over the contact area, nan if no cell touches."""
+        """Square root of the ratio of sticking and contact area, nan if no cell touches."""
         touching = self.weights[self.load[:, 2] < 0.0].sum()
         sticking = self.ratio < (1.0 - STICKS) * self.friction
         return float(np.sqrt(self.weights[sticking].sum() / touching)) if touching else np.nan
 
 
 def one_way(poisson: float, width: float, cells: int) -> DenseSystem:
-    """The elastic half space without the normal displacement due to tangential tractions."""
+    """Return the elastic half space without normal displacements due to tangential tractions."""
     system = elastic_half_space(YOUNG, poisson, width, cells)
     matrix = system.matrix.copy()
     matrix[:, 2, :, :2] = 0.0
@@ -62,7 +62,7 @@ def one_way(poisson: float, width: float, cells: int) -> DenseSystem:
 
 
 def punch(friction: float, poisson: float, cells: int) -> State:
-    """A flat punch of unit radius, pressed in at once: everything grows in proportion."""
+    """Press a flat punch of unit radius in one step: all fields grow in proportion."""
     system = one_way(poisson, 2.0, cells)
     r = np.hypot(system.points[:, 0], system.points[:, 1])
     position = Position(np.where(r < 1.0, -1e-3, np.inf), np.zeros((len(r), 2)))
@@ -71,7 +71,7 @@ def punch(friction: float, poisson: float, cells: int) -> State:
 
 
 def sphere(friction: float, poisson: float, cells: int, increments: int) -> list[tuple[float, State]]:
-    """A sphere whose contact radius grows to one by equal increments; radius and state after each."""
+    """Press a sphere with equal increments of the contact radius up to one; return radius and state after each."""
     system = one_way(poisson, 2.1, cells)
     r = np.hypot(system.points[:, 0], system.points[:, 1])
     curvature, radii = 1e-2, np.arange(1, increments + 1) / increments
@@ -81,10 +81,11 @@ def sphere(friction: float, poisson: float, cells: int, increments: int) -> list
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The punch for several mu/beta, the sphere along its path; radii by areas of cells are good to a quarter of one.
+    """Check the punch for several mu/beta, and the sphere along its path.
 
-    On the sphere's path the share falls short in first order of the steps (16 cells: its mean by 0.027, 0.012, 0.005 in
-    16, 32, 64 of them), as slip is counted from one to the next: the mean is extrapolated in their number.
+    Radii from areas of cells are accurate to a quarter of a cell. On the path of the sphere, the ratio has an error of
+    first order in the steps (16 cells: its mean is too small by 0.027, 0.012, 0.005 for 16, 32, 64 steps), because slip
+    is counted from step to step; the mean is extrapolated in their number.
     """
     cells = 16 if quick else 24
     tolerance = 0.5 / cells
@@ -111,7 +112,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _mean_share(path: list[tuple[float, State]]) -> float:
-    """Over the second half of a sphere's path."""
+    """Return the mean ratio over the second half of the path of a sphere."""
     return float(np.mean([state.stick_share for radius, state in path if radius > 0.5]))
 
 
@@ -122,10 +123,10 @@ def _plots(
     # nu = 0 has beta = 1/2
     curve = Curve("Spence", ratios, np.array([stick_share(ratio / 2.0, 0.0) for ratio in ratios]))
     points = Curve("flat punch", *np.array(shares).T, points=True)
-    yield Plot("Stick radius over contact radius", "mu / beta", "c/a", (curve, points))
+    yield Plot("Stick radius relative to contact radius", "mu / beta", "c/a", (curve, points))
     curves = (Curve("Spence", radii, np.full_like(radii, exact)), Curve("computed", radii, computed, points=True))
     yield Plot(f"{name}: self-similar", "contact radius / last contact radius", "c/a", curves)
     bound = Curve("mu", np.array([0.0, 1.0]), np.full(2, last.friction))
     edge = Curve("c/a", np.full(2, exact), np.array([0.0, last.friction]))
     cells = Curve("cells", last.r, last.ratio, points=True)
-    yield Plot(f"{name}: tangential traction over pressure", "r/a", "t/p", (bound, edge, cells))
+    yield Plot(f"{name}: ratio of tangential traction and pressure", "r/a", "t/p", (bound, edge, cells))

@@ -1,4 +1,4 @@
-"""What the number of increments makes of a sphere pressed in with friction: prints a table.
+"""Print the effect of the number of increments on a sphere pressed in with friction.
 
 uv run python validation/spence/increments.py
 """
@@ -14,7 +14,7 @@ INCREMENTS = (1, 2, 5, 10, 20, 40, 80)
 
 
 def main() -> None:
-    """The stick area over that of the contact, tangential over normal force (both without sign), dissipated energy."""
+    """Print the stick area ratio, the ratio of tangential and normal tractions, and the dissipated energy."""
     case = meeframe.load_case(Path(__file__).parent / "sphere.toml")
     system = reduce(case)
     zone = zone_of(system)

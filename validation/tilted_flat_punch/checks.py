@@ -1,4 +1,4 @@
-"""A rigid flat-ended circular punch that is tilted while its whole face stays in contact."""
+"""Check a rigid flat-ended circular punch that is tilted with its whole face in contact."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,11 +19,11 @@ SOURCE = (
 )
 RADIUS = 2e-3
 TILT = APPROACH / (4.0 * RADIUS)
-"""Half of that at which the face begins to lift off."""
+"""Half of the tilt at which the face begins to separate."""
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Force, moment and pressure on 64 cells, and means over grids."""
+    """Check force, moment and pressure on 64 cells, and means over grids."""
     force, moment = 2.0 * RADIUS * MODULUS * APPROACH, 4.0 / 3.0 * MODULUS * RADIUS**3 * TILT
     found = tilted(64)
     yield Check("force, 64 cells", found.force, force, 1e-3, "N")
@@ -44,11 +44,11 @@ def run(quick: bool) -> Iterator[Item]:
         Curve("closed form", fine * 1e3, pressure(fine, np.abs(fine)) / 1e6),
         Curve("nodes", along * 1e3, found.pressure[line] / 1e6, points=True),
     )
-    yield Plot("tilted punch: pressure through the middle", "x [mm]", "pressure [MPa]", curves)
+    yield Plot("tilted punch: pressure through the centre", "x [mm]", "pressure [MPa]", curves)
 
 
 def tilted(cells: float) -> Pressed:
-    """The punch turned about y, on a grid with an odd number of divisions."""
+    """Press the punch rotated about y, on a grid with an odd number of divisions."""
 
     def height(x: Array, y: Array) -> Array:
         return np.where(np.hypot(x, y) <= RADIUS * (1 + 1e-9), -TILT * x, np.inf)
@@ -57,11 +57,11 @@ def tilted(cells: float) -> Pressed:
 
 
 def moment_of(found: Pressed) -> float:
-    """Of the pressure about y [N m]."""
+    """Return the moment of the pressure about y [N m]."""
     return float(found.system.weights @ (found.pressure * found.system.points[:, 0]))
 
 
 def pressure(x: Array, r: Array) -> Array:
-    """E* (g + 2 theta x)/(pi sqrt(a^2 - r^2)) [Pa], nan outside."""
+    """Return E* (g + 2 theta x)/(pi sqrt(a^2 - r^2)) [Pa], nan outside."""
     root = np.sqrt(np.where(r < RADIUS, RADIUS**2 - r**2, np.nan))
     return np.asarray(MODULUS / np.pi * (APPROACH + 2.0 * TILT * x) / root)

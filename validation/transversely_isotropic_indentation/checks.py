@@ -1,4 +1,4 @@
-"""Section 7.1 on the paper's own mesh: four conditions and the sweep of the conductivity."""
+"""Check section 7.1 on the paper's mesh: four conditions and the sweep of the conductivity."""
 
 from collections.abc import Iterator
 
@@ -30,7 +30,7 @@ UNITS = {"force": "N", "charge": "C", "magnetic_flux": "Wb"}
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """The four conditions; in full also the sweep of Fig. 3, and a meshed half space to tell the block apart."""
+    """Check the four conditions; if not `quick`, also a meshed half space, and plot the sweep of Fig. 3."""
     case = load("EMII")
     system = case.formulation.reduce(case.body)
     insulated = closed_form(case, "EMII")
@@ -70,15 +70,15 @@ def _section(condition: str, solved: Solved, exact: Indentation) -> Iterator[Plo
 
 
 def _sweep(case: Case, found: Sweep) -> Plot:
-    """Fig. 3: from insulating to conducting."""
+    """Plot Fig. 3: from insulating to conducting."""
     insulated = closed_form(case, "EMII").force
     flux = "charge" if found.condition == "ECMII" else "magnetic_flux"
     force = np.array([-solved.totals.force[2] for solved in found.solved]) / insulated
     total = np.array([totals(solved)[flux] for solved in found.solved]) / exact_totals(found.limit)[flux]
     ends = found.kappa[[0, -1]]
     curves = (
-        Curve("force over the insulated one", found.kappa, force, points=True),
-        Curve(f"{flux.replace('_', ' ')} over the conducting one", found.kappa, total, points=True),
+        Curve("force relative to insulating", found.kappa, force, points=True),
+        Curve(f"{flux.replace('_', ' ')} relative to conducting", found.kappa, total, points=True),
         Curve("half space, conducting: force", ends, np.full(2, found.limit.force / insulated)),
     )
     return Plot(f"Fig. 3: {found.condition}", "conductivity, times |xi_cc| a", "relative", curves, log_x=True)

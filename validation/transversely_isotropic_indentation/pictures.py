@@ -1,4 +1,4 @@
-"""Pictures of the validation of section 7.1."""
+"""Draw the figures of the page on section 7.1."""
 
 import matplotlib
 
@@ -17,7 +17,7 @@ CURVES = [("EMII", "force"), ("ECMII", "charge"), ("EIMCI", "magnetic_flux"), ("
 
 
 def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
-    """Fig. 3: force relative to the insulated half space, charge or flux to the conducting one."""
+    """Draw Fig. 3: force relative to the insulated half space, charge or flux relative to the conducting one."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
     insulated = closed_form(case, "EMII").force
     for axis, found, name in zip(axes, sweeps, ("electric", "magnetic"), strict=True):
@@ -37,7 +37,7 @@ def sweep_picture(case: Case, sweeps: list[Sweep]) -> Figure:
 
 
 def section_picture(case: Case, sections: list[Sweep]) -> Figure:
-    """Fig. 4: pressure and potentials along x for several conductivities."""
+    """Draw Fig. 4: pressure and potentials along x for several conductivities."""
     figure, axes = plt.subplots(3, 2, figsize=(10, 9), layout="constrained", sharex=True, sharey="row")
     insulated = closed_form(case, "EMII")
     a, origin = insulated.contact_radius, np.zeros(1)
@@ -62,7 +62,7 @@ def section_picture(case: Case, sections: list[Sweep]) -> Figure:
 
 
 def convergence_picture(case: Case, meshes: list[Refinement]) -> Figure:
-    """Block against half space on the same elements, and half space against closed form as they shrink."""
+    """Draw the convergence of block to half space and of half space to closed form."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     radius = closed_form(case, "EMII").contact_radius
     halves = [mesh for mesh in meshes if np.isinf(mesh.enlargement)]

@@ -1,4 +1,4 @@
-"""Section 7.1 in numbers: the four conditions, the sweeps of Fig. 3, the sections of Fig. 4, and convergence."""
+"""Solve section 7.1: the four conditions, the sweeps of Fig. 3, the sections of Fig. 4, and convergence."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,19 +22,19 @@ HERE = Path(__file__).parent
 
 
 def load(condition: str) -> Case:
-    """The case file of one of the four conditions."""
+    """Load the case file of one of the four conditions."""
     return meeframe.load_case(HERE / f"{condition.lower()}.toml")
 
 
 def closed_form(case: Case, condition: str) -> Indentation:
-    """The half space under the case's sphere (docs/theory.md, Indentation in closed form)."""
+    """Return the closed form of the half space under the case's sphere (docs/theory.md, Indentation in closed form)."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return indent(xi, Sphere(case.indenter.radius), case.steps[0].approach, *CONDITIONS[condition])
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """One solved condition on one reduced system."""
+    """Solution of one condition on one reduced system."""
 
     zone: Zone
     step: StepResult
@@ -45,7 +45,7 @@ class Solved:
         return resultants(self.zone, self.step)
 
     def section(self) -> tuple[Array, Array, Array]:
-        """Along x through the centre: x (m,) [m], pressure (m,) [Pa], potentials (m, 2)."""
+        """Return the section along x through the centre: x (m,) [m], pressure (m,) [Pa], potentials (m, 2)."""
         x, y = self.zone.points[:, 0], self.zone.points[:, 1]
         line = np.flatnonzero(np.abs(y) < 1e-9 * np.ptp(y))
         line = line[np.argsort(x[line])]
@@ -53,7 +53,7 @@ class Solved:
 
 
 def solve(case: Case, system: ReducedSystem) -> Solved:
-    """The single step of a case; raises RuntimeError if it does not converge."""
+    """Solve the single step of a case. Raises RuntimeError if it does not converge."""
     (step,) = solve_steps(case, system)
     if step.status != "converged":
         raise RuntimeError(f"{case.title}: {step.status}: {step.message}")
@@ -61,30 +61,30 @@ def solve(case: Case, system: ReducedSystem) -> Solved:
 
 
 def totals(solved: Solved) -> dict[str, float]:
-    """Force of the indenter [N], charge [C] and magnetic flux [Wb]."""
+    """Return force of the indenter [N], charge [C] and magnetic flux [Wb]."""
     found = solved.totals
     return {"force": float(-found.force[2]), "charge": found.charge, "magnetic_flux": found.magnetic_flux}
 
 
 def exact_totals(exact: Indentation) -> dict[str, float]:
-    """The same of a closed form."""
+    """Return the totals of a closed form."""
     return {"force": exact.force, "charge": exact.charge, "magnetic_flux": exact.magnetic_flux}
 
 
 def relative(computed: dict[str, float], true: dict[str, float]) -> dict[str, float]:
-    """Relative differences of the totals that are not zero in truth."""
+    """Return the relative differences of the totals whose exact values are not zero."""
     return {name: computed[name] / value - 1 for name, value in true.items() if value != 0}
 
 
 def differences(solved: Solved, exact: Indentation) -> dict[str, float]:
-    """Relative differences to the half space of the totals that are not zero there."""
+    """Return the relative differences from the half space of the totals that are not zero there."""
     return relative(totals(solved), exact_totals(exact))
 
 
 def section_differences(solved: Solved, exact: Indentation, insulated: Indentation) -> dict[str, float]:
-    """Largest differences on the section, relative to the largest value of the insulated half space.
+    """Return the largest differences on the section, relative to the largest value of the insulated half space.
 
-    The edge ring, one element either side of the contact radius, is left out.
+    Nodes within one element of the contact radius are excluded.
     """
     x, pressure, potentials = solved.section()
     element = np.diff(x).max()
@@ -102,13 +102,13 @@ def section_differences(solved: Solved, exact: Indentation, insulated: Indentati
 
 
 def conducting(case: Case, electric: float, magnetic: float) -> Case:
-    """A case with step conductivities [F/m^2], [H/m^2]."""
+    """Return a case with step conductivities [F/m^2], [H/m^2]."""
     return replace(case, conductivity={"electric": StepConductivity(electric), "magnetic": StepConductivity(magnetic)})
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """One field's conductivity swept: kappa (m,) over the characteristic one, and what was solved for each."""
+    """Sweep of the conductivity of one field: kappa (m,) relative to the characteristic value, and the solutions."""
 
     condition: str
     kappa: Array
@@ -117,13 +117,13 @@ class Sweep:
 
 
 def characteristic_conductivity(case: Case, field: int) -> float:
-    """1 / (|xi_cc| a), c the electric (1) or magnetic (2) field."""
+    """Return 1 / (|xi_cc| a), with c the electric (1) or magnetic (2) field."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return float(1 / (abs(xi[field, field]) * closed_form(case, "EMII").contact_radius))
 
 
 def sweep(case: Case, system: ReducedSystem, condition: str, kappa: Array) -> Sweep:
-    """Fig. 3: from insulating to conducting, electric (ECMII) or magnetic (EIMCI)."""
+    """Solve Fig. 3: from insulating to conducting, electric (ECMII) or magnetic (EIMCI)."""
     field = 1 if condition == "ECMII" else 2
     unit = characteristic_conductivity(case, field)
 
@@ -135,7 +135,7 @@ def sweep(case: Case, system: ReducedSystem, condition: str, kappa: Array) -> Sw
 
 @dataclass(frozen=True)
 class Refinement:
-    """One mesh of the convergence study; half_width [m], enlargement inf for a half space, totals by condition."""
+    """One mesh of the convergence study; half_width [m]; enlargement: inf for a half space; totals by condition."""
 
     enlargement: float
     half_width: float
@@ -145,9 +145,9 @@ class Refinement:
 
 
 def refined(case: Case, enlargement: float, divisions: int) -> Case:
-    """The case on a block `enlargement` times as large in all directions, or on a half space (inf).
+    """Return the case on a block `enlargement` times as large in all directions, or on a half space (inf).
 
-    Rings and layers are so many that the zone, `divisions` elements wide, is what limits the accuracy.
+    Rings and layers are numerous enough that the zone, `divisions` elements wide, limits the accuracy.
     """
     finer = (divisions / 16) ** 0.5
     if np.isinf(enlargement):
@@ -160,7 +160,7 @@ def refined(case: Case, enlargement: float, divisions: int) -> Case:
 
 
 def refinements(case: Case, meshes: list[tuple[float, int]]) -> Iterator[Refinement]:
-    """The four conditions on meshes (enlargement, divisions)."""
+    """Solve the four conditions on meshes (enlargement, divisions)."""
     for enlargement, divisions in meshes:
         larger = refined(case, enlargement, divisions)
         system = larger.formulation.reduce(larger.body)

@@ -1,4 +1,4 @@
-"""Two deformable bodies: Hertz, joined half spaces in closed form, exchanged roles."""
+"""Check two deformable bodies: Hertz, joined half spaces in closed form, exchanged roles."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,7 +22,7 @@ SOURCE = (
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """Elastic bodies against Hertz, poled ones against joined half spaces, roles exchanged."""
+    """Check elastic bodies against Hertz, poled bodies against joined half spaces, and exchanged roles."""
     if not quick:
         for name in ("equal", "unlike_elastic"):
             found = hertz(name)
@@ -35,7 +35,7 @@ def run(quick: bool) -> Iterator[Item]:
 
 
 def _opposite(quick: bool) -> Iterator[Item]:
-    """Poled the same way in space: one body is the other turned over."""
+    """Check bodies poled in the same direction in space: one body is the other rotated by 180 degrees."""
     case = load("poled")
     other = second_body(case)
     mesh = half_space_mesh(0.1, 0.005, 10, 5, Quad4()) if quick else case.mesh

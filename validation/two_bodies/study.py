@@ -1,4 +1,4 @@
-"""Two deformable bodies in numbers: Hertz, joined half spaces in closed form, and exchanged roles."""
+"""Solve contact of two deformable bodies: Hertz, joined half spaces in closed form, and exchanged roles."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,17 +21,17 @@ from meeframe.testing.closed_forms import CONDITIONS, Indentation, Sphere, inden
 HERE = Path(__file__).parent
 TURN: Final = np.diag([1.0, -1.0, -1.0])
 EXCHANGED: Final = np.array([-1.0, 1.0, 1.0, -1.0, -1.0])
-"""A load (t1, t2, t.nu, q, s) seen from the other body: reversed, and turned over about x1."""
+"""Signs of a load (t1, t2, t.nu, q, s) seen from the other body: reversed and rotated about x1."""
 
 
 def load(name: str) -> Case:
-    """One of the case files of this folder."""
+    """Load a case file of this folder."""
     return meeframe.load_case(HERE / f"{name}.toml")
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The last increment of a case on its contact zone."""
+    """Last increment of a case on its contact zone."""
 
     zone: Zone
     step: StepResult
@@ -43,12 +43,12 @@ class Solved:
 
     @property
     def load(self) -> Array:
-        """(n, 5) as in ReducedSystem."""
+        """Load (n, 5) as in ReducedSystem."""
         return self.step.state.load
 
 
 def solve(case: Case, system: ReducedSystem) -> Solved:
-    """The end of a case; raises RuntimeError if an increment does not converge."""
+    """Solve a case and return its end. Raises RuntimeError if an increment does not converge."""
     steps = list(solve_steps(case, system, boundary=False))
     for step in steps:
         if step.status != "converged":
@@ -57,14 +57,14 @@ def solve(case: Case, system: ReducedSystem) -> Solved:
 
 
 def second_body(case: Case) -> SecondBody:
-    """The second body of a case that has one."""
+    """Return the second body of a case that has one."""
     if case.second_body is None:
         raise ValueError(f"{case.title}: one body only")
     return case.second_body
 
 
 def closed_form(case: Case, condition: str = "EMII") -> Indentation:
-    """Two axisymmetric half spaces under the case's sphere: one of xi = xi_A + D xi_B D (docs/theory.md)."""
+    """Return the closed form of two axisymmetric half spaces, with xi = xi_A + D xi_B D (docs/theory.md)."""
     flip = np.array([-1.0, 1.0, 1.0])
     first, second = (axisymmetric_compliance(body.material.stiffness) for body in (case, second_body(case)))
     joined = first + flip[:, None] * second * flip
@@ -72,7 +72,7 @@ def closed_form(case: Case, condition: str = "EMII") -> Indentation:
 
 
 def pressure_difference(solved: Solved, exact: Indentation) -> float:
-    """Largest difference of the pressure over its largest value; nodes of elements on the edge are left out."""
+    """Return the largest relative difference of the pressure, without nodes of elements on the contact edge."""
     points = solved.zone.points
     r = np.hypot(points[:, 0], points[:, 1])
     element = np.diff(np.unique(np.round(points[:, 0], 12))).max()
@@ -82,7 +82,7 @@ def pressure_difference(solved: Solved, exact: Indentation) -> float:
 
 
 def tangential_share(solved: Solved) -> float:
-    """Largest tangential traction over the largest pressure."""
+    """Return the ratio of the largest tangential traction and the largest pressure."""
     return float(np.linalg.norm(solved.step.traction[:, :2], axis=1).max() / solved.totals.max_pressure)
 
 
@@ -98,7 +98,7 @@ class Hertz:
 
 
 def hertz(name: str) -> Hertz:
-    """A case of two elastic bodies against Hertz."""
+    """Compare a case of two elastic bodies with Hertz."""
     case = load(name)
     solved, exact = solve(case, reduce(case)), closed_form(case)
     force = -float(solved.totals.force[2])
@@ -106,20 +106,20 @@ def hertz(name: str) -> Hertz:
 
 
 def rigid_share(name: str) -> float:
-    """The tangential_share with a rigid sphere instead of the second body."""
+    """Return the tangential_share with a rigid sphere in place of the second body."""
     case = replace(load(name), second_body=None)
     return tangential_share(solve(case, reduce(case)))
 
 
 def conducting(case: Case, condition: str) -> Case:
-    """A case in one of the four conditions, perfectly conducting or insulating."""
+    """Return a case in one of the four conditions, perfectly conducting or insulating."""
     electric, magnetic = (0.0 if potential is None else np.inf for potential in CONDITIONS[condition])
     return replace(case, conductivity={"electric": StepConductivity(electric), "magnetic": StepConductivity(magnetic)})
 
 
 @dataclass(frozen=True)
 class Joined:
-    """Two bodies of Table 1 in one condition: totals (P, Q, M), those of the closed form."""
+    """Two bodies of Table 1 in one condition: computed and exact totals (P, Q, M)."""
 
     poling: str
     condition: str
@@ -128,7 +128,7 @@ class Joined:
 
 
 def joined() -> list[Joined]:
-    """The four conditions, with both bodies poled towards each other and with one of them the other way round."""
+    """Solve the four conditions, with bodies poled towards each other and in the same direction."""
     rows = []
     for poling in ("towards each other", "the same way in space"):
         case = load("poled")
@@ -145,7 +145,7 @@ def joined() -> list[Joined]:
 
 
 def exchanged(case: Case) -> Case:
-    """The same two bodies in contact seen from the other one: everything turned over about x1, and reversed."""
+    """Return the case seen from the other body: everything rotated by 180 degrees about x1, and reversed."""
     other = second_body(case)
     law, place = case.contact_law, case.placement
     if isinstance(law, OrthotropicCoulomb):
@@ -170,7 +170,7 @@ def exchanged(case: Case) -> Case:
 
 @dataclass(frozen=True)
 class Roles:
-    """A case seen from the first body and from the other.
+    """Results of a case seen from the first body and from the other.
 
     totals: from either; differences: (5,) the largest of each column of the load over its largest value; pressed,
     stuck: how many nodes are in contact, and stick; alike: the regions of open, slip and stick agree at every node.
@@ -184,7 +184,7 @@ class Roles:
 
 
 def roles(case: Case) -> Roles:
-    """A case and itself with exchanged roles."""
+    """Solve a case and the same case with exchanged roles."""
     one, two = (solve(variant, reduce(variant)) for variant in (case, exchanged(case)))
     partners = match_nodes(one.zone, two.zone)
     seen = two.load[partners] * EXCHANGED

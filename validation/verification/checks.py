@@ -1,4 +1,4 @@
-"""Sections 7.1 to 7.4 by boundary and finite elements; a half space by two methods, and as the limit of blocks."""
+"""Compare methods: sections 7.1 to 7.4 by boundary and finite elements, a half space, and the limit of blocks."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -51,13 +51,15 @@ PRESSURES: Final[Mapping[str, Callable[[Array], Array]]] = {
     "compliance_under_Hertz": lambda r: np.sqrt(np.maximum(1.0 - (r / RADIUS) ** 2, 0.0)),
     "compliance_under_Gauss": lambda r: np.exp(-((r / 0.9e-3) ** 2)),
 }
-"""Pressures by the distance from the middle [m], largest 1 Pa: about as wide as the contacts of the sphere."""
+"""Pressures as functions of the distance from the centre [m], with maximum 1 Pa and the width of the contacts."""
 COMPARED = (*RESULTANTS, *PRESSURES)
 
 
 class Section(NamedTuple):
-    """A case file of the paper, relative to the folder of the validation; body: whether it is the first of its body;
-    nodal: why values at single nodes may disagree by a little; explained: why limits of resultants are farther apart.
+    """A case file of the paper, relative to the folder of the validation.
+
+    body: True if it is the first case with its body; nodal: reason why values at single nodes may differ slightly;
+    explained: reason why limits of resultants differ more.
     """
 
     name: str
@@ -79,11 +81,11 @@ CHANGES = (
     ('element = "quad4"', 'element = "{element}"'),
     ('name = "uzawa"', 'name = "auto"'),
 )
-"""Of the case files: meshes whose far field is refined too; a solver without steps to be tuned."""
+"""Changes of the case files: meshes with a refined far field, and a solver without step lengths."""
 
 
 class Family(NamedTuple):
-    """Meshes: element, divisions of the finest, its rings and layers, its finite elements, factor, order of totals."""
+    """Meshes: element, divisions, rings and layers of the finest, its finite elements, factor, order of totals."""
 
     element: str
     divisions: int
@@ -93,22 +95,22 @@ class Family(NamedTuple):
     order: float
 
 
-# The totals are those of an energy, with twice the order of its norm. At the outline of a smooth contact displacements
-# go like r^(3/2), which quadratic elements follow with order 3/2 and linear ones with their own, 1: orders 3 and 2.
-# Nine nodes, not eight: the corners of eight-node elements have negative weights
+# The totals derive from an energy and have twice the order of its norm. At a smooth contact edge displacements behave
+# like r^(3/2), which quadratic elements approximate with order 3/2 and linear ones with order 1: orders 3 and 2.
+# Elements have nine nodes because the corners of eight-node elements have negative weights
 QUADRATIC = Family("quad9", 8, 4, 'grid = "shells", growth = 1.5', 2.0**0.5, 3.0)
 QUICK = Family("quad4", 6, 3, "growth = 2.25", 1.4, 2.0)
 
 
 def run(quick: bool) -> Iterator[Item]:
-    """In full all; quick: a section on meshes too coarse for the tolerances, judged by its errors, and the blocks."""
+    """Check all; if `quick`, one section on coarse meshes, compared within its errors, and the blocks."""
     with TemporaryDirectory() as scratch:
         for section in SECTIONS[:1] if quick else SECTIONS:
             family = QUICK if quick else QUADRATIC
             task = block_task(section, Path(scratch), family)
             found = verify(task.file, task.file.with_suffix(""), task.formulations, task.meshes, cache=task.cache)
             yield converged(f"section {section.name}, {family.element}", found)
-            yield from judged(f"section {section.name}, {family.element}", found, section.nodal)
+            yield from agreement(f"section {section.name}, {family.element}", found, section.nodal)
             if section.body:
                 yield from bodies(section.name, task, bool(section.nodal), quick)
             if not quick:
@@ -118,14 +120,14 @@ def run(quick: bool) -> Iterator[Item]:
             both = ("dense-bem", "half-space")
             found = verify(HERE / "half_space.toml", Path(scratch) / "half-space", both, Meshes(factor=2.0))
             yield converged("half space", found)
-            yield from judged("half space", found)
+            yield from agreement("half space", found)
             yield from finest("half space", found)
             yield from extrapolated("half space", found)
     yield from large_blocks(quick)
 
 
 class Task(NamedTuple):
-    """What to verify; cache: folder of the reduced systems."""
+    """Case to verify; cache: folder of the reduced systems."""
 
     file: Path
     formulations: tuple[str, ...]
@@ -134,7 +136,7 @@ class Task(NamedTuple):
 
 
 def block_task(section: Section, scratch: Path, family: Family) -> Task:
-    """A case of the paper by boundary and finite elements."""
+    """Return a case of the paper for boundary and finite elements."""
     file = HERE.parent / section.file
     text = file.read_text(encoding="utf-8")
     for old, new in CHANGES:
@@ -146,18 +148,18 @@ def block_task(section: Section, scratch: Path, family: Family) -> Task:
 
 
 def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
-    """Both methods where no node has to decide whether it is in contact; strong: its coupling."""
+    """Compare both methods under given pressures, without contact; strong: True for strong coupling."""
     chosen = [Choice.read("formulation", text) for text in task.formulations]
     planned, _ = planned_runs(task.file, chosen, task.meshes, plugins.load())
     systems = [cached_reduce(run.case, task.cache) for run in planned]
     found = under_given_pressure(planned, systems, task.meshes.order)
-    yield from judged(f"body of section {name}", found)
+    yield from agreement(f"body of section {name}", found)
     least = short_waves(*systems[-2:])
-    words, judged_by = ("stiff", "less than 0.1") if strong else ("accurate within a factor of 2", "more than 0.5")
+    words, criterion = ("stiff", "less than 0.1") if strong else ("accurate within a factor of 2", "more than 0.5")
     yield Claim(
         f"body of section {name}: finite elements are {words} against pressures that alternate from node to node",
         f"least work {least:.2g} of the work with boundary elements",
-        judged_by,
+        criterion,
         least < 0.1 if strong else least > 0.5,
     )
     if not quick:
@@ -165,7 +167,7 @@ def bodies(name: str, task: Task, strong: bool, quick: bool) -> Iterator[Item]:
 
 
 def under_given_pressure(planned: Sequence[Planned], systems: Sequence[ReducedSystem], order: float) -> Verification:
-    """Compliances as if they were totals of cases."""
+    """Return compliances in the form of totals of cases."""
     runs = []
     for run, system in zip(planned, systems, strict=True):
         found = {name: compliance(system, pressure) for name, pressure in PRESSURES.items()}
@@ -175,7 +177,7 @@ def under_given_pressure(planned: Sequence[Planned], systems: Sequence[ReducedSy
 
 
 def compliance(system: ReducedSystem, pressure: Callable[[Array], Array]) -> float:
-    """Displacement into the body, mean under the pressure, per force [m/N]: its work over the force squared."""
+    """Return the mean displacement under the pressure per force [m/N]: the work divided by the squared force."""
     nodal = pressure(np.linalg.norm(system.points[:, :2], axis=1))
     load = np.zeros((len(nodal), N_FIELDS))
     load[:, 2] = -nodal
@@ -184,7 +186,7 @@ def compliance(system: ReducedSystem, pressure: Callable[[Array], Array]) -> flo
 
 
 def short_waves(boundary: ReducedSystem, volume: ReducedSystem) -> float:
-    """The least work of a pressure by finite elements over its work by boundary elements: on this WAVERING stands."""
+    """Return the smallest ratio of the work of a pressure by finite and by boundary elements (see WAVERING)."""
     inner = np.linalg.norm(boundary.points[:, :2], axis=1) < RADIUS
     works = []
     for system in (volume, boundary):
@@ -206,14 +208,14 @@ def _unit(pair: Agreement) -> str:
 
 
 def finest(name: str, found: Verification) -> Iterator[Check]:
-    """Resultants on the finest meshes."""
+    """Check resultants on the finest meshes."""
     for quantity, pair in _compared(found):
         one, other = pair.first.limit.finest, pair.second.limit.finest
         yield Check(f"{name}: {quantity}, finest meshes", other, one, FINEST, _unit(pair))
 
 
 def extrapolated(name: str, found: Verification, explained: str = "") -> Iterator[Check]:
-    """By the theoretical order from the last two meshes: one rule for both, in which common scatter cancels."""
+    """Check limits extrapolated with the theoretical order from the last two meshes; common scatter cancels."""
     for quantity, pair in _compared(found):
         one, other = (of_order(each.sizes, each.values, found.order) for each in (pair.first, pair.second))
         yield Check(
@@ -227,8 +229,8 @@ def extrapolated(name: str, found: Verification, explained: str = "") -> Iterato
         )
 
 
-def judged(name: str, found: Verification, nodal: str = "") -> Iterator[Item]:
-    """Everything within its own error; nodal: why values at single nodes miss that by up to as much again, if so."""
+def agreement(name: str, found: Verification, nodal: str = "") -> Iterator[Item]:
+    """Check that methods agree within their errors; nodal: reason why values at nodes may differ by twice as much."""
     for pair in found.agreements:
         quantity = f"{name}: {pair.first.quantity.replace('_', ' ')}"
         words = f"{quantity}: methods agree within their errors"
@@ -240,7 +242,7 @@ def judged(name: str, found: Verification, nodal: str = "") -> Iterator[Item]:
 
 
 def converged(name: str, found: Verification) -> Claim:
-    """All runs."""
+    """Check that all runs converged."""
     holds = all(run.status == "converged" for run in found.runs)
     return Claim(f"{name}: runs", str(found.verdict), "all converge", holds)
 
@@ -269,9 +271,9 @@ def _convergence(title: str, estimates: tuple[Estimate, ...]) -> Plot:
 
 
 def large_blocks(quick: bool) -> Iterator[Item]:
-    """Boundary elements on blocks of growing size, extrapolated to the half space, whose error falls like 1/L.
+    """Check boundary elements on blocks of increasing size, extrapolated to the half space with an error like 1/L.
 
-    Both have the same nodes in the contact zone, which so has no part in the difference.
+    Both have the same nodes in the contact zone, which therefore does not contribute to the difference.
     """
     case = load_case(HERE / "half_space.toml")
     divisions, first = (6, 5) if quick else (12, 10)
@@ -291,7 +293,7 @@ def large_blocks(quick: bool) -> Iterator[Item]:
 
 
 def _block(case: Case, size: float, divisions: int, rings: int) -> Case:
-    """The case on a grounded block, as that of the paper but `size` times as large."""
+    """Return the case on a grounded block like that of the paper, but `size` times as large."""
     paper = load_case(HERE.parent / SECTIONS[0].file)
     mesh = block_mesh(0.05 * size, 0.12 * size, 0.005, divisions, rings, rings // 2, Quad4(), Grading(layer_growth=1.5))
     return replace(case, mesh=mesh, conditions=paper.conditions)

@@ -12,6 +12,7 @@ from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.fields import Array, FieldScaling
 from meeframe.fields.units import Quantity, check_quantities
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
 from meeframe.formulations.dense_bem.assembly import assemble
 from meeframe.formulations.dense_bem.collocation import collocate
@@ -25,7 +26,7 @@ from meeframe.mesh import check_mesh, zone_frames
 from meeframe.mesh.body import Body
 from meeframe.mesh.slenderness import bending_warnings
 from meeframe.system.dense import in_local_frames
-from meeframe.system.reduced import Formulation, NodalFields, Progress, ReducedSystem, silent
+from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 
 @final

@@ -15,6 +15,7 @@ from meeframe.solvers.cg.biactive import Grazing
 from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.conduction.elimination import Conductors
 from meeframe.solvers.gradient.steps import Conduction, Ground, start_load
+from meeframe.system.capabilities import apply_fields, diagonal
 
 CHANGED: Final = 3e-3
 """What a change may leave of the potentials as part of its displacement; those at a pressure make up for it."""
@@ -157,7 +158,7 @@ class Insulated(NormalResponse):
         return np.zeros((0, len(self.problem.channels)))
 
     def _opened(self, pressure: Array) -> Array:
-        return self.problem.system.block_response(pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
+        return apply_fields(self.problem.system, pressure[:, None], (NORMAL,), (NORMAL,))[:, 0]
 
 
 @final
@@ -184,7 +185,7 @@ class Conducting(NormalResponse):
         ground, conduction = Ground.of(problem), Conduction.of(start, n)
         near = Iterate(start_load(problem, start), conduction.contact_fraction, motion=start_motion(problem, start))
         conduction, conductors = ground.conductors(near, conduction, None)
-        own = problem.system.own_response((NORMAL,))[:, 0]
+        own = diagonal(problem.system, (NORMAL,))[:, 0]
         grazing = Grazing.unknown(n)
         return cls(problem, scales, ground, own, _following(problem), conduction, conductors, grazing)
 

@@ -10,7 +10,7 @@ from meeframe.contact.conduction import Mask
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array, Indices
 from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
-from meeframe.system.reduced import Prolongation
+from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 OUTDATED: Final = 0.2
 """The preconditioned modes belong to a set of nodes from which the present one may differ by this fraction."""
@@ -36,7 +36,8 @@ class Preconditioner:
     @classmethod
     def of(cls, problem: ContactProblem) -> "Preconditioner | None":
         """On no nodes as yet; None if the reduced system knows no inverse."""
-        inverse, n = problem.system.approximate_inverse((NORMAL,)), len(problem.gap)
+        approximate, n = problem.system.capability(ApproximateInverse), len(problem.gap)
+        inverse = None if approximate is None else approximate.approximate_inverse((NORMAL,))
         return None if inverse is None else cls(problem, inverse, NO_NODES, None, np.zeros((0, n)), np.zeros(n, bool))
 
     def on(self, modes: NormalModes) -> "Preconditioner":
@@ -44,7 +45,8 @@ class Preconditioner:
         free = modes.nodes
         if free is self.free:
             return self
-        moved = replace(self, free=free, extension=self.problem.system.extension(free))
+        approximate = self.problem.system.capability(ApproximateInverse)
+        moved = replace(self, free=free, extension=None if approximate is None else approximate.prolongation(free))
         apart = max(len(free), int(self.made.sum())) - int(self.made[free].sum())
         if len(self.guides) == len(modes.numbers) and apart <= OUTDATED * len(free):
             return moved
@@ -59,7 +61,7 @@ class Preconditioner:
         """That roughly cause openings (f,), (f,)."""
         single: Array = opening.astype(np.float32)
         if self.extension is not None:
-            return self.extension.gathered(self._inverted(self.extension.extended(single))).astype(float)
+            return self.extension.restrict(self._inverted(self.extension.prolong(single))).astype(float)
         whole: Array = np.zeros(len(self.made), np.float32)
         whole[self.free] = single
         return self._inverted(whole)[self.free].astype(float)

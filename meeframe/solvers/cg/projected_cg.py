@@ -16,6 +16,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
 from meeframe.solvers.cg.normal_response import Conducting, Effect, Insulated, NormalResponse, load_of
 from meeframe.solvers.cg.preconditioner import Preconditioner
 from meeframe.solvers.gradient.steps import start_load
+from meeframe.system.capabilities import apply_fields
 
 RENEWAL: Final = 50
 """Steps after which gap and conduction are found anew in any case, free of accumulated round-off."""
@@ -119,7 +120,7 @@ class ProjectedCG(Solver):
         gap, firm = memory.effect.gap, int(np.argmax(memory.pressure))
         unit = np.zeros((len(gap), 1))
         unit[firm] = 1.0
-        own = float(problem.system.block_response(unit, (NORMAL,), (NORMAL,))[firm, 0])
+        own = float(apply_fields(problem.system, unit, (NORMAL,), (NORMAL,))[firm, 0])
         return replace(iterate, load=tensed(iterate.load, gap, own))
 
 

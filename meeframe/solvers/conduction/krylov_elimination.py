@@ -12,6 +12,7 @@ from meeframe.fields import N_MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.solvers.conduction.elimination import EXACT, Conductors, DenseElimination, Elimination, Response, filled
 from meeframe.solvers.conduction.floating import Floating
 from meeframe.solvers.krylov import LEAST_FALL, gmres
+from meeframe.system.capabilities import ApproximateInverse, Restriction, apply_fields, diagonal
 from meeframe.system.reduced import ReducedSystem
 
 ROUGH: Final = 1e-3
@@ -75,10 +76,11 @@ class _Equations:
         chosen, n = np.searchsorted(fields, potentials + N_MECHANICAL), len(own)
         nodes = np.flatnonzero(conducting.any(axis=1))
         places = inner = _Places(chosen * n + at, (len(fields), n))
-        part = system.within(nodes)
+        restriction = system.capability(Restriction)
+        part = None if restriction is None else restriction.restrict(nodes)
         if part is not None:
-            system, m, number = part.system, len(part.kept), np.empty(n, np.int64)
-            number[part.kept] = np.arange(m)
+            system, m, number = part.system, len(part.nodes), np.empty(n, np.int64)
+            number[part.nodes] = np.arange(m)
             inner = _Places(chosen * m + number[at], (len(fields), m))
         resistance, own = resistance[conducting], own[conducting]
         size = np.sqrt(own + resistance)
@@ -108,7 +110,7 @@ class _Equations:
 
     def _multiply(self, scaled: Array) -> Array:
         flux = (scaled / self.size).astype(scaled.dtype)
-        raised = self.inner.taken(self.system.block_response(self.inner.spread(flux), self.fields, self.fields).T)
+        raised = self.inner.taken(apply_fields(self.system, self.inner.spread(flux), self.fields, self.fields).T)
         product: Array = ((raised + self.resistance * flux) / self.size).astype(scaled.dtype)
         return product
 
@@ -144,9 +146,10 @@ class KrylovElimination(Elimination):
     def of(cls, problem: ContactProblem) -> "KrylovElimination":
         """Of a problem."""
         conducting = [field for field, channel in enumerate(problem.channels, N_MECHANICAL) if channel.conducts]
-        inverse = problem.system.approximate_inverse(conducting) if conducting else None
+        approximate = problem.system.capability(ApproximateInverse) if conducting else None
+        inverse = None if approximate is None else approximate.approximate_inverse(conducting)
         mechanical = [0, 1, 2] if problem.contact_law.tangential_scaling().any() else [2]
-        own = problem.system.own_response(range(problem.fields.size))
+        own = diagonal(problem.system, range(problem.fields.size))
         return cls(problem, mechanical, conducting, own[:, POTENTIALS], np.sqrt(own[:, mechanical]), inverse)
 
     def prepare(self, resistance: Array, previous: Conductors | None) -> Conductors:
@@ -219,7 +222,7 @@ class KrylovElimination(Elimination):
         if change.any():
             rough = enough[1] > SINGLE * float(np.linalg.norm(change * equations.size))
             load = equations.places.spread(change.astype(precision or (np.float32 if rough else np.float64)))
-            found = found + self.problem.system.block_response(load, self.conducting, self.mechanical).T
+            found = found + apply_fields(self.problem.system, load, self.conducting, self.mechanical).T
         displacement = np.zeros((3, len(self.own))).T
         displacement[:, self.mechanical] = found.T
         return Response(filled(equations.conducting, balanced), displacement, potential)
@@ -230,7 +233,7 @@ class KrylovElimination(Elimination):
         load = {field: traction[:, field] for field in self.mechanical}
         if flux.any():
             load |= dict(zip(self.conducting, equations.places.spread(flux.astype(traction.dtype)).T, strict=True))
-        return self.problem.system.block_response(np.array(list(load.values())).T, list(load), fields).T
+        return apply_fields(self.problem.system, np.array(list(load.values())).T, list(load), fields).T
 
 
 def eliminate(problem: ContactProblem) -> Elimination:

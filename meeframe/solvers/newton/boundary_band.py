@@ -10,7 +10,8 @@ from meeframe.contact.conduction import Mask
 from meeframe.fields import Indices
 from meeframe.solvers._kernels.edge_relaxation import number_edge
 from meeframe.solvers.newton.residual import Point
-from meeframe.system.reduced import ReducedSystem, Stencil
+from meeframe.system.capabilities import LatticeStencil, Stencil
+from meeframe.system.reduced import ReducedSystem
 
 REACH: Final = 4
 """Places around a node where its load counts: as good as 16 of them."""
@@ -47,7 +48,8 @@ class Ring:
 
 @memoize_by_identity
 def _stencil(system: ReducedSystem, fields: tuple[int, ...]) -> Stencil | None:
-    return system.stencil(REACH, fields)
+    lattice = system.capability(LatticeStencil)
+    return None if lattice is None else lattice.stencil(REACH, fields)
 
 
 def slips(point: Point) -> Mask:

@@ -59,7 +59,7 @@ def corrected(point: Point, nodes: Indices, coarse: Coarse, below: Equation, pla
 def _seen_from_below(point: Point, nodes: Indices, coarse: Coarse, below: Equation, places: Indices) -> Point:
     """The point at the nodes of the coarser grid, in its problem with the indenter moved to where it is ahead of the
     finer body, and with resultants that are wrong by as much."""
-    problem, known = below.problem, coarse.coarsening.kept[places]
+    problem, known = below.problem, coarse.coarsening.nodes[places]
     at = np.minimum(np.searchsorted(nodes, known), len(nodes) - 1)
     same = nodes[at] == known
     load = np.where(same[:, None], point.load[at], 0.0)

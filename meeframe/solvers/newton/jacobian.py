@@ -1,7 +1,7 @@
 """The linearised equations of Newton's method where they say more than what one unknown of their own node is."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ from meeframe.solvers._kernels.node_products import spread
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.node_blocks import NodeBlocks, NodeProducts
 from meeframe.solvers.newton.residual import FRACTION, Blocks, Equation
+from meeframe.system.capabilities import ApproximateApply, apply_fields, apply_load
 
 TANGENTIAL: Final = (0, 1)
 """Components of the load."""
@@ -104,7 +105,7 @@ class Rows:
         for field, unit, unknown in zip(self.fields, self.units.tolist(), unknowns, strict=False):
             load[self.nodes, field] += unit * unknown
         image = self.of_unknowns.times(unknowns)
-        self.of_displacement.add_at(self.equation.problem.system.response(load, self.asked).T, self.nodes, image)
+        self.of_displacement.add_at(apply_load(self.equation.problem.system, load, self.asked).T, self.nodes, image)
         some = np.flatnonzero(given.T.take(self.nodes, axis=1).any(axis=0))
         there = self.nodes[some]
         for (row, column), entry in blocks.a.entries.items():
@@ -115,10 +116,11 @@ class Rows:
         return image.ravel()
 
     def multiplication(self, roughly: bool = False) -> Linear:
-        """Product (r c,) of the equations with unknowns (r c,); roughly: by rough responses of the system."""
+        """Product (r c,) of the equations with unknowns (r c,); roughly: by approximate products of the system."""
         a, b = self.of_unknowns, self.of_displacement
         fields, system, n = self.fields, self.equation.problem.system, len(self.equation.blocks)
-        response = (system.rough_response() if roughly else None) or system.block_response
+        approximate = system.capability(ApproximateApply) if roughly else None
+        response = partial(apply_fields, system) if approximate is None else approximate.approximate_apply
         units = self.units[: len(fields)].astype(self.precision)
         load = np.zeros((len(fields), n), self.precision)
 

@@ -23,6 +23,7 @@ from meeframe.solvers.newton.linear import Inverse
 from meeframe.solvers.newton.moves import FLIPS, held_where_it_grazes, moved_by
 from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, has_parts, inset, kept_nodes
 from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.capabilities import diagonal
 
 FRACTIONS: Final = (1.0, 0.5, 0.25, 0.125)
 """Of a Newton step, tried in turn."""
@@ -244,7 +245,7 @@ def _coarse_solution(problem: ContactProblem) -> Iterate | None:
     if part is not None:
         around, gap = gap, np.full(len(problem.gap), np.inf)
         gap[part.kept] = around
-    return replace(iterate, load=tensed(iterate.load, gap, problem.system.own_response((2,))[:, 0]))
+    return replace(iterate, load=tensed(iterate.load, gap, diagonal(problem.system, (2,))[:, 0]))
 
 
 def _hopeless(problem: ContactProblem, iterate: Iterate) -> bool:

@@ -10,7 +10,7 @@ from meeframe.contact.nested import on_nodes, same_everywhere
 from meeframe.contact.problem import ContactProblem, indenter_field
 from meeframe.fields import Array, Indices
 from meeframe.solvers.newton.residual import Equation, Point
-from meeframe.system.reduced import AnyArray
+from meeframe.system.capabilities import AnyArray, Restriction, apply_fields
 
 MARGIN: Final = 2.0
 """Spacings of nodes around the contact that the part has besides."""
@@ -42,7 +42,7 @@ class ContactNeighbourhood:
         # tractions that a law has without scaling are loads, too
         loaded, system = sorted({2, *np.flatnonzero(point.load.any(axis=0)).tolist()}), self.whole.system
         load = self.spread(point.load[:, loaded].astype(np.float32))
-        moved: Array = system.block_response(load, loaded, (2,))[:, 0] + system.offset[:, 2]
+        moved: Array = apply_fields(system, load, loaded, (2,))[:, 0] + system.offset[:, 2]
         return bool((indenter_field(self.whole, 2, point.motion) < moved)[beside].any())
 
 
@@ -53,7 +53,12 @@ def kept_nodes(problem: ContactProblem, part: ContactNeighbourhood | None) -> In
 
 def has_parts(problem: ContactProblem) -> bool:
     """Whether there may be an inset of another contact: the law is the same at all nodes, and a node has a part."""
-    return same_everywhere(problem.contact_law, len(problem.gap)) and problem.system.within(np.arange(1)) is not None
+    restriction = problem.system.capability(Restriction)
+    return (
+        restriction is not None
+        and same_everywhere(problem.contact_law, len(problem.gap))
+        and restriction.restrict(np.arange(1)) is not None
+    )
 
 
 def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
@@ -69,10 +74,11 @@ def inset(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None
     lowest, highest = points[contact].min(axis=0), points[contact].max(axis=0)
     reach = reach + 0.5 * np.maximum(SLENDER * (highest - lowest).max() - (highest - lowest), 0.0)
     near = ((points >= lowest - reach) & (points <= highest + reach)).all(axis=1)
-    part = problem.system.within(np.flatnonzero(near & np.isfinite(problem.gap)))
+    restriction = problem.system.capability(Restriction)
+    part = None if restriction is None else restriction.restrict(np.flatnonzero(near & np.isfinite(problem.gap)))
     if part is None:
         return None
-    kept = part.kept
+    kept = part.nodes
     if not all(freedom.mode[kept].any() for freedom in problem.prescribed_resultants):
         return None
     return ContactNeighbourhood(problem, kept, Equation.of(on_nodes(problem, part.system, kept), problem))

@@ -19,7 +19,7 @@ from meeframe.solvers.cg.normal_modes import NORMAL
 from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.jacobian import TANGENTIAL, Rows
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.reduced import Prolongation
+from meeframe.system.capabilities import ApproximateInverse, Prolongation
 
 NEARBY: Final = 1.1
 """Spacings of nodes: farther away what a single node causes, which falls with the third power, is left
@@ -130,10 +130,10 @@ def _solution_of_loads(rows: Rows) -> Linear:
         if inverse is not None and beside:
             displacement, answer = ask_for.times(right), np.zeros(ask_for.shape, right.dtype)
             for field, (there, extension) in beside.items():
-                asked[field] = extension.extended(displacement[field, there])
+                asked[field] = extension.prolong(displacement[field, there])
             load = inverse(asked.T).T
             for field, (there, extension) in beside.items():
-                answer[field, there] = extension.gathered(load[field])
+                answer[field, there] = extension.restrict(load[field])
             by_answer.add(answer, found)
         elif inverse is not None:
             ask_for.spread(right, rows.nodes, asked)
@@ -155,7 +155,8 @@ def _beside(rows: Rows, asking: Mask) -> dict[int, tuple[Indices, Prolongation]]
         if alike:
             found[place] = found[alike[0]]
         elif there.size:
-            extension = rows.equation.problem.system.extension(rows.nodes[there])
+            inverse = rows.equation.problem.system.capability(ApproximateInverse)
+            extension = None if inverse is None else inverse.prolongation(rows.nodes[there])
             if extension is None:  # for all or none
                 return {}
             found[place] = there, extension

@@ -40,7 +40,13 @@ from meeframe.laws.base import (
 )
 from meeframe.solvers.conduction.transmissivity import Transmissivity
 from meeframe.solvers.newton.node_blocks import NodeBlocks
-from meeframe.system.reduced import ROUGH, AnyArray
+from meeframe.system.capabilities import (
+    APPROXIMATE_TOLERANCE,
+    AnyArray,
+    ApproximateApply,
+    ApproximateInverse,
+    apply_fields,
+)
 
 FRACTION: Final = -1
 """Row and column of the contact fraction in arrays: the last one, after the fields."""
@@ -104,7 +110,8 @@ class Equation:
         flows = [channel.conducts for channel in problem.channels]
         loaded = np.flatnonzero([rubs, rubs, True, *flows]).tolist()
         system = problem.system
-        inverse = system.approximate_inverse(loaded) if system.dense() is None else None
+        approximate = system.capability(ApproximateInverse) if system.dense() is None else None
+        inverse = None if approximate is None else approximate.approximate_inverse(loaded)
         r = 1.0 / scales.normal_compliance
         return cls(problem, scales, blocks, own, lifted, r, modes, units, measures, loaded, inverse, len(whole.gap))
 
@@ -150,7 +157,7 @@ class Equation:
         """The same in single precision, and how far the load moves the body: see farthest."""
         system, loaded = self.problem.system, np.flatnonzero(load.any(axis=0)).tolist()
         single: AnyArray = load.T[loaded].astype(np.float32)
-        response = system.block_response(single.T, loaded, range(system.n_fields))
+        response = apply_fields(system, single.T, loaded, range(system.n_fields))
         return self._ahead_of(response, motion), self.farthest(response)
 
     def _ahead_of(self, response: Array, motion: Array) -> Array:
@@ -248,9 +255,13 @@ class Point:
         change: Array = np.subtract(load, self.load).T  # before it is rounded
         loaded = np.flatnonzero(change.any(axis=1)).tolist()
         single: AnyArray = change[loaded].astype(np.float32)
-        rough = problem.system.rough_response()
-        response = (rough or problem.system.block_response)(single.T, loaded, range(problem.fields.size))
-        rounded = self.rounded + (ROUGH if rough else ROUNDED) * equation.farthest(response)
+        approximate, fields = problem.system.capability(ApproximateApply), range(problem.fields.size)
+        if approximate is None:
+            response = apply_fields(problem.system, single.T, loaded, fields)
+        else:
+            response = approximate.approximate_apply(single.T, loaded, fields)
+        error = ROUNDED if approximate is None else APPROXIMATE_TOLERANCE
+        rounded = self.rounded + error * equation.farthest(response)
         ahead = self.ahead - response
         for freedom, amount in zip(problem.prescribed_resultants, motion - self.motion, strict=True):
             for field in freedom.moved:

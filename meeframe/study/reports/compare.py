@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
+from meeframe.results import schema
 from meeframe.results.canvas import prefixed, sheet
 from meeframe.results.picture import lengths
-from meeframe.results.records import Resultants, StepResult, Zone, resultants
+from meeframe.results.records import StepResult, Zone
+from meeframe.results.schema import NodalField, Total
 from meeframe.study.reports.study import middle_line
 
 if TYPE_CHECKING:
@@ -27,37 +29,21 @@ UNFINISHED: Final = "unfinished"
 _ROUND_OFF: Final = 1e-6
 """Of the largest pressure: smaller tangential tractions are not drawn."""
 
-_TOTALS: Final[Mapping[str, tuple[str, Callable[[Resultants], Any]]]] = {
-    "force": ("N", lambda totals: totals.force),
-    "charge": ("C", lambda totals: totals.charge),
-    "magnetic_flux": ("Wb", lambda totals: totals.magnetic_flux),
-    "contact_area": ("m^2", lambda totals: totals.contact_area),
-    "max_pressure": ("Pa", lambda totals: totals.max_pressure),
-    "max_tension": ("Pa", lambda totals: totals.max_tension),
-    "max_abs_electric_potential": ("V", lambda totals: totals.max_abs_electric_potential),
-    "max_abs_magnetic_potential": ("A", lambda totals: totals.max_abs_magnetic_potential),
-}
 _SIDE_BY_SIDE: Final = 4
 """Runs next to each other in the table: more would not fit in a terminal."""
 _LEGEND: Final = 100
 """Letters in a line of the figure's legend."""
 _STYLES: Final = ("-", "--", ":")
-_OCCASIONAL: Final = {
-    "max_tension": ("max_tension",),
-    "charge": ("charge", "max_abs_electric_potential"),
-    "max_abs_electric_potential": ("charge", "max_abs_electric_potential"),
-    "magnetic_flux": ("magnetic_flux", "max_abs_magnetic_potential"),
-    "max_abs_magnetic_potential": ("magnetic_flux", "max_abs_magnetic_potential"),
-}
-"""Totals that the table shows only where a run has some of these."""
-_FIELDS: Final[Mapping[str, tuple[str, Callable[[Zone, StepResult], Array]]]] = {
-    "pressure": ("Pa", lambda _, step: 0.0 - step.traction[:, 2]),
-    "traction_x": ("Pa", lambda zone, step: _along(zone, step, 0)),
-    "traction_y": ("Pa", lambda zone, step: _along(zone, step, 1)),
-    "electric_potential": ("V", lambda _, step: step.potentials[:, 0]),
-    "magnetic_potential": ("A", lambda _, step: step.potentials[:, 1]),
-}
-"""Nodal fields: pressure and tangential tractions on the body along global x1, x2, potentials of the body."""
+
+
+def _totals() -> dict[str, Total]:
+    """Return the totals that a comparison shows, by name."""
+    return {total.name: total for total in schema.TOTALS if schema.View.COMPARISON in total.views}
+
+
+def _fields() -> dict[str, NodalField]:
+    """Return the nodal fields that a comparison shows, by name."""
+    return schema.nodal(schema.View.COMPARISON)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +97,16 @@ def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]
     where the first is zero and the run is not, or where there is nothing to compare.
     """
     if not run.steps or len(run.steps) != len(first.steps):
-        return dict.fromkeys([*_TOTALS, *_FIELDS])
+        return dict.fromkeys([*_totals(), *_fields()])
     mine, others = ((r.zone, r.steps[-1]) for r in (run, first))
+    own, reference = schema.totals(*mine), schema.totals(*others)
     found = {
-        name: _relative(np.linalg.norm, np.atleast_1d(of(resultants(*mine))), np.atleast_1d(of(resultants(*others))))
-        for name, (_, of) in _TOTALS.items()
+        name: _relative(np.linalg.norm, np.atleast_1d(own[name]), np.atleast_1d(reference[name])) for name in _totals()
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
-    for name, (_, of) in _FIELDS.items():
-        found[name] = _relative(lambda field: np.abs(field).max(), of(*mine), of(*others)) if same else None
+    for name, row in _fields().items():
+        apart = _relative(lambda field: np.abs(field).max(), row.values(*mine), row.values(*others)) if same else None
+        found[name] = apart
     return found
 
 
@@ -128,11 +115,6 @@ def _relative(size: Callable[[Array], Any], value: Array, reference: Array) -> f
     if difference == 0.0:
         return 0.0
     return difference / scale if scale > 0.0 and math.isfinite(difference) else None
-
-
-def _along(zone: Zone, step: StepResult, axis: int) -> Array:
-    along: Array = np.einsum("na,na->n", step.traction[:, :2], zone.frames[:, :2, axis])
-    return along
 
 
 def comparison_json(comparison: Comparison) -> str:
@@ -156,19 +138,19 @@ def _numbers(run: ComparedRun, first: ComparedRun) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, first),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(of(run.zone, last)) for name, (_, of) in _FIELDS.items()} if last else {},
+        "fields": {name: _plain(row.values(run.zone, last)) for name, row in _fields().items()} if last else {},
     }
 
 
 def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
-    totals = resultants(zone, step)
+    totals = schema.totals(zone, step)
     return {
         "step": step.step,
         "increment": step.increment,
         "status": str(step.status),
         "iterations": step.iterations,
         "residual": _plain(step.residual),
-        **{name: _plain(of(totals)) for name, (_, of) in _TOTALS.items()},
+        **{name: _plain(totals[name]) for name in _totals()},
     }
 
 
@@ -184,11 +166,13 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     runs = comparison.runs
     blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
     done = [run for run in runs if run.steps]
-    there = {name for name in _TOTALS if any(_total(name, run).any() for run in done)}
-    shown = [name for name in _TOTALS if name not in _OCCASIONAL or there & set(_OCCASIONAL[name])]
-    fields = [name for name in _FIELDS if any(_FIELDS[name][1](run.zone, run.steps[-1]).any() for run in done)]
-    tables = [_table(block, comparison.first, shown, fields) for block in blocks]
-    tables[0].title, tables[0].title_justify = comparison.title or None, "left"
+    last = [schema.totals(run.zone, run.steps[-1]) for run in done]
+    shown = schema.shown_totals(schema.View.COMPARISON, last)
+    fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
+    titles = [comparison.title, *[""] * (len(blocks) - 1)]
+    tables = [
+        _table(title, block, comparison.first, shown, fields) for title, block in zip(titles, blocks, strict=True)
+    ]
     return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_remarks(done))
 
 
@@ -202,20 +186,22 @@ def _remarks(runs: Sequence[ComparedRun]) -> Iterator[Text]:
         )
 
 
-def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str], fields: Sequence[str]) -> Table:
-    table = Table()
+def _table(
+    title: str, runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[Total], fields: Sequence[str]
+) -> LiteralTable:
+    table = LiteralTable(title)
     table.add_column("")
     table.add_column("unit")
     for run in runs:
         table.add_column("\n".join(run.choices.values()), justify="right")
-    for name in totals:
-        parts = ("x", "y", "z") if name == "force" else ("",)
-        for i, part in enumerate(parts):
-            values = [float(_total(name, run)[i]) if run.steps else None for run in runs]
-            table.add_row(f"{_words(name)} {part}".strip(), _TOTALS[name][0], *map(_shown, values))
+    for row in totals:
+        for i, label in enumerate(row.labels):
+            values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
+            table.add_row(label, row.unit, *map(_shown, values))
     apart = [differences(run, first) for run in runs]
     for name in ("force", *fields):
-        table.add_row(f"difference in {_words(name)}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
+        words = "force" if name == "force" else _fields()[name].label
+        table.add_row(f"difference in {words}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
     table.add_row("time of the reduced system", "s", *(f"{run.system_seconds:.3g}" for run in runs))
@@ -224,12 +210,8 @@ def _table(runs: Sequence[ComparedRun], first: ComparedRun, totals: Sequence[str
 
 
 def _total(name: str, run: ComparedRun) -> Array:
-    """Return one of _TOTALS at the end of a run, (1,) or (3,)."""
-    return np.atleast_1d(_TOTALS[name][1](resultants(run.zone, run.steps[-1])))
-
-
-def _words(name: str) -> str:
-    return name.replace("max_abs_", "largest |").replace("max_", "largest ").replace("_", " ") + "|" * ("abs" in name)
+    """Return a total at the end of a run, (1,) or (k,) for k components."""
+    return np.atleast_1d(schema.totals(run.zone, run.steps[-1])[name])
 
 
 def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
@@ -240,7 +222,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return the sections along x through the middle of the zone, the runs over each other; None if no increment is
     finished."""
     done = [run for run in comparison.runs if run.steps]
-    shown = [name for name in _FIELDS if _visible(name, done)]
+    shown = [row for row in _fields().values() if _visible(row, done)]
     if not shown:
         return None
     labels = [textwrap.fill(run.label, _LEGEND) for run in done]
@@ -248,9 +230,9 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
     length, of_length = lengths(run.zone for run in done)
-    for axes, name in zip(grid, shown, strict=False):
-        fields = [_FIELDS[name][1](run.zone, run.steps[-1]) for run in done]
-        factor, unit = prefixed(np.concatenate(fields), _FIELDS[name][0])
+    for axes, row in zip(grid, shown, strict=False):
+        fields = [row.values(run.zone, run.steps[-1]) for run in done]
+        factor, unit = prefixed(np.concatenate(fields), row.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
             nodes, x = middle_line(run.zone)
             # wide lines below narrow ones, so that those which coincide are seen
@@ -262,7 +244,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
                 "ms": 2.5,
             }
             axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
-        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{_words(name)} [{unit}]")
+        axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
         axes.grid(alpha=0.3)
     for axes in grid[len(shown) :]:
         axes.remove()
@@ -271,14 +253,14 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
     return figure
 
 
-def _visible(name: str, runs: list[ComparedRun]) -> bool:
+def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
     """Return whether a field is more than round-off on the section; tractions are measured by the pressure."""
-    measure = "pressure" if name.startswith("traction") else name
+    measure = _fields()["pressure"] if row.name.startswith("traction") else row
     largest, scale = (
         max(
-            (np.abs(_FIELDS[which][1](run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            (np.abs(which.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
             default=0,
         )
-        for which in (name, measure)
+        for which in (row, measure)
     )
     return bool(largest > _ROUND_OFF * scale)

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from meeframe.common.errors import CaseError
+from meeframe.common.literal import LiteralTable
 from meeframe.fields import Array
+from meeframe.results import schema
 from meeframe.results.canvas import MAP_COLOURS, prefixed, sheet
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 
@@ -210,25 +211,24 @@ def _heading(axis: SweepAxis) -> str:
 
 
 def _words(name: str) -> str:
-    return name.replace("max_abs_", "largest ").replace("max_", "largest ").replace("_", " ")
+    row = schema.total_named(name)
+    return name.replace("_", " ") if row is None else row.labels[row.names.index(name)]
 
 
 def sweep_table(sweep: SweepResult) -> RenderableType:
     """Return status and plotted values of every point, of many the first; and the messages of those not converged."""
     names = sweep.plotted or DEFAULT
-    table = Table(title=sweep.title, title_justify="left")
+    table = LiteralTable(sweep.title)
     for axis in sweep.axes:
-        table.add_column(Text(axis.name))
+        table.add_column(axis.name)
     table.add_column("status")
     for name in names:
         unit = sweep.units[name]
-        table.add_column(Text(f"{_words(name)} [{unit}]" if unit != "1" else _words(name)), justify="right")
+        table.add_column(f"{_words(name)} [{unit}]" if unit != "1" else _words(name), justify="right")
     shown = {name: sweep.last(name) for name in names}
     for place in list(np.ndindex(sweep.shape))[:_LISTED]:
         numbers = (f"{shown[name][place]:.6g}" for name in names)
-        table.add_row(
-            *map(Text, _labels(sweep, place)), _standing(sweep, place), *(n if n != "nan" else "-" for n in numbers)
-        )
+        table.add_row(*_labels(sweep, place), _standing(sweep, place), *(n if n != "nan" else "-" for n in numbers))
     rest = math.prod(sweep.shape) - _LISTED
     more = [Text(f"and {rest} more")] if rest > 0 else []
     return Group(table, *more, *(Text(line) for line in failures(sweep)))

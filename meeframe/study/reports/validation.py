@@ -1,4 +1,4 @@
-"""Records of a validation: checks, claims and plots of its cases, and their verdicts."""
+"""Records of a validation: checks, claims and plots of its cases, and their outcomes."""
 
 import math
 from collections.abc import Mapping
@@ -14,8 +14,11 @@ from meeframe.fields import Array
 
 
 class Verdict(StrEnum):
-    """Verdict on a check or claim. DIFFERS: a difference to the published that the case explains; NOT_RESOLVED: the
-    mesh is too coarse to tell; SKIPPED: what it needs is not there; ERROR: the case broke off."""
+    """Outcome of a check or claim.
+
+    DIFFERS: an explained difference from something published; NOT_RESOLVED: the mesh is too coarse to decide; SKIPPED:
+    a package is missing or the check does not apply; ERROR: the case raised an error.
+    """
 
     PASS = "pass"
     FAIL = "fail"
@@ -26,12 +29,12 @@ class Verdict(StrEnum):
 
 
 BAD: Final = (Verdict.FAIL, Verdict.ERROR)
-"""Verdicts that make a validation fail."""
+"""Outcomes that make a validation fail."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A number against a reference.
+    """A number compared with a reference.
 
     computed, reference: in the unit; tolerance: bound of |computed/reference - 1|, or if absolute of
     |computed - reference|; explained: why it is known to differ from a published number, if it is; explained_up_to: the
@@ -71,12 +74,12 @@ class Check:
 
     @property
     def difference(self) -> float:
-        """Relative, or absolute in the unit."""
+        """Relative difference, or absolute difference in the unit."""
         return self.computed - self.reference if self.absolute else self.computed / self.reference - 1.0
 
     @property
     def verdict(self) -> Verdict:
-        """Verdict that follows from the numbers."""
+        """Outcome that follows from the numbers; PASS requires a finite value within the tolerance."""
         size = abs(self.difference)
         if size <= self.tolerance:
             return Verdict.PASS
@@ -85,22 +88,22 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """A published statement without a number of its own: what is said, what is found, what decides.
+    """A published statement without a number: name, computed values, criterion.
 
-    holds: None if the mesh is too coarse to tell; explained: why it is known not to hold, if it is; as_explained:
-    whether the numbers are what this leads to expect. Raises CaseError if something is not of its kind.
+    holds: None if the mesh is too coarse to decide; explained: the reason if it is known not to hold; as_explained:
+    True if the values agree with this reason. Raises CaseError for values of the wrong type.
     """
 
     name: str
     found: str
-    judged: str
+    criterion: str
     holds: bool | None
     explained: str = ""
     as_explained: bool = False
 
     def __post_init__(self) -> None:
         what = f"claim {self.name!r}"
-        _check_texts(what, name=self.name, found=self.found, judged=self.judged, explained=self.explained)
+        _check_texts(what, name=self.name, found=self.found, criterion=self.criterion, explained=self.explained)
         for key, allowed in (("holds", "True, False or None"), ("as_explained", "True or False")):
             value = getattr(self, key)
             if not (isinstance(value, bool | np.bool_) or (key == "holds" and value is None)):
@@ -108,7 +111,7 @@ class Claim:
 
     @property
     def verdict(self) -> Verdict:
-        """What the numbers say of it."""
+        """Outcome that follows from the numbers."""
         if self.holds is None:
             return Verdict.NOT_RESOLVED
         known = self.explained and self.as_explained
@@ -117,7 +120,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Skip:
-    """A check that cannot be made here. reason: what is missing and how to get it."""
+    """A check that cannot run here. reason: the missing requirement and how to install it."""
 
     name: str
     reason: str
@@ -127,7 +130,7 @@ class Skip:
 
     @property
     def verdict(self) -> Verdict:
-        """SKIPPED."""
+        """Outcome SKIPPED."""
         return Verdict.SKIPPED
 
 
@@ -151,7 +154,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves in one pair of axes. note: what is seen, in a sentence or two. Raises CaseError if there are none."""
+    """Curves in one pair of axes. note: a caption of one or two sentences. Raises CaseError if there are no curves."""
 
     title: str
     x_label: str
@@ -169,9 +172,9 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Fields on one regular grid, to be chosen by their labels: each (ny, nx) at x (nx,), y (ny,).
+    """Fields on one regular grid, selected by label: each (ny, nx) at x (nx,), y (ny,).
 
-    Raises CaseError for other shapes and if there is no finite value to be seen.
+    Raises CaseError for other shapes and if there is no finite value.
     """
 
     title: str
@@ -195,18 +198,18 @@ class Map:
 
 
 Item = Check | Claim | Skip | Plot | Map
-"""What the `run` of a case yields."""
+"""Items that the `run` of a case yields."""
 
 
 def _check_texts(what: str, **texts: Any) -> None:
-    """Raise CaseError for what is no text."""
+    """Raise CaseError unless all values are texts."""
     for key, text in texts.items():
         if not isinstance(text, str):
             raise CaseError(f"{what}: {key} = {text!r}; allowed: a text")
 
 
 def _check_line(what: str, name: str, values: Any) -> int:
-    """Return how many real numbers there are. Raises CaseError."""
+    """Return the number of values. Raises CaseError unless they are real numbers in one dimension."""
     count = np.size(values)
     _check_shape(what, name, values, (count,))
     return count
@@ -226,7 +229,7 @@ def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> N
 
 @dataclass(frozen=True)
 class Row:
-    """An outcome, and the seconds since the item before."""
+    """An outcome, and the seconds since the previous item."""
 
     found: Check | Claim | Skip
     seconds: float
@@ -234,7 +237,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class CaseReport:
-    """A case so far. error: traceback, if it broke off; seconds: of all; finished: whether no item is to come."""
+    """A case so far. error: traceback if it failed; seconds: total time; finished: True if it has yielded all items."""
 
     name: str
     title: str
@@ -247,13 +250,13 @@ class CaseReport:
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts of the rows, and of a failure of the case."""
+        """Outcomes of the rows, and ERROR if the case failed."""
         return (*(row.found.verdict for row in self.rows), *([Verdict.ERROR] if self.error else []))
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """All cases so far. versions: of the software that made it; planned: how many cases it is to have."""
+    """All cases so far. versions: versions of the software; planned: number of cases to run."""
 
     quick: bool
     versions: Mapping[str, str]
@@ -262,12 +265,12 @@ class Validation:
 
     @property
     def finished(self) -> tuple[CaseReport, ...]:
-        """Cases that were run to their end or broke off."""
+        """Cases that have ended or failed."""
         return tuple(case for case in self.cases if case.finished)
 
     @property
     def failed(self) -> bool:
-        """True if anything has failed or broken off so far."""
+        """True if any check or case has failed so far."""
         return any(verdict in BAD for case in self.cases for verdict in case.verdicts)
 
     @property
@@ -276,12 +279,12 @@ class Validation:
         return len(self.finished) == self.planned and not self.failed
 
     def count(self, verdict: Verdict) -> int:
-        """Return how many have this verdict."""
+        """Return the number of checks with this outcome."""
         return sum(case.verdicts.count(verdict) for case in self.cases)
 
     @property
     def headline(self) -> str:
-        """Verdicts and times in one line."""
+        """Numbers of outcomes and total time in one line."""
         shown = (v for v in Verdict if self.count(v) or v in (Verdict.PASS, Verdict.FAIL))
         counts = ", ".join(f"{self.count(v)} {v}" for v in shown)
         seconds = sum(case.seconds for case in self.cases)

@@ -1,4 +1,4 @@
-"""The report of a validation: one HTML file with tables and zoomable plots, which loads nothing from anywhere."""
+"""Report of a validation: one HTML file with tables and zoomable plots, which loads nothing from the network."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from meeframe.study.reports.validation_table import reason_of, words_of
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS: Final = ("circle", "square", "diamond", "triangle-up", "x", "cross", "star")
 _DIGITS: Final = 6
-"""Of the numbers in plots."""
+"""Significant digits of the numbers in plots."""
 
 _STYLE: Final = """
 :root { color-scheme: light; font: 15px/1.5 system-ui, sans-serif; }
@@ -49,14 +49,14 @@ def plot_library() -> str:
         from plotly.offline import get_plotlyjs
     except ImportError:
         raise MeeframeError(
-            "plotly, which draws the report's plots, is not installed; install meeframe[validation]"
+            "plotly, which draws the plots of the report, is not installed; install meeframe[validation]"
         ) from None
     library: str = get_plotlyjs()
     return library
 
 
 def page(validation: Validation, library: str) -> str:
-    """Return the whole page; library: of plot_library()."""
+    """Return the page; library: JavaScript from plot_library()."""
     return "\n".join(_page(validation, library)) + "\n"
 
 
@@ -79,15 +79,17 @@ def _overview(validation: Validation) -> Iterator[str]:
         bad = [verdict for verdict in case.verdicts if verdict in BAD]
         other = sum(verdict is not Verdict.PASS for verdict in case.verdicts)
         worst = bad[0] if bad else Verdict.PASS
+        link = f'<a href="#{escape(case.name)}">{escape(case.title)}</a>'
         yield (
-            f'<tr><td><a href="#{case.name}">{escape(case.title)}</a></td><td>{len(case.rows)}</td><td>{other}</td>'
+            f"<tr><td>{link}</td><td>{len(case.rows)}</td><td>{other}</td>"
             f'<td>{len(case.figures)}</td><td>{case.seconds:.1f}</td><td class="{worst}">{worst}</td></tr>'
         )
     yield "</table>"
 
 
 def _case(case: CaseReport) -> Iterator[str]:
-    yield f'<section id="{case.name}">\n<h2>{escape(case.title)}</h2>\n<p class="source">{escape(case.source)}</p>'
+    yield f'<section id="{escape(case.name)}">\n<h2>{escape(case.title)}</h2>'
+    yield f'<p class="source">{escape(case.source)}</p>'
     yield f"<p>Regenerate: <code>meeframe validate --only {escape(case.name)}</code></p>"
     yield "<table>\n<tr><th>check</th><th>computed</th><th>reference</th><th>difference</th><th>tolerance</th>"
     yield "<th>time [s]</th><th></th></tr>"
@@ -103,16 +105,25 @@ def _case(case: CaseReport) -> Iterator[str]:
         yield f'<pre class="error">{escape(case.error)}</pre>'
     yield '<div class="plots">'
     for number, figure in enumerate(case.figures, start=1):
-        name = f"{case.name}-{number}"
+        name = escape(f"{case.name}-{number}")
         yield f'<figure><div class="plot" id="{name}"></div><figcaption>{escape(figure.note)}</figcaption>'
         yield f'<script type="application/json" id="{name}-data">{_embedded(figure)}</script></figure>'
     yield "</div>\n</section>"
 
 
 def _embedded(figure: Plot | Map) -> str:
-    """Return JSON that cannot end the script element around it."""
+    """Return a figure as JSON in which no text begins a tag or a comment of HTML."""
     drawn = _plot(figure) if isinstance(figure, Plot) else _map(figure)
-    return json.dumps(drawn, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
+    return json.dumps(_literal(drawn), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+
+
+def _literal(value: Any) -> Any:
+    """Return the value with all texts in it escaped: plotly takes them for HTML."""
+    if isinstance(value, dict):
+        return {key: _literal(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_literal(item) for item in value]
+    return escape(value, quote=False) if isinstance(value, str) else value
 
 
 def _plot(plot: Plot) -> dict[str, Any]:
@@ -127,7 +138,13 @@ def _curve(curve: Curve, number: int) -> dict[str, Any]:
     marker = {"color": colour, "symbol": _MARKERS[number % len(_MARKERS)], "size": 6}
     mode = "lines+markers" if curve.joined else "markers" if curve.points else "lines"
     look = {"mode": mode, "marker": marker, "line": {"color": colour, "width": 1.5}}
-    return {"type": "scatter", "name": curve.label, "x": _numbers(curve.x), "y": _numbers(curve.y), **look}
+    return {
+        "type": "scatter",
+        "name": curve.label,
+        "x": _numbers(curve.x),
+        "y": _numbers(curve.y),
+        **look,
+    }
 
 
 def _map(field: Map) -> dict[str, Any]:
@@ -162,7 +179,7 @@ def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return the rounded to few digits; null where not finite."""
+    """Return values rounded to few digits, None where not finite."""
     return [
         float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in np.ravel(np.asarray(values, float))
     ]

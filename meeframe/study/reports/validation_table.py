@@ -1,4 +1,4 @@
-"""A validation in words: table for the terminal, and JSON."""
+"""Table of a validation for the terminal, and its JSON."""
 
 import json
 import math
@@ -8,15 +8,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.results.canvas import prefixed
 from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
 
 
 class Words(NamedTuple):
-    """A row of the table in words."""
+    """Cells of a row of the table."""
 
     name: str
     computed: str
@@ -27,11 +27,11 @@ class Words(NamedTuple):
 
 
 def words_of(row: Row) -> Words:
-    """Return a claim in words: the values found and the deciding rule, or why it was skipped."""
+    """Return the cells of a row: values and criterion of a claim, numbers of a check, reason of a skipped check."""
     found, seconds = row.found, f"{row.seconds:.1f}"
     match found:
         case Claim():
-            return Words(found.name, found.found, "", "", found.judged, seconds)
+            return Words(found.name, found.found, "", "", found.criterion, seconds)
         case Skip():
             return Words(found.name, found.reason, "", "", "", seconds)
         case Check():
@@ -39,12 +39,12 @@ def words_of(row: Row) -> Words:
 
 
 def reason_of(found: Check | Claim | Skip) -> str:
-    """Return why something is known to differ, if it does."""
+    """Return the explanation if the outcome is DIFFERS, else an empty text."""
     return found.explained if found.verdict is Verdict.DIFFERS and not isinstance(found, Skip) else ""
 
 
 def _numbers(found: Check) -> tuple[str, str, str, str]:
-    """Return the computed, reference, difference, tolerance; an absolute check all in its unit, without prefixes."""
+    """Return computed value, reference, difference and tolerance; without prefixes if the check is absolute."""
     if found.absolute:
         values = (found.computed, found.reference, found.difference, found.tolerance)
         computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
@@ -58,7 +58,7 @@ def _numbers(found: Check) -> tuple[str, str, str, str]:
 
 
 _WIDEST: Final = 80
-"""Letters in a cell of the terminal's table; the report has all."""
+"""Maximal number of letters in a cell of the table; the report has the whole text."""
 _STYLES: Final = {
     Verdict.PASS: "green",
     Verdict.FAIL: "bold red",
@@ -68,8 +68,8 @@ _STYLES: Final = {
 
 
 def validation_table(validation: Validation) -> RenderableType:
-    """Return the table for the terminal, the reasons of what did not pass, and the headline."""
-    table = Table()
+    """Return the table for the terminal, the explanations of differences, and the headline."""
+    table = LiteralTable()
     for heading in ("case", "check", "computed", "reference", "difference", "tolerance", "time [s]", ""):
         table.add_column(heading, justify="left" if heading in ("case", "check", "") else "right")
     remarks = []

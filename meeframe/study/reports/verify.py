@@ -7,30 +7,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
+from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
+from meeframe.results import schema
 from meeframe.results.canvas import sheet
 from meeframe.study.reports.verified import Agreement, Estimate, Verdict, Verification, VerifiedRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_UNITS: Final = {
-    "force": "N",
-    "moment": "N m",
-    "torque": "N m",
-    "charge": "C",
-    "magnetic_flux": "Wb",
-    "contact_area": "m^2",
-    "max_pressure": "Pa",
-    "approach": "m",
-    "translation": "m",
-    "tilt": "rad",
-    "twist": "rad",
-}
-"""By the beginning of the name."""
 _COLUMNS: Final = 3
 """Pictures side by side."""
 
@@ -132,9 +119,9 @@ def _basis(verification: Verification) -> str:
     return f": {agree}, and of {unresolved} the errors are too large to say much; finer meshes say more"
 
 
-def _values(verification: Verification) -> Table:
+def _values(verification: Verification) -> LiteralTable:
     estimates = verification.estimates
-    table = Table(title=verification.title or None, title_justify="left")
+    table = LiteralTable(verification.title)
     meshes = len(estimates[0].values) if estimates else 0
     for title in ("step", "quantity", "unit", "formulation"):
         table.add_column(title)
@@ -157,8 +144,8 @@ def _values(verification: Verification) -> Table:
     return table
 
 
-def _pairs(verification: Verification) -> Table:
-    table = Table()
+def _pairs(verification: Verification) -> LiteralTable:
+    table = LiteralTable()
     for title in ("step", "quantity", "formulations"):
         table.add_column(title)
     for title in ("finest, difference %", "extrapolated, difference %", "allowed %"):
@@ -177,10 +164,18 @@ def _words(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """Return SI unit of a quantity."""
-    if quantity.endswith("potential"):
-        return "V" if "electric" in quantity else "A"
-    return next((unit for name, unit in _UNITS.items() if quantity.startswith(name)), "")
+    """Return the SI unit of a quantity that a verification compares, '' if there is none of this name.
+
+    Its names are those of the table of results, without `abs`, with x and y for components in the plane, and with
+    `indenter` before potentials of the indenter.
+    """
+    name = quantity.removeprefix("indenter_").replace("max_electric", "max_abs_electric")
+    row = _row(name.replace("max_magnetic", "max_abs_magnetic"))
+    return "" if row is None else row.unit
+
+
+def _row(name: str) -> schema.Total | None:
+    return schema.total_named(name) or schema.total_named(name.removesuffix("_x").removesuffix("_y"))
 
 
 def _percent(value: float, scale: float) -> str:

@@ -58,7 +58,7 @@ class Sealed:
 
     @classmethod
     def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
-        """Pickle an object; raises as pickle."""
+        """Return the pickle an object; raises as pickle."""
         return cls(plugins, pickling.dumps(content), code)
 
     def open(self) -> Any:

@@ -27,14 +27,12 @@ from meeframe.study.declare import (
     words,
 )
 from meeframe.study.reports.sweep import SweepPlot
-from meeframe.study.sweep.numbers import FIELD_UNITS, NUMBERS
+from meeframe.study.sweep.numbers import field_units, units
 
 _SPACING: Final = {"from", "to", "count", "scale"}
 _SCALES: Final[Mapping[str, Callable[..., Array]]] = {"linear": np.linspace, "log": np.geomspace}
 _UNITS: Final = ("N", "Pa", "V", "C", "Wb", "N m")
 """Names of derived units of what case files prescribe."""
-RESERVED: Final = ("status", "message", "key", "x", "y", "z", INCREMENT, NODE, POINT, *NUMBERS)
-"""Names in sweep.h5 that no axis may have."""
 MOST: Final = 100_000
 """Points of a study's axes, at most."""
 
@@ -58,7 +56,7 @@ class PlotTable(Table):
         """Return the plot over these axes. Raises ValueError for quantities that there are not, or axes or values of
         them."""
         named = {axis.name: axis for axis in axes}
-        _check_names("quantities: unknown quantity", self.quantities, NUMBERS)
+        _check_names("quantities: unknown quantity", self.quantities, units())
         for key, name in {"x": self.x, "lines": self.lines, **{f"at.{name}": name for name in self.at}}.items():
             _check_names(f"{key}: unknown axis", [name] if name else [], named)
         stands = {name: _label_of(value, named[name]) for name, value in self.at.items()}
@@ -89,7 +87,7 @@ class SweepTable(Table):
             raise ValueError("nothing to run: give [axes], [[points]] or both")
         _check_axes(self.varied())
         _check_distinct("points", [run.label for run in self.points])
-        _check_names("fields: unknown field", self.fields, FIELD_UNITS)
+        _check_names("fields: unknown field", self.fields, field_units())
         axes = self.result_axes()
         for number, plot in enumerate(self.plots, 1):
             try:
@@ -237,8 +235,9 @@ def _unit_names() -> dict[Any, str]:
 
 def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
     """Raise ValueError for names that sweep.h5 cannot take, axes that undo each other, and too many points."""
+    reserved = ("status", "message", "key", *"xyz", INCREMENT, NODE, POINT, *units())
     for axis, _ in axes:
-        if axis.name in RESERVED or axis.name in (".", "..") or "/" in axis.name:
+        if axis.name in reserved or axis.name in (".", "..") or "/" in axis.name:
             raise ValueError(f"axes: {axis.name!r} is the name of something else in sweep.h5; allowed: another one")
         odd = next((label for label in axis.labels if "\0" in label), None)
         if odd is not None:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import final
 
 from meeframe.common.errors import CaseError, MeeframeError
+from meeframe.formulations.base import Formulation
 from meeframe.mesh.body import Body
 from meeframe.model.cache import cached_body, system_key
 from meeframe.model.solve import bodies_of
 from meeframe.model.threads import limited
 from meeframe.study.sweep.points import Outcome, Point, PointStatus, read_outcome, solved, write_outcome
-from meeframe.system.reduced import Formulation, Progress, silent
+from meeframe.system.reduced import Progress, silent
 
 Keyed = tuple[tuple[str, tuple[Formulation, Body]], ...]
 """Bodies of a case, each with the key of its reduced system."""

@@ -19,7 +19,7 @@ from meeframe.model.load import case_from_tables
 from meeframe.model.solve import joined, provenance, solve_steps
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError
-from meeframe.results.files import create_result, finish_result, read_result
+from meeframe.results.files import read_result, write_result
 from meeframe.results.records import Result, RunStatus, zone_of
 from meeframe.system.reduced import ReducedSystem
 
@@ -122,8 +122,7 @@ def write_outcome(folder: Path, outcome: Outcome) -> None:
     try:
         unfinished.mkdir(parents=True, exist_ok=True)
         if outcome.result is not None:
-            create_result(unfinished, outcome.result)
-            finish_result(unfinished, outcome.result)
+            write_result(unfinished, outcome.result)
         else:
             text = json.dumps({"message": outcome.message}) + "\n"
             (unfinished / REFUSED_FILE).write_text(text, encoding="utf-8")

@@ -12,28 +12,28 @@ from meeframe.common.errors import CaseError
 from meeframe.common.toml import read_toml
 from meeframe.fields import Array
 from meeframe.model.cache import distinct_bodies
-from meeframe.model.case import Warn, unheard, warnings_of
+from meeframe.model.case import Warn, ignore, warnings_of
 from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import TableError
+from meeframe.results import schema
 from meeframe.results.figures import save_figure
 from meeframe.results.output import replacing
 from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
 from meeframe.results.sweep_records import SweepResult
 from meeframe.study.declare import changed, checked
-from meeframe.study.quantities import NODAL
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
 from meeframe.study.sweep.engine import InProcess, Pool, solve_points
-from meeframe.study.sweep.numbers import FIELD_UNITS, NUMBERS, numbers_of
+from meeframe.study.sweep.numbers import field_units, numbers_of, units
 from meeframe.study.sweep.points import Outcome, Point
 from meeframe.system.reduced import Progress, silent
 
 FIGURE_FILE: Final = "sweep.png"
-_DOUBTS: Final = 5
+_MOST_WARNINGS: Final = 5
 """Told of points, at most."""
 _ASKED: Final = 25
-"""Points that are asked for doubts, at most: of a zone of 255 squared nodes each takes a second."""
+"""Points for which preflight checks are made, at most: of a zone of 255 squared nodes each takes a second."""
 
 
 def sweep(
@@ -43,7 +43,7 @@ def sweep(
     overwrite: bool = False,
     registry: Registry | None = None,
     progress: Progress = silent,
-    warn: Warn = unheard,
+    warn: Warn = ignore,
 ) -> SweepResult:
     """Solve the points of a study file that `out` does not hold yet; write sweep.h5 and sweep.png there.
 
@@ -60,13 +60,13 @@ def sweep(
     points = _points(file, study, registry)
     bodies = distinct_bodies(point.case for point in points if point.case is not None)
     with open_folder(out, {point.key for point in points}, overwrite):
-        for text in (*warnings_of(bodies.values()), *_doubts(points, out / POINTS)):
+        for text in (*warnings_of(bodies.values()), *_preflight(points, out / POINTS)):
             warn(text)
         drop_systems(out, set(bodies))
         return _swept(file, out, study, points, pool or InProcess(), progress)
 
 
-def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
+def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
     """Return what points warn of but for their formulations, each with the first point that does; of many the first.
 
     Points that `store` keeps are not asked; of many others some, from the first to the last.
@@ -78,11 +78,11 @@ def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
     asked = 0
     for label, case in waiting[:: max(1, -(-len(waiting) // _ASKED))]:
         asked += 1
-        for text in case.doubts:
+        for text in case.preflight:
             found.setdefault(text, label)
-        if len(found) >= _DOUBTS:
+        if len(found) >= _MOST_WARNINGS:
             break
-    yield from (f"{label}: {text}" for text, label in islice(found.items(), _DOUBTS))
+    yield from (f"{label}: {text}" for text, label in islice(found.items(), _MOST_WARNINGS))
     if found and asked < len(waiting):
         yield f"{len(waiting) - asked} of {len(waiting)} points were not asked for warnings like these"
 
@@ -90,7 +90,7 @@ def _doubts(points: Sequence[Point], store: Path) -> Iterator[str]:
 def _swept(
     file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
 ) -> SweepResult:
-    """Sweep in a folder that is open."""
+    """Return the sweep in a folder that is open."""
     gathered: dict[str, Gathered] = {}
     try:
         for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
@@ -148,8 +148,9 @@ class Gathered:
 
 
 def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
+    fields = schema.nodal(schema.View.SWEEP)
     places = dict(zip("xyz", result.zone.points.T, strict=True))
-    return places | {name: NODAL[name](result.zone, result.steps[-1]) for name in names}
+    return places | {name: fields[name].values(result.zone, result.steps[-1]) for name in names}
 
 
 def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
@@ -164,7 +165,7 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
         return over_axes(np.array(list(given), dtype=np.str_))
 
     count = max((len(point.numbers) for point in found), default=1) if study.every_increment else 1
-    quantities = {name: over_axes(_numbers(found, name, count)) for name in NUMBERS}
+    quantities = {name: over_axes(_numbers(found, name, count)) for name in units()}
     if not study.every_increment:
         quantities = {name: values[..., 0] for name, values in quantities.items()}
     fields = {name: _padded(found, name) for name in (*"xyz", *study.fields)} if study.fields else {}
@@ -172,7 +173,7 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
         title=study.title,
         axes=axes,
         quantities=quantities,
-        units={**NUMBERS, **{f"zone_{name}": FIELD_UNITS[name] for name in study.fields}},
+        units=units() | {f"zone_{name}": field_units()[name] for name in study.fields},
         status=texts(point.status for point in found),
         message=texts(point.message for point in found),
         key=texts(point.key for point in points),

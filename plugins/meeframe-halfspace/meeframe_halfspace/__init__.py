@@ -2,9 +2,7 @@
 
 from collections.abc import Iterable
 
-from meeframe.indenters.base import Indenter
-from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.system.reduced import Formulation
+from meeframe.plugin import Formulation, Indenter, Record, hookimpl
 from meeframe_halfspace.formulation import HalfSpace
 from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
 from meeframe_halfspace.height_map import MeasuredHeights

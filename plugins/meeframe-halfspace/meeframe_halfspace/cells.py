@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numba
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.kernels import NEAR, fill_far, fill_rows, tabulate
 from meeframe_halfspace.response import PointResponse, mirrored
 

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe_halfspace.grid import Grid
 
 FEWEST: Final = 24

@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import DOUBLE
 from meeframe_halfspace.kernels import multiply_waves

@@ -13,8 +13,7 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.fields import Array
-from meeframe.system.reduced import Edges, IndenterEdge
+from meeframe.plugin import Array, EdgeCorrection, IndenterEdge
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.outline import find_outline, fourfold
 from meeframe_halfspace.response import series_blocks
@@ -30,8 +29,11 @@ TOWARDS: Final = 0.5
 
 def resolved_edges(
     grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: IndenterEdge | None, periodic: bool = False
-) -> Edges:
-    """See ReducedSystem.edges. waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries."""
+) -> EdgeCorrection:
+    """Return the correction for a contact edge between the nodes; see `EdgeResolution.edge_correction`.
+
+    waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries.
+    """
     distance, outward = _outline(grid, pressure, periodic)
     if rim is not None:
         _enter_rim(grid, rim, pressure, distance, outward, periodic)
@@ -41,12 +43,12 @@ def resolved_edges(
     area_fraction = (pressure > 0.0).astype(float)
     # on average over nodes as large as the contact
     area_fraction[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
-    own = np.zeros((len(pressure), *scaling.shape))
+    extra_compliance = np.zeros((len(pressure), *scaling.shape))
     grown = edge_response(place) * _spacing(grid, outward[at]) / (2.0 * np.pi)
     taking_part = place > lowest
     blocks = series_blocks(waves, np.arctan2(outward[at, 1], outward[at, 0])) * scaling
-    own[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
-    return Edges(own, area_fraction)
+    extra_compliance[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
+    return EdgeCorrection(extra_compliance, area_fraction)
 
 
 def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]:

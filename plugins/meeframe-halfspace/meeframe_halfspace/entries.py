@@ -11,7 +11,7 @@ from math import isqrt
 
 import numpy as np
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 
 
 @dataclass(frozen=True)

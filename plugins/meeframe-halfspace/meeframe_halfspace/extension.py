@@ -1,10 +1,10 @@
-"""Values of some nodes of a grid, gone on with beside them, and the transposed map.
+"""Extension of values at some nodes of a grid to all nodes, and the transposed map.
 
-Of all displacements that agree on the loaded nodes, that with the least energy belongs to a load on those alone: with
-the inverse W of the compliance on the whole grid, the one of the compliance restricted to those nodes is the least of
-E' W E over all extensions E from them. That with zeros is far from it where the loaded nodes end, and where they are
-many small spots in a larger one. Here values fade away over a few scales, on each of which cells of 2 x 2 have the mean
-of those in them, and those without any a part of the interpolation between cells twice as large.
+Among all displacements that agree on the loaded nodes, the one with the least energy belongs to a load on these nodes
+alone. With the inverse W of the compliance on the whole grid, the inverse of the compliance restricted to the loaded
+nodes is the minimum of E' W E over all extensions E from them. Extension by zeros is far from the minimum at the border
+of the loaded nodes and where these are many small spots. Here values fade over a few levels: on each of them cells of
+2 x 2 have the mean of the values in them, and empty cells a fraction of the interpolation between cells twice as large.
 """
 
 from dataclasses import dataclass
@@ -13,22 +13,27 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 
 LEVELS: Final = 4
-"""Scales, each twice as large as the one before, ..."""
-FIRST, OTHERS = 0.8, 0.7
-"""... and the parts of the interpolation that cells without values have, nodes and larger ones: with these conjugate
-gradients took the fewest steps on the rough surfaces of validation/benchmarks/half_space.py."""
+"""Number of levels, each with cells twice as wide as the one before."""
+FINEST_FRACTION, COARSE_FRACTION = 0.8, 0.7
+"""Fractions of the interpolated value in empty cells, on the finest level and on the others: with these values
+conjugate gradients took the fewest iterations on the rough surfaces of validation/benchmarks/half_space.py."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pyramid:
-    """Of cells around the nodes of a grid that repeats itself, single precision.
+class MultilevelExtension:
+    """An extension on the levels of a periodic grid, in single precision.
 
-    places: (f,) of the nodes with values in the flattened grid, and cells: (f,) of those that hold them among the
-    smallest; shares: (a, b) inverse of their number in each cell, zero where there are none, of the grid and of each
-    larger scale.
+    Attributes
+    ----------
+    places
+        (f,) places of the nodes with values in the flattened grid.
+    cells
+        (f,) numbers of the cells of 2 x 2 that contain them.
+    shares
+        For the grid and each coarser level, (a, b) inverse of the number of nodes in each cell, zero if there are none.
     """
 
     places: Indices
@@ -36,8 +41,8 @@ class Pyramid:
     shares: tuple[Array, ...]
 
     @classmethod
-    def of(cls, size: tuple[int, int], places: Indices) -> "Pyramid":
-        """Of a grid of that size."""
+    def of(cls, size: tuple[int, int], places: Indices) -> "MultilevelExtension":
+        """Return the extension from nodes at these places (f,) of a grid of that size."""
         numbers: list[Array] = [np.zeros(size, np.float32)]
         numbers[0].ravel()[places] = 1.0
         for _ in range(LEVELS):
@@ -46,38 +51,38 @@ class Pyramid:
         rows, columns = np.divmod(places, size[1])
         return cls(places, rows // 2 * numbers[1].shape[1] + columns // 2, tuple(inverses))
 
-    def extended(self, values: Array) -> Array:
-        """Values (f,) of the nodes at all places, (a, b)."""
+    def prolong(self, values: Array) -> Array:
+        """Return values at all places, (a, b), from values (f,) of the nodes."""
         sums: list[Array] = [np.zeros(self.shares[0].shape, np.float32)]
         sums[0].ravel()[self.places] = values
         for _ in range(LEVELS):
             sums.append(_sums(sums[-1]))
         whole = sums[-1] * self.shares[-1]
         for level in reversed(range(LEVELS)):
-            interpolate(whole, _part(level), self.shares[level], sums[level])
+            interpolate(whole, _fraction(level), self.shares[level], sums[level])
             whole = sums[level]
         return whole
 
-    def gathered(self, whole: Array) -> Array:
-        """The transposed map, (f,) from (a, b)."""
+    def restrict(self, whole: Array) -> Array:
+        """Return the transposed map, (f,) from (a, b)."""
         parts = [whole]
         for level, share in enumerate(self.shares[:-1]):
             larger = np.zeros(self.shares[level + 1].shape, np.float32)
-            restrict(parts[-1], _part(level), share, larger)
+            restrict_level(parts[-1], _fraction(level), share, larger)
             parts.append(larger)
         sums = parts[-1] * self.shares[-1]
         for level in reversed(range(1, LEVELS)):
             sums = add_to_cells(sums, parts[level], self.shares[level])
-        gathered: Array = whole.take(self.places) + sums.take(self.cells)
-        return gathered
+        restricted: Array = whole.take(self.places) + sums.take(self.cells)
+        return restricted
 
 
-def _part(level: int) -> float:
-    return FIRST if level == 0 else OTHERS
+def _fraction(level: int) -> float:
+    return FINEST_FRACTION if level == 0 else COARSE_FRACTION
 
 
 def _sums(fine: Array) -> Array:
-    """Over cells of 2 x 2, (a, b) -> (ceil(a / 2), ceil(b / 2))."""
+    """Return sums over cells of 2 x 2, (a, b) -> (ceil(a / 2), ceil(b / 2))."""
     coarse = np.zeros((-(-fine.shape[0] // 2), -(-fine.shape[1] // 2)), np.float32)
     add_up(fine, coarse)
     return coarse
@@ -126,8 +131,8 @@ def interpolate(coarse, part, shares, fine):
 
 
 @njit(cache=True, nogil=True)
-def restrict(fine, part, shares, coarse):
-    """coarse += what `interpolate` takes from it, transposed."""
+def restrict_level(fine, part, shares, coarse):
+    """Add the transposed of `interpolate` to coarse."""
     columns, width = fine.shape[1], coarse.shape[1]
     free = np.zeros(2 * width + 2, coarse.dtype)  # of the row, where there are no shares, with those across its ends
     between = np.empty(width, coarse.dtype)

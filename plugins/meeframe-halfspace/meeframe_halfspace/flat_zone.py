@@ -5,10 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.common.errors import MeshError
-from meeframe.fields import Array, Indices
-from meeframe.mesh import frames_of
-from meeframe.mesh.surface import SurfaceMesh
+from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, frames_of
 
 FLAT: Final = 1e-6
 """By so much, as a part of the zone, may nodes be off the plane."""

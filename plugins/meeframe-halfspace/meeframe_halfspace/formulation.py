@@ -6,12 +6,19 @@ from typing import Annotated, Literal, final
 import numpy as np
 from pydantic import Field
 
-from meeframe.common.errors import CaseError, MeshError
-from meeframe.fields import Array
-from meeframe.fields.units import check_quantities
-from meeframe.mesh.body import Body, check_conditions
-from meeframe.system.dense import DenseSystem
-from meeframe.system.reduced import Formulation, Progress, ReducedSystem, silent
+from meeframe.plugin import (
+    Array,
+    Body,
+    CaseError,
+    DenseSystem,
+    Formulation,
+    MeshError,
+    Progress,
+    ReducedSystem,
+    check_conditions,
+    check_quantities,
+    silent,
+)
 from meeframe_halfspace.flat_zone import FlatZone, flat_zone
 from meeframe_halfspace.grid import Grid, find_grid
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, PeriodicGrid

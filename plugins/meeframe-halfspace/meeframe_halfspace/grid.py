@@ -6,8 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.common.errors import MeshError
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices, MeshError
 from meeframe_halfspace.flat_zone import FlatZone
 
 SAME: Final = 1e-6

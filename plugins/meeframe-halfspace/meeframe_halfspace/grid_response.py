@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
 from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirrored, series_entry

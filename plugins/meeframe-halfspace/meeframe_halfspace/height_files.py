@@ -10,9 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity
+from meeframe.plugin import Array, CaseError, Quantity
 
 AnyArray = NDArray[Any]
 

@@ -10,11 +10,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.indenters import SampledHeights
-from meeframe.indenters.base import Indenter
+from meeframe.plugin import Array, CaseError, Indenter, Quantity, SampledHeights, check_quantities
 from meeframe_halfspace.height_files import HeightMap, Scales, read_height_map
 
 Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]

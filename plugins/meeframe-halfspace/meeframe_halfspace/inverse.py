@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.convolution import Convolution, Spectrum, Symbol
 from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import whole_entry

@@ -10,7 +10,7 @@ because the one along each ray is that of a polynomial. On an edge at distance |
 import numpy as np
 from numba import njit
 
-from meeframe.greens._kernels.prefetch import prefetch
+from meeframe.plugin import prefetch
 
 NEAR = 6.0
 """Cells within so many spacings are integrated along their edges, others by product rules."""

@@ -6,8 +6,7 @@ from typing import Final, final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.fields import Array
-from meeframe.material.half_space import surface_compliance
+from meeframe.plugin import Array, surface_compliance
 from meeframe.testing.manufactured import ExactField
 
 _ANGLES: Final = 128

@@ -15,7 +15,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 
 Flags = NDArray[np.bool_]
 

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.cells import far_tables, unfolded
 from meeframe_halfspace.response import PointResponse, mirrored
 from meeframe_halfspace.transfer import BEFORE, HOP, TAPS, WEIGHTS

@@ -17,10 +17,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meeframe.common.errors import MaterialError
-from meeframe.fields import MECHANICAL, Array, FieldScaling, Indices
-from meeframe.material.half_space import surface_compliance
-from meeframe.mesh.zone import frames_of
+from meeframe.plugin import (
+    MECHANICAL,
+    Array,
+    FieldScaling,
+    Indices,
+    MaterialError,
+    frames_of,
+    surface_compliance,
+)
 from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_layout
 
 NORMAL: Final = 2

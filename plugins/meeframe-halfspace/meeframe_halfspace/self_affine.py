@@ -8,10 +8,7 @@ import numpy as np
 import scipy  # its parts load where they are used
 from pydantic import Field
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.indenters.base import Indenter
+from meeframe.plugin import Array, CaseError, Indenter, Quantity, check_quantities
 
 SAMPLES_PER_WAVE: Final = 8
 """Of the shortest wave, where the number of samples is not given."""

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve, toeplitz
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 
 NODES: Final = 200
 """Across the strip: more of them change nothing in the fourth digit."""

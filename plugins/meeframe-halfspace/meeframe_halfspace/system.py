@@ -3,19 +3,28 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
-from typing import Final, final
+from typing import Final, TypeVar, final
 
 import numpy as np
 
-from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
-from meeframe.system.reduced import (
-    BlockResponse,
+from meeframe.plugin import (
+    MECHANICAL,
+    POTENTIALS,
+    ApproximateApply,
+    ApproximateInverse,
+    Array,
     Coarsening,
-    Edges,
+    EdgeCorrection,
+    EdgeResolution,
+    FieldwiseApply,
     IndenterEdge,
+    Indices,
+    LatticeStencil,
+    Multigrid,
     NodalFields,
     Prolongation,
     ReducedSystem,
+    Restriction,
     Stencil,
     Subsystem,
 )
@@ -23,26 +32,48 @@ from meeframe_halfspace.coarsening import bilinear, box, coarse_cells, coarse_gr
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.edges import resolved_edges
 from meeframe_halfspace.entries import entries_to_matrix
-from meeframe_halfspace.extension import Pyramid
+from meeframe_halfspace.extension import MultilevelExtension
 from meeframe_halfspace.grid import Grid
 from meeframe_halfspace.grid_response import GridResponse
 from meeframe_halfspace.inverse import wave_inverse
 from meeframe_halfspace.two_grids import TwoGrids, two_grids
 
-SMALL: Final = 0.75
-"""Of the nodes: parts with more of them are not worth entries of their own."""
-SIZES: Final = 2
-"""Of parts whose entries are kept, up to 500 MB each at 1024 squared: that of the contact, and what it was before."""
+C = TypeVar("C")
+
+MAX_PART: Final = 0.75
+"""Largest fraction of the nodes in a part; larger parts do not repay the time for their entries."""
+STORED_PARTS: Final = 2
+"""Number of sizes of parts whose entries are stored, up to 500 MB each at 1024 x 1024: the present contact's, and the
+one before."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class HalfSpaceSystem(ReducedSystem):
-    """displacement = convolution of (shares, load).
+class HalfSpaceSystem(
+    ReducedSystem,
+    FieldwiseApply,
+    ApproximateApply,
+    ApproximateInverse,
+    Multigrid,
+    LatticeStencil,
+    Restriction,
+    EdgeResolution,
+):
+    """A half space whose compliance is the convolution of shares * load with the response to one node.
 
-    shares: (n,) of the density around each node that belongs to the zone, 1 but on the border of a free grid;
-    grid_response: to the density around one node; convolution: see convolution_of; edge_waves: series of Re Y with
-    which edges are resolved between the nodes, None if they are resolved to nodes.
+    Attributes
+    ----------
+    grid
+        The grid of the contact zone.
+    grid_response
+        Response of the grid to the density around one node.
+    convolution
+        See `convolution_of`.
+    shares
+        (n,) fraction of the density around each node that belongs to the zone, below 1 only on the border of a free
+        grid.
+    edge_waves
+        Series of Re Y with which contact edges are resolved between the nodes; None if edges are at nodes.
     """
 
     grid: Grid
@@ -52,80 +83,88 @@ class HalfSpaceSystem(ReducedSystem):
     edge_waves: Array | None = None
     _parts: list[tuple[GridResponse, Convolution]] = field(default_factory=list, init=False, repr=False)
 
+    def capability(self, kind: type[C]) -> C | None:
+        """Return the system itself unless the capability is absent.
+
+        Approximate products are absent where they would take no less time, coarsening on the coarsest grid, restriction
+        on periodic grids, and edge resolution unless it is switched on.
+        """
+        absent: dict[type, bool] = {
+            ApproximateApply: self.convolution.rough is None,
+            Multigrid: kind is Multigrid and self._coarsening is None,
+            Restriction: self.convolution.periodic,
+            EdgeResolution: self.edge_waves is None,
+        }
+        return None if absent.get(kind, False) else super().capability(kind)
+
     def apply(self, load: Array) -> Array:
-        """compliance(load), (n, 5) for load (n, 5): fast Fourier transforms."""
-        return self.response(load, range(self.n_fields))
+        """Return compliance(load), (n, 5) for a load (n, 5), by fast Fourier transforms of the fields that are loaded.
 
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        """compliance(load) in k fields alone, (n, k) for load (n, 5): one transform for each, and each that is loaded.
-
-        Columns of the load may be stored one after another: it then takes the shortest time.
+        It is fastest if the columns of the load are stored one after another.
         """
         loaded = [field for field in range(self.n_fields) if load[:, field].any()]
-        return self._response(load.T if len(loaded) == self.n_fields else load.T[loaded], loaded, fields)
+        every = range(self.n_fields)
+        return self._response(load.T if len(loaded) == self.n_fields else load.T[loaded], loaded, every)
 
-    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """See ReducedSystem."""
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the displacement in k fields by one transform for each of them and for each loaded field."""
         return self._response(load.T, loaded, fields)
 
-    def rough_response(self) -> BlockResponse | None:
-        """See ReducedSystem: what is far by a coarser grid."""
-        rough = self.convolution.rough
-        if rough is None:
-            return None
-        return lambda load, loaded, fields: self._response(load.T, loaded, fields, rough)
+    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the displacement with far responses on a coarser grid."""
+        return self._response(load.T, loaded, fields, self.convolution.rough)
 
     def _response(
-        self, load: Array, loaded: Sequence[int], fields: Sequence[int], rough: TwoGrids | None = None
+        self, load: Array, loaded: Sequence[int], fields: Sequence[int], approximate: TwoGrids | None = None
     ) -> Array:
-        """To the load (l, n) of l fields."""
+        """Return the displacement (n, k) due to a load (l, n) in l fields."""
         precision = np.result_type(load, np.float32)
         if self.convolution.periodic or self._inside:
             load = load.astype(precision, copy=False)
         else:
             load = np.multiply(load, self.shares.astype(precision, copy=False), dtype=precision, order="C")
-        return self.grid.scatter((rough or self.convolution).response(self.grid.place(load), loaded, fields))
+        return self.grid.scatter((approximate or self.convolution).response(self.grid.place(load), loaded, fields))
 
     @cached_property
     def _inside(self) -> bool:
-        """Whether no node has a part of its density beside the zone."""
+        """True if no node has a part of its density outside the zone."""
         return bool((self.shares == 1.0).all())
 
     def diagonal_blocks(self) -> Array:
-        """Response of each node to its own load, (n, 5, 5), one entry after another."""
-        blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # much of it stays zero, and costs nothing
-        for place in np.argwhere(self._own.T):
-            np.multiply(self._own.T[*place], self.shares, out=blocks[*place])
+        """Return the response of each node to its own load, (n, 5, 5), stored entry by entry."""
+        blocks = np.zeros((self.n_fields, self.n_fields, len(self.shares)))  # most entries stay zero, and cost nothing
+        for place in np.argwhere(self._block.T):
+            np.multiply(self._block.T[*place], self.shares, out=blocks[*place])
         return blocks.T
 
-    def own_response(self, fields: Sequence[int]) -> Array:
-        """See ReducedSystem."""
-        return np.outer(self._own[fields, fields], self.shares).T
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+        return np.outer(self._block[fields, fields], self.shares).T
 
     @cached_property
-    def _own(self) -> Array:
+    def _block(self) -> Array:
         """Response (5, 5) of a node to the density around it."""
-        own: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
-        return own
+        block: Array = entries_to_matrix(self.grid_response.own) * self.convolution.scale
+        return block
 
     def dense(self) -> Array | None:
-        """None: see dense_matrix."""
+        """Return None; see `dense_matrix`."""
         return None
 
-    def edges(self, pressure: Array, rim: IndenterEdge | None = None) -> Edges | None:
-        """The edge of the contact between the nodes, if that is asked for."""
-        if self.edge_waves is None:
-            return None
+    def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
+        """Return the correction for a contact edge between the nodes."""
+        assert self.edge_waves is not None
         return resolved_edges(
-            self.grid, self.edge_waves, self.convolution.scale, pressure, rim, self.convolution.periodic
+            self.grid, self.edge_waves, self.convolution.scale, pressure, indenter_edge, self.convolution.periodic
         )
 
     def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
-        """Loads (n, k) of the given k fields that roughly cause displacements (n, k) in them: wave by wave."""
+        """Return the inverse of each wave, in single precision."""
         made, chosen = cache(partial(wave_inverse, self.convolution, fields)), list(fields)
 
         def inverse(displacement: Array) -> Array:
-            waves = made()  # when entries in double precision may be there, from which it takes less time
+            # made at the first call: entries in double precision, from which it takes less time, may exist by then
+            waves = made()
             there = [place for place in range(len(chosen)) if displacement[:, place].any()]
             moved = displacement.T if len(there) == len(chosen) else displacement.T[there]
             placed = self.grid.place(moved.astype(np.float32, copy=False))
@@ -137,89 +176,90 @@ class HalfSpaceSystem(ReducedSystem):
 
         return inverse
 
-    def extension(self, nodes: Indices) -> Prolongation:
-        """See meeframe_halfspace.extension."""
+    def prolongation(self, nodes: Indices) -> Prolongation:
+        """Return the extension of `meeframe_halfspace.extension`."""
         size, places = self.grid.flat
-        pyramid = Pyramid.of(size, nodes if places is None else places[nodes])
+        extension = MultilevelExtension.of(size, nodes if places is None else places[nodes])
         shares = None if self.convolution.periodic else self.shares.astype(np.float32)
 
-        def extended(values: Array) -> Array:
-            whole = pyramid.extended(values).ravel()
+        def prolong(values: Array) -> Array:
+            whole = extension.prolong(values).ravel()
             return whole if places is None else whole[places]
 
-        def gathered(whole: Array) -> Array:
+        def restrict(whole: Array) -> Array:
             whole = whole if shares is None else whole * shares
-            values = pyramid.gathered(whole.reshape(size) if places is None else whole[self.grid.nodes])
+            values = extension.restrict(whole.reshape(size) if places is None else whole[self.grid.nodes])
             return values if shares is None else values / shares[nodes]
 
-        return Prolongation(extended, gathered)
+        return Prolongation(prolong, restrict)
 
-    def stencil(self, reach: int, fields: Sequence[int]) -> Stencil | None:
-        """Responses to the load of a node in the middle of the grid, or of the smallest part that has them all."""
-        if min(self.grid.size) <= 2 * reach:
+    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
+        """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
+        if min(self.grid.size) <= 2 * radius:
             return None
-        part = self.grid_response.within((2 * reach + 1, 2 * reach + 1))
+        part = self.grid_response.within((2 * radius + 1, 2 * radius + 1))
         convolution = self.convolution if part is None else convolution_of(part)
         middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
         load[0, *middle] = 1.0
-        around = tuple(slice(place - reach, place + reach + 1) for place in middle)
-        responses = np.zeros((self.n_fields, self.n_fields, 2 * reach + 1, 2 * reach + 1))
+        around = tuple(slice(place - radius, place + radius + 1) for place in middle)
+        responses = np.zeros((self.n_fields, self.n_fields, 2 * radius + 1, 2 * radius + 1))
         for loaded in fields:
             responses[list(fields), loaded] = convolution.response(load, [loaded], fields)[:, *around]
         return Stencil(
             self.grid.nodes, self.convolution.periodic, np.ascontiguousarray(responses.transpose(2, 3, 0, 1))
         )
 
-    def coarser(self) -> Coarsening | None:
-        """Every second node along both axes; None if the grid is too small for that."""
-        return self._coarser
+    def coarsen(self) -> Coarsening:
+        """Return the system on every second node along both axes."""
+        assert self._coarsening is not None
+        return self._coarsening
 
     @cached_property
-    def _coarser(self) -> Coarsening | None:
+    def _coarsening(self) -> Coarsening | None:
         grid, response = coarse_grid(self.grid), self.grid_response.coarser()
         if grid is None or response is None:
             return None
-        kept = self.grid.nodes[::2, ::2].ravel()
+        nodes = self.grid.nodes[::2, ::2].ravel()
         system = HalfSpaceSystem(
-            points=self.points[kept],
-            frames=self.frames[kept],
-            weights=4.0 * self.weights[kept],
+            points=self.points[nodes],
+            frames=self.frames[nodes],
+            weights=4.0 * self.weights[nodes],
             cells=coarse_cells(grid),
-            offset=self.offset[kept],
+            offset=self.offset[nodes],
             grid=grid,
             grid_response=response,
             convolution=convolution_of(response),
-            shares=self.shares[kept],
+            shares=self.shares[nodes],
         )
-        return Coarsening(system, kept, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
+        return Coarsening(system, nodes, partial(_prolonged, self.grid, grid.size, self.convolution.periodic))
 
-    def within(self, nodes: Indices) -> Subsystem | None:
-        """On a free grid the half space on a smaller one, which depends on the nodes alone."""
+    def restrict(self, nodes: Indices) -> Subsystem | None:
+        """Return the half space on a smaller free grid, which depends on the nodes alone."""
         if not nodes.size:
             return None
         places = self.grid.nodes[box(self.grid, nodes)]
         size = places.shape[0], places.shape[1]
-        answer = self._answer_within(size) if places.size <= SMALL * len(self.points) else None
-        if answer is None:
+        response = self._response_on(size) if places.size <= MAX_PART * len(self.points) else None
+        if response is None:
             return None
         kept, grid = places.ravel(), numbered(self.grid, size)
         parts = self.points[kept], self.frames[kept], self.weights[kept], coarse_cells(grid), self.offset[kept]
-        return Subsystem(HalfSpaceSystem(*parts, grid, *answer, self.shares[kept]), kept)
+        return Subsystem(HalfSpaceSystem(*parts, grid, *response, self.shares[kept]), kept)
 
-    def _answer_within(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
-        """Of a part of that size, wherever it is; None if it has none. The last ones that were asked for are kept."""
-        others = [answer for answer in self._parts if answer[1].size != size]
-        known = [answer for answer in self._parts if answer[1].size == size]
+    def _response_on(self, size: tuple[int, int]) -> tuple[GridResponse, Convolution] | None:
+        """Return the response on parts of that size, at any place; None if they have none. The latest are stored."""
+        others = [response for response in self._parts if response[1].size != size]
+        known = [response for response in self._parts if response[1].size == size]
         if not known:
             response = self.grid_response.within(size)
             if response is None:
                 return None
             known = [(response, convolution_of(response))]
-        self._parts[:] = [*others, *known][-SIZES:]
+        self._parts[:] = [*others, *known][-STORED_PARTS:]
         return known[0]
 
     def recover(self, load: Array) -> NodalFields:
-        """Fields on the contact zone for a load (n, 5): the half space around it has none on its surface but decays."""
+        """Return the fields on the contact zone for a load (n, 5); outside the zone the surface bears no load."""
         values = (self.offset + self.apply(load)) * potential_signs(self.n_fields)
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 

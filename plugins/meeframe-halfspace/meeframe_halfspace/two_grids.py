@@ -16,7 +16,7 @@ from typing import Any, Final, final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_halfspace.cells import far_tables
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol

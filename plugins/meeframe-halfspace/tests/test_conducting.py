@@ -11,8 +11,8 @@ from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, BarzilaiBorwein, ProjectedCG, SemismoothNewton, StoppingCriteria, solve
-from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
 
@@ -20,7 +20,7 @@ WIDTH, RADIUS, CONTACT = 1e-2, 0.1, 3e-3
 def sphere(n: int, kappa: float, potentials: tuple[float, float] = (0.0, 0.0), material: str = "batio3-cofe2o4"):
     mesh = half_space_mesh(4.0 * WIDTH, WIDTH, n - 1, 1, Quad4())
     body = Body(library_material(material).stiffness, mesh, (), "contact")
-    system = Counted.of(HalfSpace("constant", matrix_up_to=0).reduce(body))
+    system = OperationCounter.of(HalfSpace("constant", matrix_up_to=0).reduce(body))
     height = (system.points[:, :2] ** 2).sum(axis=1) / (2.0 * RADIUS)
     return indentation_problem(system, height, CONTACT**2 / RADIUS, Signorini(), (kappa, kappa), potentials)
 

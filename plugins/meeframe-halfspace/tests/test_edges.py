@@ -27,7 +27,8 @@ from meeframe.model.solve import reduce, solve_case
 from meeframe.model.step import Step
 from meeframe.results.records import resultants
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, solve_to_edges
-from meeframe.system.rotated import RotatedSystem, rotate_frames
+from meeframe.system.capabilities import EdgeResolution
+from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
 from meeframe.testing.closed_forms import Cone, FlatPunch, Sphere, indent
 from meeframe.testing.half_space import indentation_problem
@@ -343,7 +344,7 @@ def test_frames_of_friction_axes_and_two_bodies():
     alone = half_space((h, h), 30)
     direct = pressed(alone, indenter.height, APPROACH, (-1e4, None))
     askew = rotate_frames(alone, np.tile([np.cos(0.4), np.sin(0.4), 0.0], (len(alone.points), 1)))
-    assert isinstance(askew, RotatedSystem)
+    assert askew.capability(EdgeResolution) is not None
     assert pressed(askew, indenter.height, APPROACH, (-1e4, None)) == pytest.approx(direct, rel=3e-5)
     sphere = rigid.Sphere(0.1)
     h = 2.0 * np.sqrt(0.1 * APPROACH) / 24.4
@@ -358,14 +359,14 @@ def test_frames_of_friction_axes_and_two_bodies():
 def test_symmetric_positive_and_only_bilinear():
     system = half_space((1e-4, 1e-4), 20)
     r = np.hypot(*system.points[:, :2].T)
-    edges = system.edges(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
-    flipped = edges.own * np.array([1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
+    edges = system.edge_correction(np.sqrt(np.maximum(1.0 - (r / 7.3e-4) ** 2, 0.0)))
+    flipped = edges.extra_compliance * np.array([1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
     assert flipped == pytest.approx(flipped.transpose(0, 2, 1), rel=1e-9)
-    scale = np.sqrt(np.abs(np.einsum("nii->i", edges.own)))
-    symmetric = (edges.own + edges.own.transpose(0, 2, 1)) / np.outer(scale, scale)
+    scale = np.sqrt(np.abs(np.einsum("nii->i", edges.extra_compliance)))
+    symmetric = (edges.extra_compliance + edges.extra_compliance.transpose(0, 2, 1)) / np.outer(scale, scale)
     assert np.linalg.eigvalsh(symmetric).min() > -1e-12
     assert ((edges.area_fraction > 0.0) & (edges.area_fraction < 1.0)).sum() > 30
-    assert half_space((1e-4, 1e-4), 20, "nodes").edges(r) is None
+    assert half_space((1e-4, 1e-4), 20, "nodes").capability(EdgeResolution) is None
     with pytest.raises(CaseError, match="edges = 'resolved' with density = 'constant'"):
         HalfSpace("constant", edges="resolved")
 

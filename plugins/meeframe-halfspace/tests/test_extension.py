@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
-from meeframe_halfspace.extension import LEVELS, Pyramid
+from meeframe_halfspace.extension import LEVELS, MultilevelExtension
 from meeframe_halfspace.system import HalfSpaceSystem
 
 from meeframe.elements import Quad4
 from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
+from meeframe.system.capabilities import apply_fields
 
 MEDIUM = library_material("orthotropic-mee")
 WIDTH, NORMAL = 7e-3, 2
@@ -35,11 +36,11 @@ def spots(n: int) -> np.ndarray:
 
 def restricted(system: HalfSpaceSystem, nodes: np.ndarray, extended: bool) -> np.ndarray:
     """Approximate inverse (f, f) of the normal compliance restricted to nodes (f,), column by column."""
-    inverse, extension = system.approximate_inverse((NORMAL,)), system.extension(nodes)
+    inverse, extension = system.approximate_inverse((NORMAL,)), system.prolongation(nodes)
     columns = []
     for unit in np.eye(len(nodes), dtype=np.float32):
         if extended:
-            columns.append(extension.gathered(inverse(extension.extended(unit)[:, None])[:, 0]))
+            columns.append(extension.restrict(inverse(extension.prolong(unit)[:, None])[:, 0]))
         else:
             whole = np.zeros(len(system.points), np.float32)
             whole[nodes] = unit
@@ -54,7 +55,7 @@ def test_extension_is_nearer_to_the_inverse_on_the_nodes_alone_than_zeros(period
     system = reduced(40, periodic=periodic)
     nodes = np.flatnonzero(spots(40))
     units = np.eye(len(system.points))[nodes]
-    compliance = np.array([system.block_response(unit[:, None], (NORMAL,), (NORMAL,))[nodes, 0] for unit in units]).T
+    compliance = np.array([apply_fields(system, unit[:, None], (NORMAL,), (NORMAL,))[nodes, 0] for unit in units]).T
     condition = []
     for extended in (False, True):
         inverse = restricted(system, nodes, extended)
@@ -71,7 +72,7 @@ def test_pyramid_fades_to_nothing_beyond_its_largest_cells(size: tuple[int, int]
     """Constant values go on as less of the same, no further than cells of the largest scale and their neighbours reach,
     and across the ends of the grid if these fall between cells."""
     places = np.ravel_multi_index((np.array([0, 1, 1]), np.array([3, 3, 4])), size)
-    extended = Pyramid.of(size, places).extended(np.ones(3, np.float32))
+    extended = MultilevelExtension.of(size, places).prolong(np.ones(3, np.float32))
     np.testing.assert_array_equal(extended.ravel()[places], 1.0)
     apart = np.ones(extended.size, bool)
     apart[places] = False
@@ -97,10 +98,10 @@ def test_extension_is_that_of_the_grid_however_nodes_are_numbered(numbering: str
     other = replace(system, grid=grid, shares=system.shares[place])
     nodes = np.flatnonzero(spots(32))
     values = np.random.default_rng(1).normal(size=len(nodes)).astype(np.float32)
-    expected = system.extension(nodes).extended(values)
-    found = other.extension(number[nodes]).extended(values)
+    expected = system.prolongation(nodes).prolong(values)
+    found = other.prolongation(number[nodes]).prolong(values)
     np.testing.assert_allclose(found[number], expected, atol=1e-6)
     whole = np.random.default_rng(2).normal(size=len(place)).astype(np.float32)
     np.testing.assert_allclose(
-        other.extension(number[nodes]).gathered(whole[place]), system.extension(nodes).gathered(whole), atol=1e-5
+        other.prolongation(number[nodes]).restrict(whole[place]), system.prolongation(nodes).restrict(whole), atol=1e-5
     )

@@ -17,9 +17,10 @@ from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.solvers.newton.globalization import newton_step
+from meeframe.system.capabilities import Multigrid
 from meeframe.system.reduced import ReducedSystem
-from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+from meeframe.testing.operation_counter import OperationCounter
 
 MEDIUM = library_material("orthotropic-mee")
 RADIUS, FORCE, MU, WIDTH = 0.1, 450.0, 0.3, 7e-3
@@ -150,9 +151,10 @@ def test_answers_are_those_of_factorisation(law, kappa) -> None:
 def test_answers_are_those_without_a_coarser_grid() -> None:
     """Friction, conduction and free motions on a grid that has one, from its solution and without all help."""
     system = reduced(48)
-    assert system.coarser() is not None
+    assert system.capability(Multigrid) is not None
     states = [
-        solved(dragged(Counted.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state for helped in (True, False)
+        solved(dragged(OperationCounter.of(system, helped), kappa=CONDUCTING), tolerance=1e-11).state
+        for helped in (True, False)
     ]
     scale = np.abs(states[1].load).max(axis=0)
     assert (np.abs(states[0].load - states[1].load) / scale).max() < 1e-8
@@ -163,7 +165,7 @@ def test_gradient_iterations_conduct_as_without_it() -> None:
     """The potentials eliminated with the approximate inverse and without."""
     found, products = [], []
     for helped in (True, False):
-        system = Counted.of(reduced(24), helped)
+        system = OperationCounter.of(reduced(24), helped)
         found.append(solved(dragged(system, kappa=CONDUCTING), BarzilaiBorwein()).state.load)
         products.append(len(system.products))
     assert (np.abs(found[0] - found[1]) <= 1e-7 * np.abs(found[1]).max(axis=0)).all()
@@ -174,7 +176,7 @@ def test_products_hardly_grow_with_the_grid() -> None:
     """Of the whole solution, to residual 1e-10. Without help they do grow, so that this can fail."""
     counts = {}
     for n, helped in ((32, True), (128, True), (32, False), (64, False)):
-        system = Counted.of(reduced(n), helped)
+        system = OperationCounter.of(reduced(n), helped)
         assert solved(dragged(system)).residual <= 1e-10
         counts[n, helped] = len(system.products)
     assert counts[128, True] < 1.5 * counts[32, True]
@@ -185,7 +187,7 @@ def test_a_newton_step_takes_half_the_products() -> None:
     """Stick, slip and flux together, to eight digits, with the approximate inverse and without."""
     counts = []
     for helped in (True, False):
-        system = Counted.of(reduced(48), helped)
+        system = OperationCounter.of(reduced(48), helped)
         problem = dragged(system, kappa=CONDUCTING)
         point = SemismoothNewton().init(problem, None).memory.point
         system.products.clear()

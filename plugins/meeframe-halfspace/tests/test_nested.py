@@ -22,15 +22,28 @@ from meeframe.material import Material, library_material, rotation_about
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import ProjectedCG, SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.system.capabilities import (
+    ApproximateApply,
+    ApproximateInverse,
+    Coarsening,
+    FieldwiseApply,
+    LatticeStencil,
+    Multigrid,
+    Prolongation,
+    Restriction,
+    Stencil,
+    Subsystem,
+    diagonal,
+)
 from meeframe.system.edge_correction import correct_edge
-from meeframe.system.reduced import Coarsening, NodalFields, Prolongation, ReducedSystem, Subsystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
-from meeframe.testing.counted import Counted
+from meeframe.testing.capabilities import check_capabilities, check_restriction
 from meeframe.testing.force_control import PRESS, freedom
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
-from meeframe.testing.shortcuts import check_parts, check_shortcuts
+from meeframe.testing.operation_counter import OperationCounter
 
 ISOTROPIC = Material.isotropic(200e9, 0.3).stiffness
 ANISOTROPIC = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
@@ -180,8 +193,8 @@ def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> No
 
 
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
-def test_shortcuts_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
-    check_shortcuts(system_of(formulation, divisions))
+def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
+    check_capabilities(system_of(formulation, divisions))
 
 
 @pytest.mark.parametrize(
@@ -198,10 +211,11 @@ def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: 
     """In the order in which they are asked for; of a part, too."""
     n = len(system.points)
     whole = rotate_frames(system, np.random.default_rng(2).normal(3.0, size=(n, 3))) if directed else system
-    part = whole.within(np.arange(2 * n // 5, 2 * n // 5 + 3))
+    restriction = whole.capability(Restriction)
+    part = None if restriction is None else restriction.restrict(np.arange(2 * n // 5, 2 * n // 5 + 3))
     for asked in (whole, whole if part is None else part.system):
         for fields in ((2,), (4, 0, 1), tuple(range(5))):
-            own = asked.own_response(fields)
+            own = diagonal(asked, fields)
             assert own.shape == (len(asked.points), len(fields))
             np.testing.assert_array_equal(own, asked.diagonal_blocks()[:, fields, fields])
             for node in (0, len(own) // 2, len(own) - 1):
@@ -214,10 +228,10 @@ def test_own_responses_are_those_to_unit_loads(system: ReducedSystem, directed: 
 def test_parts_of_single_nodes() -> None:
     """Of 17 x 17 nodes a corner is a part of its own."""
     system = system_of(HalfSpace(matrix_up_to=0), (16, 16))
-    corner = system.within(np.array([len(system.points) - 1]))
+    corner = system.restrict(np.array([len(system.points) - 1]))
     assert corner is not None
-    assert len(corner.kept) == 1
-    check_parts(system)
+    assert len(corner.nodes) == 1
+    check_restriction(system)
 
 
 def test_parts_of_free_grids() -> None:
@@ -226,17 +240,17 @@ def test_parts_of_free_grids() -> None:
     system = system_of(HalfSpace(matrix_up_to=0), (n - 1, n - 1))
     distance = np.abs(system.points[:, :2]).max(axis=1) / WIDTH
     wider = np.flatnonzero(distance < 0.21)
-    part = system.within(wider)
+    part = system.restrict(wider)
     assert part is not None
-    assert len(wider) <= len(part.kept) <= 1.5 * len(wider)
-    shifted, smaller = system.within(wider + 12 * n), system.within(np.flatnonzero(distance < 0.1))
+    assert len(wider) <= len(part.nodes) <= 1.5 * len(wider)
+    shifted, smaller = system.restrict(wider + 12 * n), system.restrict(np.flatnonzero(distance < 0.1))
     assert shifted is not None
     assert smaller is not None
     assert shifted.system.convolution is part.system.convolution
-    assert len(smaller.kept) < 0.5 * len(part.kept)
-    assert system.within(np.flatnonzero(distance < 0.45)) is None
+    assert len(smaller.nodes) < 0.5 * len(part.nodes)
+    assert system.restrict(np.flatnonzero(distance < 0.45)) is None
     periodic = system_of(HalfSpace("trigonometric", periodic=True, matrix_up_to=0), (n, n))
-    assert periodic.within(np.arange(10)) is None
+    assert periodic.capability(Restriction) is None
 
 
 def test_parts_of_two_sizes_are_kept() -> None:
@@ -244,7 +258,7 @@ def test_parts_of_two_sizes_are_kept() -> None:
     system = system_of(HalfSpace(matrix_up_to=0), (40, 40))
 
     def answering(count: int) -> Convolution:
-        part = system.within(np.arange(count))
+        part = system.restrict(np.arange(count))
         assert part is not None
         assert isinstance(part.system, HalfSpaceSystem)
         return part.system.convolution
@@ -284,7 +298,7 @@ def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     assert not solution.state.load.any()
 
 
-def test_shortcuts_of_systems_made_of_others() -> None:
+def test_capabilities_of_composed_systems() -> None:
     system = system_of(*GRIDS[0])
     nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
@@ -292,23 +306,29 @@ def test_shortcuts_of_systems_made_of_others() -> None:
         combine_bodies(system, system),
         rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
         correct_edge(system, edge * system.diagonal_blocks()),
-        Counted.of(system),
+        OperationCounter.of(system),
     ):
-        check_shortcuts(whole)
-        assert whole.within(nodes) is not None
+        check_capabilities(whole)
+        assert whole.capability(Restriction).restrict(nodes) is not None
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class Wrong(ReducedSystem):
-    """A system one of whose shortcuts is wrong."""
+class Wrong(
+    ReducedSystem, FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction
+):
+    """A half space one of whose capabilities is wrong."""
 
-    inner: ReducedSystem
+    inner: HalfSpaceSystem
     wrong: str
 
     @classmethod
     def of(cls, inner: ReducedSystem, wrong: str) -> "Wrong":
+        assert isinstance(inner, HalfSpaceSystem)
         return cls(inner.points, inner.frames, inner.weights, inner.cells, inner.offset, inner, wrong)
+
+    def capability(self, kind):
+        return super().capability(kind) if self.inner.capability(kind) is not None else None
 
     def apply(self, load: Array) -> Array:
         return self.inner.apply(load)
@@ -322,65 +342,72 @@ class Wrong(ReducedSystem):
     def recover(self, load: Array) -> NodalFields:
         return self.inner.recover(load)
 
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        return self.inner.response(load, sorted(fields) if self.wrong == "response" else fields)
-
-    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        found = self.inner.block_response(load, sorted(loaded) if self.wrong == "block_response" else loaded, fields)
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        wanted = sorted(fields) if self.wrong == "wanted fields" else fields
+        found = self.inner.apply_fields(load, sorted(loaded) if self.wrong == "loaded fields" else loaded, wanted)
         return 1.0001 * found if self.wrong == "single precision" and load.dtype == np.float32 else found
 
-    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        return self.inner.diagonal(sorted(fields) if self.wrong == "diagonal" else fields)
+
+    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        return self.inner.apply_fields(load, loaded, fields) * (1.001 if self.wrong == "approximate_apply" else 1.0)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array]:
         inverse = self.inner.approximate_inverse(fields)
-        assert inverse is not None
         return (lambda displacement: -inverse(displacement)) if self.wrong == "approximate_inverse" else inverse
 
-    def extension(self, nodes: Indices) -> Prolongation | None:
-        extension = self.inner.extension(nodes)
-        assert extension is not None
+    def prolongation(self, nodes: Indices) -> Prolongation:
+        right = self.inner.prolongation(nodes)
         if self.wrong == "values":
-            return replace(extension, extended=lambda values: 0.5 * extension.extended(values))
+            return replace(right, prolong=lambda values: 0.5 * right.prolong(values))
         if self.wrong == "kinked":
-            return replace(extension, extended=lambda values: _kinked(extension.extended(values), nodes))
+            return replace(right, prolong=lambda values: _kinked(right.prolong(values), nodes))
         if self.wrong == "double precision":
-            return replace(extension, extended=lambda values: extension.extended(values).astype(float))
+            return replace(right, prolong=lambda values: right.prolong(values).astype(float))
         if self.wrong == "no node":
-            return replace(extension, extended=lambda values: extension.extended(values) + (not len(nodes)))
-        return replace(extension, gathered=lambda whole: whole[nodes]) if self.wrong == "adjoint" else extension
+            return replace(right, prolong=lambda values: right.prolong(values) + (not len(nodes)))
+        return replace(right, restrict=lambda whole: whole[nodes]) if self.wrong == "adjoint" else right
 
-    def coarser(self) -> Coarsening | None:
-        coarse = self.inner.coarser()
-        assert coarse is not None
+    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
+        right = self.inner.stencil(radius, fields)
+        if right is None or self.wrong != "stencil":
+            return right
+        return replace(right, responses=right.responses[:, ::-1])
+
+    def coarsen(self) -> Coarsening:
+        coarse = self.inner.coarsen()
         if self.wrong == "prolong":
             return replace(coarse, prolong=lambda values: 0.5 * coarse.prolong(values))
         if self.wrong == "weights":
             return replace(coarse, system=replace(coarse.system, weights=0.25 * coarse.system.weights))
-        return replace(coarse, kept=coarse.kept[::-1]) if self.wrong == "points" else coarse
+        return replace(coarse, nodes=coarse.nodes[::-1]) if self.wrong == "points" else coarse
 
-    def within(self, nodes: Indices) -> Subsystem | None:
-        part = self.inner.within(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
-        if part is not None and self.wrong == "response of a part":
-            return replace(part, system=Wrong.of(part.system, "block_response"))
-        return replace(part, kept=part.kept[::-1]) if part is not None and self.wrong == "nodes of a part" else part
+    def restrict(self, nodes: Indices) -> Subsystem | None:
+        part = self.inner.restrict(nodes[len(nodes) // 2 :] if self.wrong == "part" else nodes)
+        if part is not None and self.wrong == "fields of a part":
+            return replace(part, system=Wrong.of(part.system, "loaded fields"))
+        return replace(part, nodes=part.nodes[::-1]) if part is not None and self.wrong == "nodes of a part" else part
 
 
-def _kinked(extended: Array, nodes: Indices) -> Array:
+def _kinked(prolonged: Array, nodes: Indices) -> Array:
     """The same at the nodes, not below zero at others."""
-    kinked = np.maximum(extended, np.float32(0.0))
-    kinked[nodes] = extended[nodes]
+    kinked = np.maximum(prolonged, np.float32(0.0))
+    kinked[nodes] = prolonged[nodes]
     return kinked
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
-    [(name, name) for name in ("response", "block_response", "approximate_inverse", "prolong", "weights", "points")]
-    + [("single precision", "block_response to loads float32")]
-    + [("values", "extension changes the values"), ("adjoint", "extension gathers is not the adjoint")]
-    + [("kinked", "extension is not linear"), ("double precision", "another precision"), ("no node", "from no node")]
-    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")]
-    + [("response of a part", "block_response")],
+    ("wrong", "message"),
+    [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]
+    + [(name, name) for name in ("approximate_inverse", "prolong", "weights", "points", "diagonal", "stencil")]
+    + [("single precision", "apply_fields of loads float32")]
+    + [("values", "prolongation changes the values"), ("adjoint", "is not the adjoint of prolong")]
+    + [("kinked", "prolongation is not linear"), ("double precision", "the precision"), ("no node", "from no node")]
+    + [("part", "does not hold the nodes"), ("nodes of a part", "points of a part are not")],
 )
-def test_wrong_shortcuts_are_caught(wrong: str, said: str) -> None:
+def test_wrong_capabilities_are_caught(wrong: str, message: str) -> None:
     system = system_of(*GRIDS[0], stiffness=ANISOTROPIC)
-    with pytest.raises(AssertionError, match=said):
-        check_shortcuts(Wrong.of(system, wrong))
-    check_shortcuts(Wrong.of(system, "nothing"))
+    with pytest.raises(AssertionError, match=message):
+        check_capabilities(Wrong.of(system, wrong))
+    check_capabilities(Wrong.of(system, "nothing"))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace, MeasuredHeights, SelfAffine
 
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import SampledHeights
 from meeframe.indenters.base import Indenter
 from meeframe.plugin import registry
 from meeframe.plugin.registry import CONTRACTS
-from meeframe.system.reduced import Formulation
 
 PAGE = (Path(__file__).parents[3] / "docs" / "halfspace.md").read_text(encoding="utf-8")
 FORMULATION, ROUGH, MAP = (tomllib.loads(text) for text in re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M))

@@ -27,13 +27,14 @@ from meeframe.material import Material, library_material, material_from_componen
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
+from meeframe.system.capabilities import APPROXIMATE_TOLERANCE, ApproximateApply, apply_fields
 from meeframe.system.edge_correction import correct_edge
-from meeframe.system.reduced import ROUGH, ReducedSystem
+from meeframe.system.reduced import ReducedSystem
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies
-from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.matrix_free import MatrixFree
+from meeframe.testing.operation_counter import OperationCounter
 
 ALL = (0, 1, 2, 3, 4)
 STRAIGHT = library_material("orthotropic-mee").stiffness
@@ -113,7 +114,7 @@ def worst(whole: Convolution, size: tuple[int, int]) -> float:
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @pytest.mark.parametrize("medium", ["turned", "straight", "ceramic"])
 def test_responses_to_all_fields_at_once(medium, grid) -> None:
-    assert worst(made(medium, *grid), grid[0]) < ROUGH
+    assert worst(made(medium, *grid), grid[0]) < APPROXIMATE_TOLERANCE
 
 
 @pytest.mark.parametrize("grid", OBLONG, ids=str)
@@ -121,15 +122,15 @@ def test_responses_to_all_fields_at_once(medium, grid) -> None:
 def test_responses_on_oblong_cells(medium, grid) -> None:
     whole = made(medium, *grid)
     for load in loads_on(grid[0]).values():
-        assert error(whole, load) < ROUGH
-        assert error(whole, load, (0,), ALL) < ROUGH
+        assert error(whole, load) < APPROXIMATE_TOLERANCE
+        assert error(whole, load, (0,), ALL) < APPROXIMATE_TOLERANCE
 
 
 def test_responses_of_a_medium_much_stiffer_along_one_axis() -> None:
     """They are sharp, so that what is near reaches farther: on small grids there is no room for it."""
     assert made("fibres", *GRIDS[0]).rough is None
     whole = made("fibres", (500, 540), (1.0, 1.0), "bilinear")
-    assert worst(whole, (500, 540)) < ROUGH
+    assert worst(whole, (500, 540)) < APPROXIMATE_TOLERANCE
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (1e-6, 3e-6), (2.0, 1.0)])
@@ -160,7 +161,7 @@ def test_responses_to_some_fields(medium, loaded, fields) -> None:
     """Weak couplings too are right to a few digits of themselves."""
     whole = made(medium, *GRIDS[0])
     for load in loads_on(GRIDS[0][0]).values():
-        assert error(whole, load, loaded, fields) < ROUGH
+        assert error(whole, load, loaded, fields) < APPROXIMATE_TOLERANCE
 
 
 def test_fields_that_are_not_coupled_do_not_answer() -> None:
@@ -170,7 +171,7 @@ def test_fields_that_are_not_coupled_do_not_answer() -> None:
     assert whole.rough is not None
     rough = whole.rough.response(scaled(whole, load)[3:4], (3,), ALL)
     assert not rough[[0, 1, 2, 4]].any()
-    assert error(whole, load, (3,), (3,)) < ROUGH
+    assert error(whole, load, (3,), (3,)) < APPROXIMATE_TOLERANCE
 
 
 def test_responses_are_linear_and_reciprocal() -> None:
@@ -189,7 +190,7 @@ def test_responses_are_linear_and_reciprocal() -> None:
     most = sum(float(np.linalg.norm(other[k]) * np.linalg.norm(answers[0][k])) for k in range(N_FIELDS))
     assert abs(works[0] - works[1]) < 1e-6 * most
     exact = float((signed * other * whole.response(one, ALL, ALL)).sum())
-    assert abs(works[0] - exact) < ROUGH * most
+    assert abs(works[0] - exact) < APPROXIMATE_TOLERANCE * most
 
 
 def test_two_threads_answer_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,16 +313,17 @@ def random_load(system: ReducedSystem) -> Array:
 
 
 def check_rough(system: ReducedSystem) -> None:
-    """Rough responses against block_response in double precision, of loads in both precisions."""
-    rough, load = system.rough_response(), random_load(system)
-    assert rough is not None
+    """Approximate products against exact ones, of loads in both precisions."""
+    capability, load = system.capability(ApproximateApply), random_load(system)
+    assert capability is not None
+    rough = capability.approximate_apply
     for loaded, fields in ((ALL, ALL), *CHOICES):
         part = load[:, list(loaded)]
-        expected = system.block_response(part, loaded, fields)
+        expected = apply_fields(system, part, loaded, fields)
         for given in (part, part.astype(np.float32)):
             found = rough(given, loaded, fields)
             assert found.shape == expected.shape
-            assert (np.abs(found - expected).max(axis=0) < ROUGH * np.abs(expected).max(axis=0)).all()
+            assert (np.abs(found - expected).max(axis=0) < APPROXIMATE_TOLERANCE * np.abs(expected).max(axis=0)).all()
 
 
 @pytest.fixture(scope="module")
@@ -336,20 +338,23 @@ def test_of_a_half_space(body) -> None:
 
 @pytest.mark.parametrize("options", [{"periodic": True}, {"periodic": True, "density": "trigonometric"}])
 def test_of_a_periodic_half_space(options) -> None:
-    assert system_of((150, 150), **options).rough_response() is None
+    assert system_of((150, 150), **options).capability(ApproximateApply) is None
 
 
 def test_of_turned_frames(body) -> None:
     angle = np.arctan2(*body.points[:, :2].T) + 0.3
     check_rough(rotate_frames(body, np.array([np.cos(angle), np.sin(angle), 0.0 * angle]).T))
-    assert rotate_frames(MatrixFree.of(body), np.tile([1.0, 1.0, 0.0], (len(angle), 1))).rough_response() is None
+    assert (
+        rotate_frames(MatrixFree.of(body), np.tile([1.0, 1.0, 0.0], (len(angle), 1))).capability(ApproximateApply)
+        is None
+    )
 
 
 def test_of_edges_between_nodes(body) -> None:
     some = np.random.default_rng(0).random(len(body.points)) < 0.05
     own = 20.0 * some[:, None, None] * body.diagonal_blocks() * (1.0 + np.eye(N_FIELDS))
     check_rough(correct_edge(body, own))
-    assert correct_edge(MatrixFree.of(body), own).rough_response() is None
+    assert correct_edge(MatrixFree.of(body), own).capability(ApproximateApply) is None
 
 
 def test_of_two_bodies(body) -> None:
@@ -363,36 +368,34 @@ def test_of_two_bodies(body) -> None:
             body.diagonal_blocks(),
         )
     )
-    assert combine_bodies(MatrixFree.of(body), MatrixFree.of(other)).rough_response() is None
+    assert combine_bodies(MatrixFree.of(body), MatrixFree.of(other)).capability(ApproximateApply) is None
     askew = rotate_frames(other, np.tile([1.0, 1.0, 0.0], (len(body.points), 1)))
-    assert askew.rough_response() is not None
-    assert combine_bodies(body, askew).rough_response() is None
+    check_rough(combine_bodies(body, askew))
 
 
 def test_counted(body) -> None:
-    counted = Counted.of(body)
-    rough = counted.rough_response()
-    assert rough is not None
+    counted = OperationCounter.of(body)
+    rough = counted.capability(ApproximateApply).approximate_apply
     before = len(counted.products)
     load = random_load(body)
-    np.testing.assert_array_equal(rough(load, ALL, (2,)), body.rough_response()(load, ALL, (2,)))
+    np.testing.assert_array_equal(rough(load, ALL, (2,)), body.approximate_apply(load, ALL, (2,)))
     assert len(counted.products) == before + 1
-    assert replace(counted, helped=False).rough_response() is None
+    assert replace(counted, accelerated=False).capability(ApproximateApply) is None
 
 
 def test_a_pickled_system_answers_as_before() -> None:
     system = system_of((150, 143))
     load = random_load(system)
-    answer = system.rough_response()(load, ALL, ALL)
+    answer = system.approximate_apply(load, ALL, ALL)
     for again in (pickle.loads(pickle.dumps(system)), pickle.loads(pickle.dumps(system_of((150, 143))))):
-        np.testing.assert_array_equal(again.rough_response()(load, ALL, ALL), answer)
+        np.testing.assert_array_equal(again.approximate_apply(load, ALL, ALL), answer)
 
 
 def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction under a drag, contact over much of the zone. The residual judges in double precision either way: errors
     of rough responses show in the steps."""
     products: list[int] = []
-    respond = TwoGrids.response
+    respond, capability = TwoGrids.response, HalfSpaceSystem.capability
 
     def counted(self: TwoGrids, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         products.append(len(loaded))
@@ -403,7 +406,11 @@ def test_newton_finds_the_same_with_and_without(monkeypatch: pytest.MonkeyPatch)
     for rough in (True, False):
         system = system_of((160, 160), Material.isotropic(200e9, 0.3).stiffness)
         if not rough:
-            monkeypatch.setattr(HalfSpaceSystem, "rough_response", lambda self: None)
+            monkeypatch.setattr(
+                HalfSpaceSystem,
+                "capability",
+                lambda self, kind: None if kind is ApproximateApply else capability(self, kind),
+            )
         x, y, _ = (system.points - system.points.mean(axis=0)).T
         radius = 0.1
         approach = (0.4 * WIDTH) ** 2 / radius

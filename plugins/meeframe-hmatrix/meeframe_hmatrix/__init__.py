@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.system.reduced import Formulation
+from meeframe.plugin import Formulation, Record, hookimpl
 from meeframe_hmatrix.formulation import HierarchicalBEM
 
 __all__ = ["HierarchicalBEM", "meeframe_formulations"]

@@ -1,7 +1,7 @@
 """Truncated LU factors of hierarchical matrices, and solutions with them.
 
-Products that are to be subtracted from a block are not formed at once: they wait (`pending`) and are handed down with
-the elimination, until they meet an undivided block.
+Products that are to be subtracted from a block are not formed at once: they accumulate (`update`) and are handed
+down with the elimination, until they meet an undivided block.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,10 +16,9 @@ import numpy as np
 from numba import get_num_threads
 from numpy.typing import DTypeLike
 
-from meeframe.common.blas import ONE_BLAS_THREAD
-from meeframe.fields import Array
+from meeframe.plugin import ONE_BLAS_THREAD, Array
+from meeframe_hmatrix.accumulated_update import NOTHING, AccumulatedUpdate, handed_down, subtracted, with_product
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transposed
-from meeframe_hmatrix.pending import NOTHING, Pending, handed_down, subtracted, with_product
 
 Result = TypeVar("Result")
 
@@ -112,47 +111,49 @@ def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
     return Triangle((0, 1), parts, factors.lower if form is Form.LOWER else factors.upper_transposed)
 
 
-def eliminate(block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Factors:
-    """LU factors of a square block less what is pending."""
+def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING) -> Factors:
+    """LU factors of a square block minus an update."""
     if isinstance(block, Dense):
-        rest = subtracted(block, pending, truncation.tolerance, truncation.dtype)
+        rest = subtracted(block, update, truncation.tolerance, truncation.dtype)
         assert isinstance(rest, Dense)
         return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
     assert isinstance(block, Split)
-    first = eliminate(block.parts[0][0], truncation, handed_down(pending, block, 0, 0))
+    first = eliminate(block.parts[0][0], truncation, handed_down(update, block, 0, 0))
 
     def left() -> Block:
-        return solve_from_right(first, block.parts[1][0], truncation, handed_down(pending, block, 1, 0))
+        return solve_from_right(first, block.parts[1][0], truncation, handed_down(update, block, 1, 0))
 
     def above() -> Block:
-        return solve(first, Form.LOWER, block.parts[0][1], truncation, handed_down(pending, block, 0, 1))
+        return solve(first, Form.LOWER, block.parts[0][1], truncation, handed_down(update, block, 0, 1))
 
     lower, upper = truncation.shared([left, above])
-    remaining = with_product(handed_down(pending, block, 1, 1), lower, upper)
+    remaining = with_product(handed_down(update, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
 
-def solve(factors: Factors, form: Form, block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Block:
-    """X of triangle @ X = block - pending, for one of the triangles of factors."""
+def solve(
+    factors: Factors, form: Form, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
+) -> Block:
+    """X of triangle @ X = block - update, for one of the triangles of factors."""
     if not isinstance(block, Split):
-        rest = subtracted(block, pending, truncation.tolerance, truncation.dtype)
+        rest = subtracted(block, update, truncation.tolerance, truncation.dtype)
         if isinstance(rest, Dense):
             return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
         return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
     numbers = range(len(block.parts[0]))
     columns = truncation.shared(
-        [partial(_column, factors, form, block, number, truncation, pending) for number in numbers]
+        [partial(_column, factors, form, block, number, truncation, update) for number in numbers]
     )
     return Split(block.rows, block.columns, tuple(zip(*columns, strict=True)))
 
 
 def _column(
-    factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, pending: Pending
+    factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, update: AccumulatedUpdate
 ) -> list[Block]:
     """The parts of a solution in one of its columns."""
     parts = [line[column] for line in block.parts]
-    shares = [handed_down(pending, block, row, column) for row in range(len(parts))]
+    shares = [handed_down(update, block, row, column) for row in range(len(parts))]
     if isinstance(factors, Eliminated):
         return [solve(factors, form, parts[0], truncation, shares[0])]
     triangle = _triangle(factors, form)
@@ -163,11 +164,13 @@ def _column(
     return parts
 
 
-def solve_from_right(factors: Factors, block: Block, truncation: Truncation, pending: Pending = NOTHING) -> Block:
-    """X of X @ upper = block - pending."""
-    turned = Pending(
-        tuple((right.T, left.T) for left, right in pending.terms),
-        tuple((transposed(second), transposed(first)) for first, second in pending.products),
+def solve_from_right(
+    factors: Factors, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
+) -> Block:
+    """X of X @ upper = block - update."""
+    turned = AccumulatedUpdate(
+        tuple((right.T, left.T) for left, right in update.terms),
+        tuple((transposed(second), transposed(first)) for first, second in update.products),
     )
     return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), truncation, turned))
 

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import get_num_threads
 
-from meeframe.fields import N_FIELDS, Array
-from meeframe.formulations.dense_bem.half_space import exterior_terms
-from meeframe.formulations.dense_bem.layout import NONE
-from meeframe.system.reduced import Progress
+from meeframe.plugin import N_FIELDS, Array, Progress
+from meeframe.plugin.boundary_elements import NONE, exterior_terms
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split
 from meeframe_hmatrix.clusters import Cluster, diameter, distance
 from meeframe_hmatrix.cross_approximation import far_rows, reachable

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe_hmatrix.gemm import COLUMNS, FULL, add_products, located
 
 FIRST_GUESS = 8

@@ -1,6 +1,6 @@
 """The compliance of the contact zone between some of the fields alone, as a tree of blocks."""
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.plugin import N_FIELDS, Array
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, shape, stored, to_dense
 
 CALL = 4000

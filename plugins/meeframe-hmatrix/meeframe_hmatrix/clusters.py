@@ -11,10 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from meeframe.fields import Array, Indices
-from meeframe.formulations.dense_bem.collocation import Sources
-from meeframe.formulations.dense_bem.layout import NONE, Layout
-from meeframe.mesh.surface import SurfaceMesh
+from meeframe.plugin import Array, Indices, SurfaceMesh
+from meeframe.plugin.boundary_elements import NONE, Layout, Sources
 
 
 @dataclass(frozen=True, eq=False)

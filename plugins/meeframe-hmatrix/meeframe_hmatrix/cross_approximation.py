@@ -6,9 +6,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import lstsq
 
-from meeframe.fields import N_FIELDS, Array, Indices
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.formulations.dense_bem.layout import NONE
+from meeframe.plugin import N_FIELDS, Array, Indices
+from meeframe.plugin.boundary_elements import NONE, Accuracy
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.facets import Facets, interpolated
 from meeframe_hmatrix.integrals import Integrals, Kind

@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
-from meeframe.elements._kernels.quadrature_order import order_for
+from meeframe.plugin.boundary_elements import order_for
 
 
 @njit(cache=True, nogil=True)

@@ -11,10 +11,9 @@ from math import prod
 
 import numpy as np
 
-from meeframe.elements.quadrature import gauss_table
-from meeframe.fields import Array, Indices
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.greens.base import Kernel
+from meeframe.plugin import Array, Indices, Kernel
+from meeframe.plugin.boundary_elements import Accuracy
+from meeframe.plugin.surfaces import gauss_table
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.facet_kernels import add_products, add_weights, orders_of_facet
 from meeframe_hmatrix.integrals import Integrals, Kind

@@ -8,29 +8,43 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.common.blas import ONE_BLAS_THREAD
-from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import N_FIELDS, Array, FieldScaling
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.formulations.dense_bem.collocation import collocate
-from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
-from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import characteristic_length
-from meeframe.greens import Tabulated
-from meeframe.greens.base import FundamentalSolution
-from meeframe.mesh import check_contact_zone, check_mesh, zone_frames
-from meeframe.mesh.body import Body
-from meeframe.mesh.slenderness import bending_warnings
-from meeframe.system.reduced import AnyArray, Formulation, Progress, ReducedSystem, silent
+from meeframe.plugin import (
+    N_FIELDS,
+    ONE_BLAS_THREAD,
+    AnyArray,
+    Array,
+    Body,
+    CaseError,
+    FieldScaling,
+    FundamentalSolution,
+    PersistentFormulation,
+    Progress,
+    Quantity,
+    ReducedSystem,
+    TooLargeError,
+    check_quantities,
+    silent,
+    zone_frames,
+)
+from meeframe.plugin.boundary_elements import (
+    Accuracy,
+    Layout,
+    Tabulated,
+    Units,
+    anisotropy,
+    characteristic_length,
+    collocate,
+    find_patches,
+    lay_out,
+)
+from meeframe.plugin.surfaces import bending_warnings, check_contact_zone, check_mesh
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.blocks import shape
 from meeframe_hmatrix.clusters import cluster_tree
 from meeframe_hmatrix.integrals import flux_unit, prepare
 from meeframe_hmatrix.packing import packed, unpacked
 from meeframe_hmatrix.system import (
-    OWN,
+    ARRAYS,
     BoundarySystem,
     HierarchicalSystem,
     Whole,
@@ -56,7 +70,7 @@ NUMBERS_A_DIGIT = 900.0
 
 @final
 @dataclass(frozen=True)
-class HierarchicalBEM(Formulation):
+class HierarchicalBEM(PersistentFormulation):
     """The collocated boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
 
     tolerance: relative error of displacements, roughly, by all that is approximated: element integrals, blocks in
@@ -114,22 +128,24 @@ class HierarchicalBEM(Formulation):
         constant, _ = boundary.solve(boundary.system.rhs)
         offset = np.einsum("naj,nj->na", to_displacement, constant[boundary.tree.unknown_rank[values]])
         whole = Whole(partial(self.boundary, body), [boundary])
-        compliance = unpacked(*packed(compliance))  # in memory as one that is restored
+        compliance = unpacked(*packed(compliance))  # in memory as a system from arrays
         parts = order, to_load, to_displacement, own, compliance, whole
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *parts)
 
-    def restored(self, body: Body, kept: Mapping[str, AnyArray]) -> ReducedSystem:
-        """See Formulation: fields on the whole boundary are found by assembly and elimination anew."""
-        names = (*OWN, "table", "numbers")
-        if set(kept) != set(names):
-            raise ValueError(f"a hierarchical system kept {', '.join(names)}, not {', '.join(kept) or 'nothing'}")
+    def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
+        """Return a system from its arrays; `recover` then needs assembly and elimination again."""
+        names = (*ARRAYS, "table", "numbers")
+        if set(arrays) != set(names):
+            raise ValueError(
+                f"a hierarchical system has the arrays {', '.join(names)}, not {', '.join(arrays) or 'none'}"
+            )
         zone = zone_frames(body.mesh, body.contact_group or "")
-        own, n = {name: kept[name] for name in OWN}, len(zone.points)
-        compliance, whole = unpacked(kept["table"], kept["numbers"]), Whole(partial(self.boundary, body))
+        own, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
+        compliance, whole = unpacked(arrays["table"], arrays["numbers"]), Whole(partial(self.boundary, body))
         found = {name: array.shape for name, array in own.items()} | {"table": shape(compliance)}
-        right = {name: (n, *rest) for name, rest in OWN.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
+        right = {name: (n, *rest) for name, rest in ARRAYS.items()} | {"table": (N_FIELDS * n, N_FIELDS * n)}
         if found != right:
-            raise ValueError(f"{n} nodes of a hierarchical system kept arrays of the shapes {right}, not {found}")
+            raise ValueError(f"{n} nodes of a hierarchical system have arrays of the shapes {right}, not {found}")
         return HierarchicalSystem(
             zone.points, zone.frames, zone.weights, zone.cells, compliance=compliance, whole=whole, **own
         )

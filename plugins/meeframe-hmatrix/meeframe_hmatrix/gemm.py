@@ -12,7 +12,7 @@ import numpy as np
 from numba import carray, njit, types
 from numba.extending import intrinsic
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 
 FULL: Final = -1
 """In the place of an inner size: the left factor alone."""

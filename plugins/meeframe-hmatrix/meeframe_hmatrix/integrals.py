@@ -5,14 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.elements.base import SurfaceElement, shape_derivatives
-from meeframe.elements.quadrature import element_extents
-from meeframe.fields import Array, Indices
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.formulations.dense_bem.collocation import Sources
-from meeframe.formulations.dense_bem.layout import NONE, Layout
-from meeframe.greens.base import Kernel
-from meeframe.mesh.surface import SurfaceMesh
+from meeframe.plugin import Array, Indices, Kernel, SurfaceElement, SurfaceMesh
+from meeframe.plugin.boundary_elements import NONE, Accuracy, Layout, Sources
+from meeframe.plugin.surfaces import element_extents, shape_derivatives
 from meeframe_hmatrix.clusters import Cluster, ClusterTree, inverse
 from meeframe_hmatrix.kernels import Columns, Elements
 

@@ -7,9 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
-from meeframe.elements._kernels.quadrature_order import most_points, required_orders
-from meeframe.elements._kernels.shape import map_rule
+from meeframe.plugin.boundary_elements import (
+    BUFFER_TOO_SMALL,
+    map_rule,
+    most_points,
+    pair_rule,
+    rectangular_rule,
+    required_orders,
+    shape_degree,
+)
 
 
 class Elements(NamedTuple):

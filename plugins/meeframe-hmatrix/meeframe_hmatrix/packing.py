@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, leaves, rank
 
 DIVIDED, FULL = -2, -1

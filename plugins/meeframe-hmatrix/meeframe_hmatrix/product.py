@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices
 from meeframe_hmatrix.blocks import Block, Dense, leaves, rank, shape, stored
 from meeframe_hmatrix.gemm import FULL
 from meeframe_hmatrix.product_kernels import add_product

@@ -4,13 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from meeframe.common.errors import MeshError
-from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL
-from meeframe.elements.base import shape_functions
-from meeframe.elements.quadrature import gauss_table, shape_table
-from meeframe.fields import N_FIELDS, Array, Indices
-from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
-from meeframe.formulations.dense_bem.layout import NONE
+from meeframe.plugin import N_FIELDS, Array, Indices, MeshError
+from meeframe.plugin.boundary_elements import BUFFER_TOO_SMALL, NONE, Accuracy
+from meeframe.plugin.surfaces import gauss_table, shape_functions, shape_table
 from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.integrals import Integrals, Kind
 from meeframe_hmatrix.kernels import (

@@ -8,11 +8,24 @@ from typing import Any, Final, final
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
-from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.fields import ELECTRIC, MECHANICAL, N_FIELDS, Array, Indices
-from meeframe.formulations.dense_bem.layout import Layout, Units, boundary_fields
-from meeframe.mesh.surface import SurfaceMesh
-from meeframe.system.reduced import AnyArray, NodalFields, Progress, ReducedSystem
+from meeframe.plugin import (
+    ELECTRIC,
+    MECHANICAL,
+    N_FIELDS,
+    AnyArray,
+    ApproximateInverse,
+    Array,
+    CaseError,
+    FieldwiseApply,
+    Indices,
+    NodalFields,
+    Persistence,
+    Progress,
+    ReducedSystem,
+    SurfaceMesh,
+    TooLargeError,
+)
+from meeframe.plugin.boundary_elements import Layout, Units, boundary_fields
 from meeframe_hmatrix.arithmetic import EliminatedSplit, Factors, Form, Truncation, eliminate, helpers, solve, solved
 from meeframe_hmatrix.assembly import System
 from meeframe_hmatrix.blocks import Block, Split, leaves, multiply, to_dense
@@ -20,7 +33,7 @@ from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.clusters import ClusterTree
 from meeframe_hmatrix.packing import packed
 from meeframe_hmatrix.product import Product, product_of
-from meeframe_hmatrix.rough_inverse import RoughInverse, rough_inverse
+from meeframe_hmatrix.truncated_inverse import TruncatedInverse, truncated_inverse
 from meeframe_hmatrix.truncation import precision
 
 SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
@@ -32,8 +45,8 @@ MOST_PRODUCTS: Final = 8
 """Between fields of load and displacement, that a system keeps."""
 ALL_FIELDS: Final = tuple(range(N_FIELDS))
 
-OWN: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "own": (5, 5)}
-"""Arrays of a system beside those that the body gives, and its compliance; what their shapes have after the nodes."""
+ARRAYS: Final = {"offset": (5,), "order": (), "to_load": (5, 5), "to_displacement": (5, 5), "own": (5, 5)}
+"""Stored arrays of a system besides its compliance, with their shapes after the axis of the nodes."""
 
 Fields = tuple[int, ...]
 
@@ -158,13 +171,25 @@ class Whole:
 
 @final
 @dataclass(frozen=True, eq=False)
-class HierarchicalSystem(ReducedSystem):
-    """displacement = offset + compliance(load), the compliance a hierarchical matrix in the order of the tree.
+class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Persistence):
+    """A reduced system whose compliance is a hierarchical matrix in the order of the cluster tree.
 
-    order: (n,) the node of each five rows of the compliance; to_load, to_displacement: (n, 5, 5) from local frames to
-    units of the system in global axes and back; own: (n, 5, 5) response of each node to its own load, local frames, SI
-    units; compliance: as of `condense`; whole: what it was condensed from; products: those that were asked for last;
-    inverses: those that have been asked for. Copies to other processes make the last three anew.
+    Attributes
+    ----------
+    order
+        (n,) node of each five rows of the compliance.
+    to_load, to_displacement
+        (n, 5, 5) from local frames to units of the system in global axes, and back.
+    own
+        (n, 5, 5) response of each node to its own load, in local frames and SI units.
+    compliance
+        The matrix of `condense`.
+    whole
+        The system of the whole boundary; as products and inverses it is made again in other processes.
+    products
+        The latest products, by their fields.
+    inverses
+        Approximate inverses, by their fields.
     """
 
     order: Indices
@@ -174,7 +199,7 @@ class HierarchicalSystem(ReducedSystem):
     compliance: Block
     whole: Whole
     products: dict[tuple[Fields, Fields], Product] = field(default_factory=dict)
-    inverses: dict[Fields, RoughInverse | None] = field(default_factory=dict)
+    inverses: dict[Fields, TruncatedInverse | None] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "products": {}, "inverses": {}}
@@ -184,22 +209,17 @@ class HierarchicalSystem(ReducedSystem):
         """The system of the whole boundary, made again where it has been let go."""
         return self.whole()
 
-    def kept(self) -> dict[str, AnyArray]:
-        """See ReducedSystem."""
+    def to_arrays(self) -> dict[str, AnyArray]:
+        """Return the compliance and the data that do not follow from the body."""
         table, numbers = packed(self.compliance)
-        return {name: getattr(self, name) for name in OWN} | {"table": table, "numbers": numbers}
+        return {name: getattr(self, name) for name in ARRAYS} | {"table": table, "numbers": numbers}
 
     def apply(self, load: Array) -> Array:
-        """compliance(load), (n, 5) for load (n, 5)."""
-        return self.block_response(load, ALL_FIELDS, ALL_FIELDS)
+        """Return compliance(load), (n, 5), for a load (n, 5)."""
+        return self.apply_fields(load, ALL_FIELDS, ALL_FIELDS)
 
-    def response(self, load: Array, fields: Sequence[int]) -> Array:
-        """compliance(load) in k fields alone, (n, k) for load (n, 5), by products of the fields that are loaded."""
-        loaded = [number for number in ALL_FIELDS if load[:, number].any()]
-        return self.block_response(load[:, loaded], loaded, fields)
-
-    def block_response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """See ReducedSystem."""
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the displacement in k fields by a matrix of the entries between these fields and the loaded ones."""
         key = tuple(loaded), tuple(fields)
         product = self.products.pop(key, None) or product_of(merged(self._between(*key)))
         self.products[key] = product  # the latest comes last
@@ -210,19 +230,19 @@ class HierarchicalSystem(ReducedSystem):
         return displacement
 
     def _between(self, loaded: Fields, fields: Fields) -> Block:
-        """The compliance between some of the fields, local frames and SI units, nodes in the order of the tree."""
+        """Return the compliance between some of the fields in local frames and SI units, in the order of the tree."""
         to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
         return in_fields(self.compliance, to_load[:, :, list(loaded)], to_displacement[:, list(fields)])
 
-    def approximate_inverse(self, fields: Sequence[int]) -> RoughInverse | None:
-        """Loads (n, k) of k fields that roughly cause displacements (n, k) in them; None if truncation loses them."""
+    def approximate_inverse(self, fields: Sequence[int]) -> TruncatedInverse | None:
+        """Return an inverse with a large truncation error; None if truncation loses these fields."""
         key = tuple(fields)
         if key not in self.inverses:
             chosen = list(key)
             unit = 1.0 / np.sqrt(np.einsum("naa->na", self.own).mean(axis=0)[chosen])
             to_load, to_displacement = self.to_load[self.order], self.to_displacement[self.order]
             scaled = to_load[:, :, chosen] * unit, unit[:, None] * to_displacement[:, chosen]
-            self.inverses[key] = rough_inverse(in_fields(self.compliance, *scaled), unit, self.order)
+            self.inverses[key] = truncated_inverse(in_fields(self.compliance, *scaled), unit, self.order)
         return self.inverses[key]
 
     def solved(self, load: Array) -> tuple[Array, int]:
@@ -241,15 +261,19 @@ class HierarchicalSystem(ReducedSystem):
         return displacement, iterations
 
     def diagonal_blocks(self) -> Array:
-        """Response of each node to its own load, (n, 5, 5)."""
+        """Return the response of each node to its own load, (n, 5, 5)."""
         return self.own
 
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+        return self.own[:, list(fields), list(fields)]
+
     def dense(self) -> Array | None:
-        """None: it is held as a hierarchical matrix."""
+        """Return None: the matrix is hierarchical."""
         return None
 
     def recover(self, load: Array) -> NodalFields:
-        """Fields on the whole boundary for a load (n, 5) on the contact zone."""
+        """Return the fields on the whole boundary for a load (n, 5) on the contact zone."""
         return self.boundary.fields(np.einsum("nja,na->nj", self.to_load, load))
 
 

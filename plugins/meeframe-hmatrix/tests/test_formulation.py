@@ -23,8 +23,9 @@ from meeframe.material import library_material
 from meeframe.mesh import block_mesh, half_space_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.plugin.registry import Kind, load
-from meeframe.results.systems import read_kept, write_kept
+from meeframe.results.systems import read_arrays, write_arrays
 from meeframe.solvers import SemismoothNewton, solve
+from meeframe.system.capabilities import apply_fields, apply_load
 from meeframe.testing import check_formulation
 from meeframe.testing.half_space import indentation_problem
 
@@ -165,7 +166,7 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
         part = np.zeros_like(load)
         part[:, subset] = load[:, subset]
         rest = np.where(part == 0.0, load, 0.0)
-        assert (relative(system.response(part, range(5)) + system.response(rest, range(5)), whole) < 1e-12).all()
+        assert (relative(apply_load(system, part, range(5)) + apply_load(system, rest, range(5)), whole) < 1e-12).all()
         assert len(system.products) <= MOST_PRODUCTS
     system.approximate_inverse((2,))
     copied = pickle.loads(pickle.dumps(system))
@@ -176,8 +177,8 @@ def test_only_few_products_are_kept_and_none_in_copies(systems, smooth_load):
 
 def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load, systems, tmp_path):
     system, body, formulation = systems[1e-3], make_block(8), HierarchicalBEM(tolerance=1e-3)
-    write_kept(tmp_path / "system.h5", "its key", system.kept())
-    again = formulation.restored(body, read_kept(tmp_path / "system.h5", "its key"))
+    write_arrays(tmp_path / "system.h5", "its key", system.to_arrays())
+    again = formulation.from_arrays(body, read_arrays(tmp_path / "system.h5", "its key"))
     load = smooth_load(system)
     assert np.array_equal(again.apply(load), system.apply(load))
     assert np.array_equal(again.offset, system.offset)
@@ -188,7 +189,7 @@ def test_kept_arrays_give_the_same_system_and_its_fields(make_block, smooth_load
 
 
 def test_arrays_that_are_no_tree_are_refused(make_block, systems):
-    kept = systems[1e-3].kept()
+    kept = systems[1e-3].to_arrays()
     with pytest.raises(ValueError, match="reshape"):
         unpacked(kept["table"], kept["numbers"][:-1])
     with pytest.raises(ValueError, match="7 columns"):
@@ -203,12 +204,12 @@ def test_arrays_that_are_no_tree_are_refused(make_block, systems):
             unpacked(table, numbers)
     for changes in ({"more": kept["own"]}, {"numbers": kept["numbers"][1:]}, {"offset": kept["offset"][:2]}):
         arrays = {**kept, **changes}
-        with pytest.raises(ValueError, match=r"kept|reshape"):
-            HierarchicalBEM().restored(make_block(8), arrays)
+        with pytest.raises(ValueError, match=r"arrays|reshape"):
+            HierarchicalBEM().from_arrays(make_block(8), arrays)
 
 
 @pytest.mark.parametrize("leaf_size", [10, 36], ids=["divided", "one leaf"])
-def test_rough_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
+def test_truncated_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size):
     monkeypatch.setattr(formulation, "LEAF_SIZE", leaf_size)
     divisions = {10: 8, 36: 4}[leaf_size]
     clamped = tuple(BoundaryCondition("base", field, "value", 0.0) for field in range(5))
@@ -220,7 +221,7 @@ def test_rough_inverse_of_a_slender_rod_is_right_or_none(monkeypatch, leaf_size)
             assert inverse is None
             continue
         load = np.random.default_rng(1).normal(size=(len(system.points), len(fields)))
-        assert error(inverse(system.block_response(load, fields, fields)), load) < 0.1
+        assert error(inverse(apply_fields(system, load, fields, fields)), load) < 0.1
 
 
 def error(actual, expected):

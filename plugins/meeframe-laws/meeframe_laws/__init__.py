@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from meeframe.laws.base import ConductivityLaw, ContactLaw
-from meeframe.plugin.hookspecs import Record, hookimpl
+from meeframe.plugin import ConductivityLaw, ContactLaw, Record, hookimpl
 from meeframe_laws import conductivity, friction, interface
 from meeframe_laws.conductivity import PowerLaw
 

@@ -6,10 +6,7 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws import IsotropicCoulomb
-from meeframe.laws.base import ContactLaw
+from meeframe.plugin import Array, ContactLaw, IsotropicCoulomb, Quantity, check_quantities
 from meeframe_laws.coulomb_contact import CoulombContact
 
 

@@ -6,9 +6,7 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws.base import StepLengths
+from meeframe.plugin import Array, Quantity, StepLengths, check_quantities
 from meeframe_laws.coulomb_contact import CoulombContact
 
 _MOST_STEPS: Final = 60

@@ -6,11 +6,7 @@ from typing import Annotated, ClassVar, final
 
 import numpy as np
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws.base import ConductivityLaw
-from meeframe.plugin.hookspecs import Record
+from meeframe.plugin import Array, CaseError, ConductivityLaw, Quantity, Record, check_quantities
 
 
 @final

@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws import IsotropicCoulomb
-from meeframe.laws.base import ContactLaw
+from meeframe.plugin import Array, ContactLaw, IsotropicCoulomb, Quantity, check_quantities
 
 
 @dataclass(frozen=True, kw_only=True)

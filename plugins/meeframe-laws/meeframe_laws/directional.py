@@ -6,11 +6,15 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws import OrthotropicCoulomb
-from meeframe.laws.base import ContactLaw, StepLengths
-from meeframe.laws.coulomb import LARGEST_RATIO
+from meeframe.plugin import (
+    LARGEST_RATIO,
+    Array,
+    ContactLaw,
+    OrthotropicCoulomb,
+    Quantity,
+    StepLengths,
+    check_quantities,
+)
 from meeframe_laws.limits import ROUND_OFF, ROUNDS, pressing
 
 

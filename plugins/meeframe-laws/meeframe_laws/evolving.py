@@ -7,10 +7,7 @@ from typing import Annotated, ClassVar, final
 
 import numpy as np
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws.base import ContactLaw, StepLengths
+from meeframe.plugin import Array, CaseError, ContactLaw, Quantity, StepLengths, check_quantities
 from meeframe_laws.limits import isotropic_scaling, pressing, returned_to_disc, sheared
 
 

@@ -6,10 +6,7 @@ from typing import Annotated, Final, final
 
 import numpy as np
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.laws.base import ContactLaw, StepLengths
-from meeframe.plugin.hookspecs import Record
+from meeframe.plugin import Array, ContactLaw, Quantity, Record, StepLengths, check_quantities
 from meeframe_laws.directional import NonAssociatedCoulomb, SuperellipticCoulomb
 from meeframe_laws.evolving import RateAndPressure, SlipWeakening
 from meeframe_laws.limits import ROUND_OFF, ROUNDS, along, isotropic_scaling, pressing, returned_to_disc, sheared

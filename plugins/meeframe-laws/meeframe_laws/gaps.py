@@ -6,9 +6,7 @@ from typing import Annotated, final
 
 import numpy as np
 
-from meeframe.fields import Array
-from meeframe.fields.units import Quantity, check_quantities
-from meeframe.indenters.base import Indenter
+from meeframe.plugin import Array, Indenter, Quantity, check_quantities
 from meeframe_laws.coulomb_contact import CoulombContact
 
 _ANGLE = Quantity("rad", gt=-math.inf, lt=math.inf)

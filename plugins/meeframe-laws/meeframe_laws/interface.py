@@ -1,7 +1,6 @@
 """Normal laws of the interface: compliance, attraction, initial gaps."""
 
-from meeframe.laws.base import ContactLaw
-from meeframe.plugin.hookspecs import Record
+from meeframe.plugin import ContactLaw, Record
 from meeframe_laws.adhesive import DMT, DMTCoulomb, Dugdale
 from meeframe_laws.compliant import Compliant
 from meeframe_laws.gaps import SignoriniGap

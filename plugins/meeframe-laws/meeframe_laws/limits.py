@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 
 ROUNDS: Final = 100
 """Of Newton's method, bisection included; it needs a dozen, to halve an interval down to round-off half of them."""

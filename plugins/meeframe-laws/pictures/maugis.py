@@ -12,7 +12,7 @@ from interface import paraboloid
 from meeframe_laws.interface import Dugdale
 
 from meeframe.contact.problem import Status
-from meeframe.model.cohesion import steepest_fall
+from meeframe.model.diagnostics import steepest_fall
 from meeframe.solvers import Auto, solve
 from meeframe.testing.closed_forms_adhesion import Maugis, quarter_half_space
 from meeframe.testing.half_space import indentation_problem

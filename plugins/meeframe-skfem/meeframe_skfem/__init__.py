@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from meeframe.plugin.hookspecs import Record, hookimpl
-from meeframe.system.reduced import Formulation
+from meeframe.plugin import Formulation, Record, hookimpl
 from meeframe_skfem.formulation import FiniteElements
 
 __all__ = ["FiniteElements", "meeframe_formulations"]

@@ -8,9 +8,8 @@ from typing import Final
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from meeframe.elements.base import SurfaceElement, shape_functions
-from meeframe.fields import Array, Indices
-from meeframe.mesh.measures import ORDER, gauss_rule, normal_vectors
+from meeframe.plugin import Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import ORDER, gauss_rule, normal_vectors, shape_functions
 from meeframe_skfem.elements import cell_rule, tabulate
 from meeframe_skfem.volume import VolumeMesh
 

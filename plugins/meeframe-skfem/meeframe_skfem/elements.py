@@ -6,9 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from meeframe.elements import Quad4, Quad8, Quad9, Tri3, Tri6
-from meeframe.elements.base import SurfaceElement, shape_functions
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import Quad4, Quad8, Quad9, Tri3, Tri6, shape_functions
 
 Corners = tuple[tuple[int, ...], ...]
 

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, triu
 from scipy.sparse.linalg import splu
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import Array, Indices
+from meeframe.plugin import Array, CaseError, Indices
 
 LinearSolver = Literal["auto", "pardiso", "splu"]
 Solve = Callable[[Array], Array]

@@ -7,14 +7,20 @@ from typing import Annotated, final, get_args
 import numpy as np
 from pydantic import Field
 
-from meeframe.common.errors import CaseError
-from meeframe.fields import FieldScaling
-from meeframe.formulations.dense_bem.layout import Layout, Units, lay_out
-from meeframe.formulations.dense_bem.patches import find_patches
-from meeframe.formulations.dense_bem.system import characteristic_length
-from meeframe.mesh import check_mesh
-from meeframe.plugin import Body, Formulation, Progress, Quantity, ReducedSystem, check_quantities, silent
-from meeframe.system.dense import in_local_frames
+from meeframe.plugin import (
+    Body,
+    CaseError,
+    FieldScaling,
+    Formulation,
+    Progress,
+    Quantity,
+    ReducedSystem,
+    check_quantities,
+    in_local_frames,
+    silent,
+)
+from meeframe.plugin.boundary_elements import Layout, Units, characteristic_length, find_patches, lay_out
+from meeframe.plugin.surfaces import check_mesh
 from meeframe_skfem.factorisation import LinearSolver, uses_pardiso
 from meeframe_skfem.grid import Grid, box_volume
 from meeframe_skfem.matching import Matched, match

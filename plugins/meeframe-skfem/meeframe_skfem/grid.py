@@ -5,12 +5,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from meeframe.common.errors import MeshError
-from meeframe.elements.base import SurfaceElement
-from meeframe.fields import Array
-from meeframe.mesh.body import Body
-from meeframe.mesh.generators import geometric_fractions
-from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.plugin import Array, Body, MeshError, SurfaceElement, SurfaceMesh
+from meeframe.plugin.surfaces import ElementBlock, geometric_fractions
 from meeframe_skfem.elements import HEX8, HEX20, HEX27, VolumeElement
 from meeframe_skfem.shells import shells_around, with_nodes_between
 from meeframe_skfem.volume import VolumeMesh, check_memory

@@ -6,9 +6,8 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csr_array
 
-from meeframe.elements.base import Reference, SurfaceElement, shape_derivatives, shape_functions
-from meeframe.fields import Array, Indices
-from meeframe.mesh.surface import ElementBlock
+from meeframe.plugin import Array, Indices, SurfaceElement
+from meeframe.plugin.surfaces import ElementBlock, Reference, shape_derivatives, shape_functions
 
 ITERATIONS: Final = 30
 CONVERGED: Final = 1e-14  # of reference coordinates

@@ -6,12 +6,8 @@ from typing import Final
 import numpy as np
 import scipy  # its parts load where they are used
 
-from meeframe.common.errors import MeshError
-from meeframe.elements.base import shape_functions
-from meeframe.fields import Array, Indices
-from meeframe.mesh import ContactZone, area, zone_frames
-from meeframe.mesh.body import Body, BoundaryCondition
-from meeframe.mesh.surface import ElementBlock, SurfaceMesh
+from meeframe.plugin import Array, Body, BoundaryCondition, ContactZone, Indices, MeshError, SurfaceMesh, zone_frames
+from meeframe.plugin.surfaces import ElementBlock, area, shape_functions
 from meeframe_skfem.locate import interpolation, nearest
 from meeframe_skfem.volume import Faces, VolumeMesh, boundary_faces
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_skfem.elements import HEX8, VolumeElement, tabulate
 from meeframe_skfem.volume import VolumeMesh, boundary_faces
 

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from meeframe.fields import Array
-from meeframe.formulations.dense_bem.layout import NONE, Layout, Units
-from meeframe.mesh.measures import normal_vectors
-from meeframe.system.reduced import NodalFields, Progress
+from meeframe.plugin import Array, NodalFields, Progress
+from meeframe.plugin.boundary_elements import NONE, Layout, Units
+from meeframe.plugin.surfaces import normal_vectors
 from meeframe_skfem.assembly import face_masses, gradients, stiffness_matrix
 from meeframe_skfem.elements import face_nodes, tabulate
 from meeframe_skfem.factorisation import LinearSolver, condense

@@ -9,9 +9,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.common.errors import MeshError, TooLargeError
-from meeframe.fields import N_FIELDS, Array, Indices
-from meeframe.mesh.reader import read_any
+from meeframe.plugin import N_FIELDS, Array, Indices, MeshError, TooLargeError
+from meeframe.plugin.surfaces import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
 FLAT: Final = 1e-6  # an element's Jacobian may nowhere fall below this part of its largest

@@ -8,6 +8,7 @@ import pytest
 
 from meeframe.common.errors import ResultError
 from meeframe.elements import Quad8
+from meeframe.formulations.base import Formulation, PersistentFormulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.greens import LineIntegral, Tabulated
 from meeframe.indenters import FlatPunch
@@ -20,9 +21,10 @@ from meeframe.model import cache, solve
 from meeframe.model.cache import cached_reduce, system_key
 from meeframe.model.load import load_case
 from meeframe.model.solve import reduce
-from meeframe.results.systems import read_kept, write_kept
+from meeframe.results.systems import read_arrays, write_arrays
 from meeframe.solvers import Auto, StoppingCriteria
-from meeframe.system.reduced import Formulation, ReducedSystem
+from meeframe.system.capabilities import Persistence
+from meeframe.system.reduced import ReducedSystem
 
 ARRAYS = ("points", "frames", "weights", "offset")
 
@@ -144,7 +146,7 @@ def test_a_file_counts_by_its_content(tmp_path):
 def test_code_and_versions_are_in_the_key(case, monkeypatch, what):
     before = key(case)
     if what == "version":
-        monkeypatch.setattr(cache.meeframe, "__version__", "99")
+        monkeypatch.setattr(cache.metadata, "version", lambda _: "99")
     else:
         monkeypatch.setattr(cache, what, getattr(cache, what)[1:])
     cache._sources.cache_clear()
@@ -243,20 +245,20 @@ class OperatorOnly(ReducedSystem):
 
 
 @dataclass(frozen=True)
-class Keeping(WithoutMatrix):
+class Keeping(WithoutMatrix, PersistentFormulation):
     def reduce(self, body, progress=lambda *_: None):
         system = super().reduce(body, progress)
         return KeepingOperator(system.points, system.frames, system.weights, system.cells, system.offset)
 
-    def restored(self, body, kept):
-        if kept["whole"].shape != (3,):
+    def from_arrays(self, body, arrays):
+        if arrays["whole"].shape != (3,):
             raise ValueError("another system")
         zone = zone_frames(body.mesh, body.contact_group)
-        return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, kept["offset"])
+        return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, arrays["offset"])
 
 
-class KeepingOperator(OperatorOnly):
-    def kept(self):
+class KeepingOperator(OperatorOnly, Persistence):
+    def to_arrays(self):
         return {"offset": self.offset, "whole": np.arange(3)}
 
 
@@ -266,8 +268,8 @@ def test_what_a_system_without_a_matrix_keeps_is_read_bit_for_bit(case, tmp_path
     found = cached_reduce(case, tmp_path)
     assert len(reductions) == 1
     np.testing.assert_array_equal(found.offset, made.offset, strict=True)
-    assert read_kept(tmp_path / f"{key(case)}.h5", key(case))["whole"].dtype == np.arange(3).dtype
-    assert read_kept(tmp_path / f"{key(case)}.h5", "another key") is None
+    assert read_arrays(tmp_path / f"{key(case)}.h5", key(case))["whole"].dtype == np.arange(3).dtype
+    assert read_arrays(tmp_path / f"{key(case)}.h5", "another key") is None
 
 
 @pytest.mark.parametrize("damage", ["shortened", "changed"])
@@ -290,10 +292,10 @@ def test_damaged_arrays_of_a_system_without_a_matrix_are_made_anew(case, tmp_pat
 def test_arrays_that_are_refused_are_replaced(case, tmp_path, reductions):
     case = replace(case, formulation=Keeping(case.formulation))
     path = tmp_path / f"{key(case)}.h5"
-    write_kept(path, key(case), {"whole": np.array(1.0)})
+    write_arrays(path, key(case), {"whole": np.array(1.0)})
     cached_reduce(case, tmp_path)
     assert len(reductions) == 1
-    assert read_kept(path, key(case))["whole"].shape == (3,)
+    assert read_arrays(path, key(case))["whole"].shape == (3,)
 
 
 def test_what_a_formulation_does_not_restore_is_not_kept(case, tmp_path, reductions):

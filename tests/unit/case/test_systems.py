@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError
+from meeframe.formulations.base import Formulation
 from meeframe.model.load import load_case
 from meeframe.model.solve import reduce, solve_case
-from meeframe.system.reduced import Formulation, silent
+from meeframe.system.reduced import silent
 
 N = 25
 """Nodes of the tiny case's zone."""

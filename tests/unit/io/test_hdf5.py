@@ -10,7 +10,7 @@ import pytest
 
 from meeframe.common.errors import ResultError
 from meeframe.results.fclib import LocalProblem, LocalSolution, read_local, read_solution, write_local, write_solution
-from meeframe.results.files import append_step, create_result, finish_result, read_result
+from meeframe.results.files import ResultWriter, read_result, write_result
 from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
 from meeframe.results.sweep_files import dataset, write_sweep
@@ -56,20 +56,24 @@ def test_a_full_disk_is_one_error(tmp_path, room, size):
 
 def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, synthetic):
     first, second = synthetic.step(1e-6), synthetic.step(2e-6, increment=2)
-    create_result(tmp_path, synthetic.result(first, planned=2))
-    size = (tmp_path / "result.h5").stat().st_size
-    room(size + 100)
-    for change in (
-        lambda: append_step(tmp_path, synthetic.zone(), second),
-        lambda: create_result(tmp_path, synthetic.result(first, second)),
+    writer = ResultWriter(tmp_path, synthetic.result(planned=2))
+    writer.append(first)
+    room(5_000)
+    with pytest.raises(ResultError, match=r"0002\.h5 cannot be written: File too large$"):
+        writer.append(second)
+    for whole in (
+        lambda: writer.finish(lambda: synthetic.result(first, planned=2)),
+        lambda: write_result(tmp_path, synthetic.result(first, second)),
     ):
         with pytest.raises(ResultError, match=r"result\.h5 cannot be written: File too large$"):
-            change()
-    assert len(read_result(tmp_path).steps) == 1
+            whole()
+        assert len(read_result(tmp_path).steps) == 1
     room(resource.RLIM_INFINITY)
-    append_step(tmp_path, synthetic.zone(), second)
-    finish_result(tmp_path, synthetic.result(first, second))
+    writer.append(second)
     assert len(read_result(tmp_path).steps) == 2
+    writer.finish(lambda: synthetic.result(first, second))
+    assert len(read_result(tmp_path).steps) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["result.h5"]
 
 
 def made_sweep(count):
@@ -134,8 +138,7 @@ def test_what_else_goes_wrong_while_a_file_is_written_passes(tmp_path: Path):
 
 @pytest.mark.parametrize("name", ["versions", "timings", "planned_steps"])
 def test_a_result_changed_on_the_disk_is_damaged(tmp_path, synthetic, name):
-    create_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
-    finish_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
+    write_result(tmp_path, synthetic.result(synthetic.step(1e-6)))
     with h5py.File(tmp_path / "result.h5", "r+") as file:
         file.attrs[name] = "{"
     with pytest.raises(ResultError, match=r"result\.h5 is damaged: "):

@@ -10,15 +10,20 @@ from meeframe.common.errors import MeshError, ResultError
 from meeframe.contact.problem import Status
 from meeframe.mesh import read_mesh
 from meeframe.results import files
-from meeframe.results.output import OUTPUT_FILES, RESULT_FILE, check_output, clear_output, replacing
-from meeframe.results.records import RunStatus
+from meeframe.results.output import INCREMENTS, RESULT_FILE, check_output, clear_output, output_files, replacing
+from meeframe.results.records import RunStatus, Zone
 
 
-def write(folder, result):
-    files.create_result(folder, dataclasses.replace(result, steps=()))
+def write(folder, result, fields=None):
+    writer = begun(folder, result, fields)
     for step in result.steps:
-        files.append_step(folder, result.zone, step)
-    files.finish_result(folder, result)
+        writer.append(step)
+    writer.finish(lambda: result)
+
+
+def begun(folder, result, fields=None):
+    """A writer of a result without any of its increments."""
+    return files.ResultWriter(folder, dataclasses.replace(result, steps=(), timings={}, peak_memory_mb=0.0), fields)
 
 
 def assert_equal(first, second):
@@ -84,19 +89,91 @@ def test_every_dataset_says_its_unit_and_the_file_what_made_it(tmp_path, synthet
     assert force == pytest.approx([0.1 * 1e6 * place.weights[inside].sum(), 0.0, -1e6 * place.weights[inside].sum()])
 
 
-def test_a_failed_change_leaves_the_finished_steps(tmp_path, synthetic, monkeypatch):
-    write(tmp_path, synthetic.result(synthetic.step(1e-6), planned=2))
-    before = (tmp_path / RESULT_FILE).read_bytes()
+class Interrupts:
+    """A message that interrupts whoever writes it."""
 
-    def interrupt(*_):
+    def __str__(self):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files, "_put_boundary", interrupt)
+
+def test_an_interrupted_increment_leaves_the_finished_ones(tmp_path, synthetic):
+    first = synthetic.step(1e-6)
+    writer = begun(tmp_path, synthetic.result(first, planned=2))
+    writer.append(first)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(KeyboardInterrupt):
-        files.append_step(tmp_path, synthetic.zone(), synthetic.step(2e-6))
-    assert (tmp_path / RESULT_FILE).read_bytes() == before
-    assert [path.name for path in tmp_path.iterdir()] == [RESULT_FILE]
-    assert files.read_result(tmp_path).status is RunStatus.UNFINISHED
+        writer.append(dataclasses.replace(synthetic.step(2e-6), status=Interrupts()))
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    found = files.read_result(tmp_path)
+    assert found.status is RunStatus.UNFINISHED
+    assert_equal(found.steps, (first,))
+
+
+def test_the_file_of_an_unfinished_run_opens_without_meeframe(tmp_path, synthetic):
+    writer = begun(tmp_path, synthetic.result(planned=3))
+    writer.append(synthetic.step(1e-6))
+    writer.append(synthetic.step(2e-6, increment=2))
+    with h5py.File(tmp_path / RESULT_FILE) as file:
+        assert file["steps/0002/increment"][()] == 2
+        assert file.get("steps/0003") is None
+        assert len(file["boundary/points"]) == 25
+
+
+def test_more_than_ten_thousand_increments_stay_in_order(tmp_path, synthetic):
+    """Names of four digits sort as texts up to there."""
+    write(tmp_path, synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6, increment=2)))
+    with h5py.File(tmp_path / RESULT_FILE, "r+") as file:
+        file["steps"].move("0001", "9999")
+        file["steps"].move("0002", "10000")
+    assert [step.increment for step in files.read_result(tmp_path).steps] == [1, 2]
+
+
+def test_an_increment_that_was_damaged_is_no_end(tmp_path, synthetic):
+    writer = begun(tmp_path, synthetic.result(planned=2))
+    writer.append(synthetic.step(1e-6))
+    next((tmp_path / INCREMENTS).glob("0001*")).write_bytes(b"nonsense")
+    with pytest.raises(ResultError, match=r"result\.h5 is damaged"):
+        files.read_result(tmp_path)
+
+
+def test_fields_that_are_zero_are_not_stored_and_read_as_zeros(tmp_path, synthetic):
+    step = synthetic.step(1e-6)
+    bare = dataclasses.replace(
+        step, fluxes=0.0 * step.fluxes, dissipation=0.0 * step.dissipation, region=0 * step.region
+    )
+    write(tmp_path, synthetic.result(bare))
+    with h5py.File(tmp_path / RESULT_FILE) as file:
+        assert not {"electric_flux", "magnetic_flux", "dissipation", "region"} & file["steps/0001"].keys()
+        assert "traction" in file["steps/0001"]
+    assert_equal(files.read_result(tmp_path).steps, (bare,))
+
+
+def test_a_field_may_be_asked_for(tmp_path, synthetic):
+    step = synthetic.step(1e-6)
+    write(tmp_path, synthetic.result(step), fields={"pressure", "gap"})
+    with h5py.File(tmp_path / RESULT_FILE) as file:
+        np.testing.assert_array_equal(file["steps/0001/pressure"], -step.traction[:, 2])
+        np.testing.assert_array_equal(file["steps/0001/gap"], step.gap)
+        assert file["steps/0001/pressure"].attrs["units"] == "Pa"
+        assert "slip" not in file["steps/0001"]
+        assert "boundary" not in file["steps/0001"]
+    assert files.read_result(tmp_path).steps[0].boundary is None
+
+
+def test_large_arrays_are_compressed(tmp_path, synthetic):
+    """A zone of 10,000 nodes, of which 25 are in contact."""
+    step, place = synthetic.step(1e-6), synthetic.zone()
+    wide = {
+        name: np.concatenate([values, np.zeros((9_975, *values.shape[1:]), values.dtype)])
+        for name, values in vars(step).items()
+        if isinstance(values, np.ndarray) and len(values) == 25
+    }
+    points = np.concatenate([place.points, np.ones((9_975, 3))])
+    zone = Zone(points, np.tile(np.eye(3), (10_000, 1, 1)), np.ones(10_000), place.cells)
+    result = dataclasses.replace(synthetic.result(dataclasses.replace(step, **wide, boundary=None)), zone=zone)
+    write(tmp_path, result)
+    assert (tmp_path / RESULT_FILE).stat().st_size < 150_000
+    assert_equal(files.read_result(tmp_path), result)
 
 
 def test_nothing_to_read(tmp_path):
@@ -110,9 +187,9 @@ def test_nothing_to_read(tmp_path):
     with pytest.raises(ResultError, match="'something else' is unknown"):
         files.read_result(tmp_path)
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
-        file.attrs.update({"format": "meeframe-result 3", "case": ""})  # without dissipation
+        file.attrs.update({"format": "meeframe-result 4", "case": ""})  # not compressed
     with pytest.raises(
-        ResultError, match="'meeframe-result 3' is unknown; this version reads 'meeframe-result 4': run"
+        ResultError, match="'meeframe-result 4' is unknown; this version reads 'meeframe-result 5': run"
     ):
         files.read_result(tmp_path)
 
@@ -192,8 +269,10 @@ def test_output_folder_is_made_refused_or_accepted(tmp_path):
 
 
 def test_clearing_removes_our_files_and_leftovers_alone(tmp_path):
-    for name in (*OUTPUT_FILES, ".result.123.h5", "notes.txt"):
+    for name in (*output_files(), ".result.123.h5", "notes.txt"):
         (tmp_path / name).write_text("x")
+    (tmp_path / INCREMENTS).mkdir()
+    (tmp_path / INCREMENTS / "0001.h5").write_text("x")
     clear_output(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 

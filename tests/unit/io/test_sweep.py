@@ -24,6 +24,7 @@ def begun(tmp_path, monkeypatch):
         patched.setattr("pathlib.Path.write_text", killed)
         with pytest.raises(Killed), open_folder(folder, ["a"], overwrite=False):
             pass
+    (folder / ".lock").touch()  # as a process leaves it that is killed
     assert {path.name for path in folder.iterdir()} == {".lock", ".sweep.1.json", "points", "systems"}
     return folder
 

@@ -42,5 +42,5 @@ def test_region_and_slip_stand_on_the_contact_zone_alone(tmp_path, synthetic):
 
 
 def test_refused_without_fields(tmp_path, synthetic):
-    with pytest.raises(ResultError, match="no fields on the boundary"):
+    with pytest.raises(ResultError, match="no fields on the whole boundary"):
         write_fields(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None)))

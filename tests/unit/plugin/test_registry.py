@@ -12,13 +12,13 @@ from pydantic import Field
 from meeframe.common.errors import PluginError
 from meeframe.elements import Quad4
 from meeframe.fields.units import Quantity
+from meeframe.formulations.base import Formulation
 from meeframe.indenters.base import Indenter
 from meeframe.laws import Signorini
 from meeframe.laws.base import ConductivityLaw, ContactLaw
 from meeframe.plugin.hookspecs import Record, hookimpl
 from meeframe.plugin.registry import Kind, Provider, Registry
 from meeframe.plugin.validation import TableError
-from meeframe.system.reduced import Formulation
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pytest
 
 from meeframe.elements import ELEMENTS
 from meeframe.mesh import block_mesh, half_space_mesh
-from meeframe.results.balance import remark_on_balance, unbalance
+from meeframe.results.balance import unbalance, unbalance_warning
 from meeframe.results.summary import summary
 from meeframe.system.reduced import NodalFields
 
@@ -44,7 +44,7 @@ def test_a_stress_without_divergence_is_balanced(name):
 
     found = unbalance(faces(name, flux))
     assert found.relative == pytest.approx(0.0, abs=1e-12)
-    assert not list(remark_on_balance(faces(name, flux)))
+    assert not list(unbalance_warning(faces(name, flux)))
 
 
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
@@ -57,7 +57,7 @@ def test_a_weight_is_what_is_missing(name):
     assert found.fluxes == pytest.approx([-2.0 * volume, 0.0])
     # pulled at both ends, the half of which is half of the whole
     assert found.relative == pytest.approx([2.0, 2.0, 0.0])
-    (told,) = remark_on_balance(fields)
+    (told,) = unbalance_warning(fields)
     assert "200% of the force, 200% of the charge:" in told
 
 

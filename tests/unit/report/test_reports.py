@@ -390,7 +390,7 @@ def test_a_comparison_has_rows_of_what_is_there_and_says_what_to_think_of_its_nu
     whole, plain = text(synthetic.step(1e-6)), text(elastic(synthetic.step(1e-6)))
     assert [word in whole for word in words] == [True] * 4
     assert [word in plain for word in words] == [False] * 4
-    assert "difference in pressure" in plain
+    assert "difference in contact pressure" in plain
     assert "meeframe verify CASE.toml" in plain
 
 

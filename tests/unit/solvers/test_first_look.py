@@ -14,8 +14,8 @@ from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, ProjectedCG, SemismoothNewton, StoppingCriteria, Uzawa, residual, solve
-from meeframe.testing.counted import Counted
 from meeframe.testing.half_space import half_space_system, indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 TOLERANCE = 1e-8
 LIMITS = StoppingCriteria(TOLERANCE)
@@ -26,7 +26,7 @@ def problem() -> ContactProblem:
     """A sphere on a few cells, whose products are counted."""
     system = half_space_system(np.diag([2.4e-12, 2.2e-12, 2e-12, -2e7, -1e3]), 5e-3, 8)
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
-    return indentation_problem(Counted.of(system), height, 5e-5)
+    return indentation_problem(OperationCounter.of(system), height, 5e-5)
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def solution(problem: ContactProblem) -> ContactState:
 
 
 def products(problem: ContactProblem) -> list[None]:
-    assert isinstance(problem.system, Counted)
+    assert isinstance(problem.system, OperationCounter)
     return problem.system.products
 
 
@@ -183,7 +183,7 @@ def test_solvers_that_know_are_not_looked_at_first(solver: Solver, law: ContactL
     """Without a matrix, from no load and from that of a smaller approach; the judge has the last word all the same."""
     mesh = half_space_mesh(0.05, 5e-3, 31, 1, Quad4())
     body = Body(library_material("orthotropic-mee").stiffness, mesh, (), "contact")
-    system = Counted.of(HalfSpace(matrix_up_to=0).reduce(body))
+    system = OperationCounter.of(HalfSpace(matrix_up_to=0).reduce(body))
     height = (system.points[:, :2] ** 2).sum(axis=1) / 0.2
     less, more = (indentation_problem(system, height, approach, law) for approach in (2e-5, 3e-5))
     for start in (None, solve(less, solver, LIMITS).state):

@@ -11,7 +11,7 @@ from meeframe.contact.nested import holds_nodes
 from meeframe.contact.problem import ContactProblem
 from meeframe.fields import N_FIELDS, Array
 from meeframe.laws import Insulating, IsotropicCoulomb, Signorini
-from meeframe.model.outlook import RigidSystem
+from meeframe.model.preflight import RigidSystem
 from meeframe.solvers.cg.frictionless import takes
 
 

@@ -19,14 +19,14 @@ from meeframe.solvers import (
     residual,
     solve,
 )
-from meeframe.testing.counted import Counted
+from meeframe.testing.operation_counter import OperationCounter
 
 DRAGGED = (3e-6, 1e-6)
 
 
 def spent(problem: ContactProblem, solver: Solver, tolerance: float) -> int:
     """How many products a solution took, which is one."""
-    counting = replace(problem, system=Counted.of(problem.system))
+    counting = replace(problem, system=OperationCounter.of(problem.system))
     solution = solve(counting, solver, StoppingCriteria(tolerance))
     products = len(counting.system.products)
     assert solution.status is Status.CONVERGED, solution.message

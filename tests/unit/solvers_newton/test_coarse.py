@@ -117,10 +117,10 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     part = inset(problem, load[:, 2] < 0.0)
     assert part is not None
     point = part.equation.at(
-        load[part.kept], contact_fraction[part.kept], contact_fraction[part.kept] % 1.0 > 0.0, given.point.motion
+        load[part.nodes], contact_fraction[part.nodes], contact_fraction[part.nodes] % 1.0 > 0.0, given.point.motion
     )
     below = given.coarse.problem
-    return Start(point, part.kept, given.coarse, Equation.of(below), np.arange(len(below.gap)))
+    return Start(point, part.nodes, given.coarse, Equation.of(below), np.arange(len(below.gap)))
 
 
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])

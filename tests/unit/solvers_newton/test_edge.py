@@ -20,7 +20,8 @@ from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.solvers._kernels.edge_relaxation import number_edge, relax_edge
 from meeframe.solvers.newton.contact_edge import relaxed_edge, relaxed_where_switched
 from meeframe.solvers.newton.residual import Equation, Point
-from meeframe.testing.counted import Counted
+from meeframe.system.capabilities import LatticeStencil
+from meeframe.testing.operation_counter import OperationCounter
 
 MU = 0.3
 
@@ -46,7 +47,7 @@ def test_sweeps_alone_solve_a_contact_smaller_than_their_reach(material: str, co
     """Projected Gauss-Seidel converges without friction; the judge finds the laws satisfied. Single precision."""
     problem = conducting(49, 0.1, material=material)
     system, reach, middle = problem.system, 24, 24
-    stencil = system.stencil(reach, range(5))
+    stencil = system.capability(LatticeStencil).stencil(reach, range(5))
     assert stencil is not None
     number = np.full(stencil.lattice.shape, -1)
     inside = np.hypot(*(np.indices(number.shape) - middle)) <= 11.0
@@ -87,7 +88,7 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
     """Open nodes at the edge are closed and closed ones opened, with loads of the wrong kind."""
     problem = conducting(80, 0.3)
     point = at_solution(problem)
-    pressed, stencil = point.load[:, 2] < 0.0, problem.system.stencil(1, [2])
+    pressed, stencil = point.load[:, 2] < 0.0, problem.system.capability(LatticeStencil).stencil(1, [2])
     assert stencil is not None
     number = np.empty(stencil.lattice.shape, np.int64)
     number_edge(pressed[stencil.lattice], 1, False, number)
@@ -134,7 +135,7 @@ def test_nothing_is_done_on_no_lattice_or_without_contact(monkeypatch: pytest.Mo
     problem = conducting(40, 0.3)
     load = np.where((problem.gap < 0.0)[:, None], [0.0, 0.0, -1e7, 0.0, 0.0], 0.0)
     contact_fraction = (load[:, 2] < 0.0).astype(float)
-    unhelped = replace(problem, system=Counted.of(problem.system, helped=False))
+    unhelped = replace(problem, system=OperationCounter.of(problem.system, accelerated=False))
     for given, state in (
         (unhelped, ContactState(load, load, contact_fraction)),
         (problem, ContactState(0 * load, load, 0 * contact_fraction)),

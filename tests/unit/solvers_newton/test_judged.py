@@ -13,6 +13,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.residual import Equation, Point
+from meeframe.system.capabilities import diagonal
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, VOLTAGE, freedom
 
 MU, NODES = 0.3, 48
@@ -27,7 +28,7 @@ def made(conducting):
 
     def make(law, name: str) -> ContactProblem:
         problem = conducting(NODES, 0.3, law, Insulating(), dragged=(3e-7, 1e-7))
-        own = np.abs(problem.system.own_response((3, 4))[0])
+        own = np.abs(diagonal(problem.system, (3, 4))[0])
         if name == "insulated":
             return problem
         if name == "power":

@@ -29,7 +29,7 @@ from meeframe.solvers.newton.neighbourhood import ContactNeighbourhood, inset
 from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.two_body import combine_bodies
-from meeframe.testing.counted import Counted
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, MU = 1e-2, 0.1, 0.3
 LIMITS = StoppingCriteria(tolerance=1e-10)
@@ -112,7 +112,9 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
 def test_parts_have_the_solution_of_the_whole(given: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     given = dict(given)
     body, other = half_space(), Material.isotropic(1e11, 0.25).stiffness
-    system = Counted.of(combine_bodies(body, half_space(stiffness=other)) if given.pop("pair", False) else body)
+    system = OperationCounter.of(
+        combine_bodies(body, half_space(stiffness=other)) if given.pop("pair", False) else body
+    )
     at, force = given.pop("at", (0.05, -0.1)), given.pop("force", None)
     problem = sphere(system, at, **given)
     if force is not None:
@@ -187,7 +189,7 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     smooth = sphere(half_space(), (0.05, -0.1), contact_law=law)
     coarse = coarse_problem(smooth)
     assert coarse is not None
-    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.kept)
+    between = np.setdiff1d(np.arange(len(smooth.gap)), coarse.coarsening.nodes)
     place = WIDTH * np.array([-0.36, 0.35])
     node = between[np.linalg.norm(smooth.system.points[between, :2] - place, axis=1).argmin()]
     bump = np.arange(len(smooth.gap)) == node

@@ -21,8 +21,8 @@ from meeframe.solvers._kernels.stencil_products import neighbours, stencil_produ
 from meeframe.solvers.newton.boundary_band import Ring, slips
 from meeframe.solvers.newton.residual import Point
 from meeframe.solvers.newton.slip_boundary import relaxed_slip
-from meeframe.system.reduced import Stencil
-from meeframe.testing.counted import Counted
+from meeframe.system.capabilities import Stencil
+from meeframe.testing.operation_counter import OperationCounter
 
 MU, DRAGGED = 0.3, (3e-6, 1e-6)
 ISOTROPIC, TURNED = IsotropicCoulomb(MU), OrthotropicCoulomb(0.2, 0.5, 0.4)
@@ -203,7 +203,7 @@ def half(problem: ContactProblem) -> Mask:
 def test_nothing_is_done_without_friction_or_lattice(law: ContactLaw, done: bool, helped: bool, conducting, at) -> None:
     """Half of the nodes would slip."""
     problem = conducting(40, 0.3, law, Insulating())
-    problem = replace(problem, system=Counted.of(problem.system, helped=helped))
+    problem = replace(problem, system=OperationCounter.of(problem.system, accelerated=helped))
     point = pressed(problem, half(problem), at)
     assert (relaxed_slip(point) is not point) == (done and helped)
 

@@ -31,9 +31,9 @@ from meeframe.solvers import (
 from meeframe.solvers.newton.globalization import _coupled, _stated, newton_step
 from meeframe.solvers.newton.linear import krylov_step
 from meeframe.solvers.newton.residual import Equation
-from meeframe.testing.counted import Counted
 from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
 from meeframe.testing.half_space import indentation_problem
+from meeframe.testing.operation_counter import OperationCounter
 
 WIDTH, RADIUS, FORCE, MU = 7e-3, 0.1, 450.0, 0.3
 
@@ -49,13 +49,13 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
     return ContactProblem(
-        Counted.of(system), law, flux_channels(flux, flux), gap, none, none, tuple(prescribed_resultants)
+        OperationCounter.of(system), law, flux_channels(flux, flux), gap, none, none, tuple(prescribed_resultants)
     )
 
 
 def products(problem: ContactProblem) -> int:
     system = problem.system
-    assert isinstance(system, Counted)
+    assert isinstance(system, OperationCounter)
     return len(system.products)
 
 
@@ -179,7 +179,7 @@ def test_auto_takes_conjugate_gradients_without_friction_and_newton_with_it() ->
     expected = solve(pressed, ProjectedCG(), StoppingCriteria(1e-12)).state.load
     spent = {}
     for solver in (ProjectedCG(), Auto(), SemismoothNewton()):
-        counting = replace(pressed, system=Counted.of(pressed.system))
+        counting = replace(pressed, system=OperationCounter.of(pressed.system))
         solution = solve(counting, solver)
         assert solution.status is Status.CONVERGED, solution.message
         spent[type(solver)] = products(counting)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.results.records import resultants
-from meeframe.study.quantities import NODAL, TOTALS, largest
+from meeframe.study.quantities import TOTALS, largest, nodal
 
 
 @pytest.fixture
@@ -32,10 +32,10 @@ def test_totals_are_those_of_the_indenter(turned):
 
 def test_fields_are_in_global_axes_and_measured_by_their_largest_value(turned):
     zone, step = turned
-    assert NODAL["traction_y"](zone, step).max() == pytest.approx(1e5)
-    np.testing.assert_array_equal(NODAL["traction_x"](zone, step), 0.0)
-    np.testing.assert_array_equal(NODAL["tangential_traction"](zone, step)[:, 1], NODAL["traction_y"](zone, step))
-    assert NODAL["pressure"](zone, step).max() == 1e6
+    assert nodal("traction_y", zone, step).max() == pytest.approx(1e5)
+    np.testing.assert_array_equal(nodal("traction_x", zone, step), 0.0)
+    np.testing.assert_array_equal(nodal("tangential_traction", zone, step)[:, 1], nodal("traction_y", zone, step))
+    assert nodal("pressure", zone, step).max() == 1e6
     assert largest("traction_y", zone, step) == largest("pressure", zone, step) == 1e6
     assert largest("electric_potential", zone, step) == -5.0
     assert largest("magnetic_potential", zone, step) == 7.0

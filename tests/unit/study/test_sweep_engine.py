@@ -11,6 +11,7 @@ import pytest
 
 from meeframe.common.errors import CaseError, MeshError, PluginFault, ResultError, TooLargeError
 from meeframe.common.toml import toml_text
+from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import IsotropicCoulomb
 from meeframe.model import solve
@@ -23,7 +24,7 @@ from meeframe.study.sweep import dask as sweep_dask
 from meeframe.study.sweep.dask import Sealed, reduced, solved_there
 from meeframe.study.sweep.engine import InProcess, grouped, pool_of, solve_points
 from meeframe.study.sweep.points import Outcome, Point, PointStatus, read_outcome, write_outcome
-from meeframe.system.reduced import Formulation, NodalFields, ReducedSystem
+from meeframe.system.reduced import NodalFields, ReducedSystem
 
 
 @pytest.fixture

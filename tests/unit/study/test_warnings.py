@@ -34,13 +34,13 @@ def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, regist
     study = tmp_path / "study.toml"
     axis = '"steps[1].approach" = { from = 1e-6, to = -30e-6, count = 62 }'
     study.write_text(f'case = "{write_case().name}"\n[axes]\n{axis}\n', encoding="utf-8")
-    asked, doubts = [], Case.doubts.fget
+    asked, doubts = [], Case.preflight.fget
 
     def counted(case):
         asked.append(case.steps[0].approach)
         return ("it is deep",) if case.steps[0].approach < -25e-6 else doubts(replace(case, steps=(Step(1e-6),)))
 
-    monkeypatch.setattr(Case, "doubts", property(counted))
+    monkeypatch.setattr(Case, "preflight", property(counted))
     told = []
     sweep(study, tmp_path / "out", registry=registry, warn=told.append)
     assert asked == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])

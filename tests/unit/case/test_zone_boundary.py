@@ -9,7 +9,7 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch, RectangularPunch
 from meeframe.laws import IsotropicCoulomb
-from meeframe.model.border import border_sides, open_sides
+from meeframe.model.diagnostics import boundary_sides, open_sides
 from meeframe.model.load import load_case
 from meeframe.results.summary import summary
 from meeframe.solvers import StoppingCriteria, Uzawa
@@ -22,7 +22,7 @@ def case(write_case, registry):
 
 def test_sides_of_a_square(synthetic):
     zone = synthetic.zone()
-    sides, away = border_sides(zone)
+    sides, away = boundary_sides(zone)
     middles = zone.points[sides].mean(axis=1)
     assert len(sides) == 16
     outward = np.where(np.abs(middles) == 2e-3, np.sign(middles), 0.0)

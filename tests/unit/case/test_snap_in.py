@@ -10,7 +10,7 @@ import pytest
 import meeframe
 from meeframe.laws import Signorini
 from meeframe.laws.base import ContactLaw
-from meeframe.model.cohesion import remark_on_snapping, steepest_fall
+from meeframe.model.diagnostics import snap_in, steepest_fall
 
 SNAP = "they snap into contact one by one"
 
@@ -56,11 +56,11 @@ def test_what_is_told_is_when_a_node_has_several_states(bed, steepness):
     most = max(states(law, own, law.range + part * own * law.stress) for part in np.linspace(0.3, 0.7, 201))
     assert most == (3 if steepness > 1.0 else 1)
     step = SimpleNamespace(gap=np.full(64, 0.0), traction=np.full((64, 3), -1e6))
-    told = " ".join(remark_on_snapping(system, law, step))
+    told = " ".join(snap_in(system, law, step))
     assert (SNAP in told) == (steepness > 1.0)
-    assert not list(remark_on_snapping(system, Signorini(), step))
+    assert not list(snap_in(system, Signorini(), step))
     far = SimpleNamespace(gap=np.full(64, np.inf), traction=step.traction)
-    assert not list(remark_on_snapping(system, law, far)), "nothing is attracted"
+    assert not list(snap_in(system, law, far)), "nothing is attracted"
 
 
 def test_the_elements_that_are_named_do(bed):
@@ -68,14 +68,14 @@ def test_the_elements_that_are_named_do(bed):
     coarse = bed.half_space(8)
     law = Smooth(1e7, 1e-6, 1e7 * float(coarse.diagonal_blocks()[0, 2, 2]) / 8.0)
     step = SimpleNamespace(gap=np.zeros(1), traction=np.full((1, 3), -1e6))
-    (told,) = remark_on_snapping(coarse, law, step)
+    (told,) = snap_in(coarse, law, step)
     here = bed.side / 8
     assert re.search(r"elements of (\S+) m at most, which are (\S+) m here", told).groups() == (
         f"{here / 2:.2g}",
         f"{here:.2g}",
     )
-    assert SNAP in " ".join(remark_on_snapping(bed.half_space(15), law, step))
-    assert not list(remark_on_snapping(bed.half_space(17), law, step))
+    assert SNAP in " ".join(snap_in(bed.half_space(15), law, step))
+    assert not list(snap_in(bed.half_space(17), law, step))
 
 
 def test_it_is_told_at_the_end_of_a_step(bed, rubbing, system):

@@ -1,7 +1,7 @@
-"""What is to be subtracted from blocks: products that wait until they meet an undivided block.
+"""Accumulated updates of blocks: products that are subtracted once they meet an undivided block.
 
-There they are subtracted in one compression, the sum of all of them with the block itself. Accumulated updates: Boerm,
-Numerische Mathematik 142 (2019) 1-41, here with a random range finder.
+There their sum is subtracted from the block in one compression (Boerm, Numerische Mathematik 142 (2019) 1-41), here
+with a random range finder.
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import DTypeLike
 
-from meeframe.fields import Array
+from meeframe.plugin import Array
 from meeframe_hmatrix.blocks import (
     Block,
     Dense,
@@ -28,29 +28,29 @@ from meeframe_hmatrix.blocks import (
 from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
 from meeframe_hmatrix.truncation import truncated
 
-SMALL = 250
-"""Rows or columns of low-rank blocks up to which the sum of what is pending is formed entry by entry."""
+MAX_ENTRYWISE = 250
+"""Largest number of rows or columns of low-rank blocks for which the sum of an update is formed entry by entry."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pending:
-    """What is still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of divided blocks."""
+class AccumulatedUpdate:
+    """An update that is still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of blocks."""
 
     terms: tuple[tuple[Array, Array], ...] = ()
     products: tuple[tuple[Block, Block], ...] = ()
 
 
-NOTHING = Pending()
+NOTHING = AccumulatedUpdate()
 
 
-def with_product(pending: Pending, first: Block, second: Block) -> Pending:
-    """One more product to subtract; where a factor has low rank the product has, too."""
+def with_product(update: AccumulatedUpdate, first: Block, second: Block) -> AccumulatedUpdate:
+    """Return an update with one more product to subtract, as a low-rank term if a factor has low rank."""
     if isinstance(first, LowRank) and not (isinstance(second, LowRank) and rank(second) < rank(first)):
         right = multiply_transposed(second, first.right.T).T
-        return Pending((*pending.terms, (first.left, right)), pending.products)
+        return AccumulatedUpdate((*update.terms, (first.left, right)), update.products)
     if isinstance(second, LowRank):
-        return Pending((*pending.terms, (multiply(first, second.left), second.right)), pending.products)
-    return Pending(pending.terms, (*pending.products, (first, second)))
+        return AccumulatedUpdate((*update.terms, (multiply(first, second.left), second.right)), update.products)
+    return AccumulatedUpdate(update.terms, (*update.products, (first, second)))
 
 
 def _part(block: Block, row: int, column: int) -> Block:
@@ -63,46 +63,48 @@ def _inner_parts(first: Block, second: Block) -> int:
     return len(second.parts) if isinstance(second, Split) else 1
 
 
-def handed_down(pending: Pending, block: Split, row: int, column: int) -> Pending:
-    """The share of one part of a block."""
+def handed_down(update: AccumulatedUpdate, block: Split, row: int, column: int) -> AccumulatedUpdate:
+    """Return the update of one part of a block."""
     part = block.parts[row][column]
     rows, columns = within(part.rows, block.rows), within(part.columns, block.columns)
-    share = Pending(tuple((left[rows], right[:, columns]) for left, right in pending.terms))
-    for first, second in pending.products:
+    share = AccumulatedUpdate(tuple((left[rows], right[:, columns]) for left, right in update.terms))
+    for first, second in update.products:
         for inner in range(_inner_parts(first, second)):
             share = with_product(share, _part(first, row, inner), _part(second, inner, column))
     return share
 
 
-def subtracted(block: Dense | LowRank, pending: Pending, tolerance: float, dtype: DTypeLike) -> Dense | LowRank:
-    """An undivided block less all that is pending."""
+def subtracted(
+    block: Dense | LowRank, update: AccumulatedUpdate, tolerance: float, dtype: DTypeLike
+) -> Dense | LowRank:
+    """Return an undivided block minus an update."""
     converted_block = converted(block, dtype)
     assert not isinstance(converted_block, Split)
     block = converted_block
-    if not pending.terms and not pending.products:
+    if not update.terms and not update.products:
         return block
-    if isinstance(block, Dense) or min(shape(block)) <= SMALL:
+    if isinstance(block, Dense) or min(shape(block)) <= MAX_ENTRYWISE:
         array = np.array(to_dense(block), order="C")
-        outer = [(block.rows, block.columns, left, right) for left, right in pending.terms]
-        for first, second in pending.products:
+        outer = [(block.rows, block.columns, left, right) for left, right in update.terms]
+        for first, second in update.products:
             outer += _outer_products(first, second)
         if not subtract_products(table_of(outer, block.rows.start, block.columns.start, array.dtype), array):
             raise RuntimeError("BLAS cannot be called from compiled code")
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
         return LowRank(block.rows, block.columns, *truncated(array, tolerance))
-    left = np.concatenate([block.left, *(-part for part, _ in pending.terms)], axis=1)
-    right = np.concatenate([block.right, *(part for _, part in pending.terms)], axis=0)
+    left = np.concatenate([block.left, *(-part for part, _ in update.terms)], axis=1)
+    right = np.concatenate([block.right, *(part for _, part in update.terms)], axis=0)
 
     def product(x: Array) -> Array:
         y = left @ (right @ x)
-        for first, second in pending.products:
+        for first, second in update.products:
             y -= multiply(first, multiply(second, x))
         return y
 
     def transposed(x: Array) -> Array:
         y = right.T @ (left.T @ x)
-        for first, second in pending.products:
+        for first, second in update.products:
             y -= multiply_transposed(second, multiply_transposed(first, x))
         return y
 

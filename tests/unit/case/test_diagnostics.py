@@ -1,4 +1,4 @@
-"""What the message of an increment adds: remarks on motions that are large, and on sliding that nothing determines."""
+"""Diagnostics of an increment: motions that are large, and sliding that nothing determines."""
 
 import re
 from dataclasses import replace
@@ -10,9 +10,8 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
-from meeframe.model.border import open_sides, sides_reached
+from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
 from meeframe.model.load import load_case
-from meeframe.model.remarks import remarks
 from meeframe.results.records import Region
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
@@ -94,7 +93,7 @@ LAWS = [IsotropicCoulomb(mu=0.3), OrthotropicCoulomb(mu1=0.1, mu2=0.6, angle=0.4
 )
 def test_rigid_slip_along_what_is_free(synthetic, law, motion, prescribed, slides):
     zone, step = slid(synthetic, law, motion, prescribed)
-    assert (SLIDING in " ".join(remarks(zone, step, law))) == slides
+    assert (SLIDING in " ".join(diagnostics(zone, step, law))) == slides
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -104,7 +103,7 @@ def test_a_node_that_could_bear_more_holds(synthetic, law):
     traction, region = step.traction.copy(), step.region.copy()
     traction[node, :2] *= 0.5
     region[node] = Region.STICK
-    assert SLIDING not in " ".join(remarks(zone, replace(step, traction=traction, region=region), law))
+    assert SLIDING not in " ".join(diagnostics(zone, replace(step, traction=traction, region=region), law))
 
 
 def test_slip_apart_on_both_sides_is_no_sliding(synthetic):
@@ -113,7 +112,7 @@ def test_slip_apart_on_both_sides_is_no_sliding(synthetic):
     zone, step = slid(synthetic, law, (1e-6, 0.0, 0.0), FORCE)
     sense = np.where(zone.points[:, 0] < 0, -1.0, 1.0)[:, None]
     traction = step.traction * np.hstack([sense, sense, np.ones_like(sense)])
-    assert not list(remarks(zone, replace(step, slip=sense * step.slip, traction=traction), law))
+    assert not list(diagnostics(zone, replace(step, slip=sense * step.slip, traction=traction), law))
 
 
 def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
@@ -121,7 +120,7 @@ def test_sides_at_the_edge_are_counted_in_the_right_number(synthetic):
     region = np.zeros(25, int)
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
-    (told,) = remarks(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
+    (told,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
     assert re.fullmatch(r"the contact reaches the edge of its zone at 1 element side", told)
 
 

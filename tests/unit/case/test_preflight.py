@@ -8,13 +8,14 @@ import pytest
 import meeframe
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Solver
+from meeframe.formulations.base import Formulation
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.model.load import load_case
-from meeframe.model.outlook import planned, undeformed
+from meeframe.model.preflight import planned, undeformed
 from meeframe.solvers import Auto, ProjectedCG, Uzawa
 from meeframe.solvers.cg.frictionless import takes
-from meeframe.system.reduced import Formulation, silent
+from meeframe.system.reduced import silent
 
 PCG = '\n[solver]\nname = "projected-cg"\n'
 FRICTION = '\n[contact]\nlaw = { name = "isotropic-coulomb", mu = 0.3 }\n'
@@ -204,9 +205,9 @@ def test_full_contact_that_is_meant_is_not_warned_of(case):
     over = replace(case, indenter=FlatPunch(radius=1.0))
     assert not over.warnings
     deep = replace(case, steps=(meeframe.Step(approach=1e-3),))
-    assert deep.doubts
-    assert not replace(deep, formulation=Endless(case.formulation)).doubts
-    assert replace(case, steps=(meeframe.Step(approach=-1e-3),), formulation=Endless(case.formulation)).doubts
+    assert deep.preflight
+    assert not replace(deep, formulation=Endless(case.formulation)).preflight
+    assert replace(case, steps=(meeframe.Step(approach=-1e-3),), formulation=Endless(case.formulation)).preflight
 
 
 def test_contact_at_the_edge_of_a_period_is_none(case):

@@ -1,8 +1,8 @@
-"""What a case leads to, as far as it shows before a body is reduced."""
+"""Preflight checks: problems of a case that can be found before any matrix is assembled."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import Final, final
 
 import numpy as np
 
@@ -12,20 +12,20 @@ from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.laws.base import attracts
 from meeframe.mesh import zone_frames
-from meeframe.model.border import overlaps_evenly
+from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
 from meeframe.model.history import ramped
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
-if TYPE_CHECKING:
-    from meeframe.model.case import Case
+_FLAT: Final = 1e-6
+"""Relative difference of overlaps up to which they are the same."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class RigidSystem(ReducedSystem):
-    """A body that no load deforms: the place of a contact zone, which is known before the body is reduced."""
+    """Reduced system of a rigid body: the contact zone, which is known before the body is reduced."""
 
     def apply(self, load: Array) -> Array:
         """Return no displacement, (n, fields) for load (n, fields)."""
@@ -44,35 +44,35 @@ class RigidSystem(ReducedSystem):
         return NodalFields(self.points, self.cells, self.apply(load), load)
 
 
-def undeformed(case: "Case") -> IndenterKinematics:
-    """The case on its rigid body."""
+def undeformed(case: CaseData) -> IndenterKinematics:
+    """Return the indenter of a case on its undeformed body."""
     place = zone_frames(case.mesh, case.zone)
     frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), case.fields.size))
     return IndenterKinematics(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
 
 
 def planned(kinematics: IndenterKinematics) -> Iterator[Increment]:
-    """The end of each load step, motions that are not prescribed where they began."""
+    """Yield the increment to the end of each load step; motions that are not prescribed stay where they began."""
     here, controls = beginning(kinematics)
     for step in kinematics.case.steps:
         controls = ramped(controls, here, step.given)
         yield kinematics.increment(controls, here, step.increment_duration)
 
 
-def check_solver(case: "Case", solver: Solver) -> None:
-    """Raises CaseError if the solver does not take what a load step of the case leads to."""
+def check_solver(case: CaseData, solver: Solver) -> None:
+    """Raise CaseError if the solver does not accept the contact problem of a load step."""
     if type(solver).check is Solver.check:
         return
     for increment in planned(undeformed(case)):
         solver.check(increment.problem)
 
 
-def doubts(kinematics: IndenterKinematics) -> Iterator[str]:
-    """That the indenter touches nothing, or overlaps the whole zone, in words, if the undeformed body shows it.
+def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
+    """Yield a warning if the indenter touches nothing, or overlaps the whole zone, on the undeformed body.
 
-    Not where it moves freely until it touches, or where the case goes on from an earlier run; that it overlaps all not
-    where that is meant, as flat punches and periodic surfaces do; that it touches nothing not where the surfaces need
-    not touch for the laws.
+    No warning where the indenter moves freely until it touches, or where the case continues an earlier run; none of an
+    overlap of the whole zone where full contact is intended, as with flat punches and periodic surfaces; none of a
+    missing contact where the laws act across the gap.
     """
     case = kinematics.case
     if case.restart is not None:
@@ -104,8 +104,8 @@ def doubts(kinematics: IndenterKinematics) -> Iterator[str]:
     )
 
 
-def idle_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
-    """That potentials of the indenter change nothing, as the contact insulates, in words."""
+def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:
+    """Yield a warning for each potential of the indenter that has no effect because the contact insulates."""
     for column, channel in enumerate(kinematics.case.channels):
         if channel.conducts:
             continue
@@ -122,8 +122,8 @@ def _approach(increment: Increment) -> float:
     return float(increment.base[RIGID_MOTIONS["approach"]][0])
 
 
-def _beside(case: "Case") -> str:
-    """That the lowest point of the indenter lies beside the contact zone, in words; '' if it does not."""
+def _beside(case: CaseData) -> str:
+    """Return words that say that the lowest point of the indenter lies beside the contact zone; '' if it does not."""
     points = zone_frames(case.mesh, case.zone).points
     x, y, _ = case.placement.lowest(points)
     (least_x, least_y), (most_x, most_y) = (end(points @ case.placement.base[:2].T, axis=0) for end in (np.min, np.max))
@@ -133,3 +133,8 @@ def _beside(case: "Case") -> str:
         f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies beside that zone, which reaches from "
         f"x = {least_x:.3g} to {most_x:.3g} m and from y = {least_y:.3g} to {most_y:.3g} m"
     )
+
+
+def overlaps_evenly(gap: Array) -> bool:
+    """Return whether the overlap is the same at all nodes, as where full contact is intended; gap: (n,) [m]."""
+    return bool(np.ptp(gap) <= _FLAT * -gap.min())

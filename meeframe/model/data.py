@@ -1,0 +1,90 @@
+"""The data of a case, unchecked: what its checks and its solution work on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from meeframe.common.errors import CaseError
+from meeframe.contact.channels import FluxChannel
+from meeframe.contact.problem import Solver
+from meeframe.fields import FieldSet
+from meeframe.formulations.base import Formulation
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.indenters import Placement
+from meeframe.indenters.base import Indenter, IndenterMotions
+from meeframe.laws import Insulating, Signorini
+from meeframe.laws.base import ConductivityLaw, ContactLaw
+from meeframe.material import Material
+from meeframe.mesh import FrictionAxes
+from meeframe.mesh.body import BoundaryCondition
+from meeframe.mesh.surface import SurfaceMesh
+from meeframe.model.restart import Restart
+from meeframe.model.second_body import SecondBody
+from meeframe.model.step import Step
+from meeframe.results.schema import optional_fields
+from meeframe.solvers import Auto, StoppingCriteria
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is written.
+
+    Parameters
+    ----------
+    figures, vtu
+        Whether PNG figures and fields.vtu are written beside result.h5 and summary.json.
+    fields
+        Names of optional fields in result.h5 (docs/results.md); None: those that the case loads. Raises CaseError for
+        other names.
+    """
+
+    figures: bool = True
+    vtu: bool = True
+    fields: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        allowed = optional_fields()
+        for name in self.fields or ():
+            if name not in allowed:
+                raise CaseError(f"fields: {name!r} is no optional field; allowed: {', '.join(allowed)}")
+
+
+@dataclass(frozen=True, eq=False)
+class CaseData:
+    """All that determines the result of a contact problem; `Case` has the meaning of its fields, and checks them."""
+
+    material: Material
+    mesh: SurfaceMesh
+    conditions: tuple[BoundaryCondition, ...]
+    indenter: Indenter
+    steps: tuple[Step, ...]
+    placement: Placement = field(default_factory=Placement)
+    potentials: Mapping[str, float] = field(default_factory=dict)
+    restart: Restart | None = None
+    zone: str = "contact"
+    contact_law: ContactLaw = field(default_factory=Signorini)
+    axes: FrictionAxes | None = None
+    conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
+    formulation: Formulation = field(default_factory=DenseBEM)
+    solver: Solver = field(default_factory=Auto)
+    limits: StoppingCriteria = field(default_factory=StoppingCriteria)
+    output: Output = field(default_factory=Output)
+    second_body: SecondBody | None = None
+    title: str = ""
+    text: str = ""
+
+    @property
+    def fields(self) -> FieldSet:
+        """The fields, which are those of the material."""
+        return self.material.fields
+
+    @cached_property
+    def motions(self) -> IndenterMotions:
+        """Names and places of the motions of the indenter."""
+        return IndenterMotions(self.fields)
+
+    @cached_property
+    def channels(self) -> tuple[FluxChannel, ...]:
+        """How each scalar field crosses the contact."""
+        insulating = Insulating()
+        return tuple(FluxChannel(one, self.conductivity.get(one.name, insulating)) for one in self.fields.scalars)

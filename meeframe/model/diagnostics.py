@@ -1,0 +1,293 @@
+"""Diagnostics: what the message of an increment adds to how its iteration ended."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.contact.problem import Status
+from meeframe.fields import Array, Indices
+from meeframe.indenters import longest_side
+from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, motion_modes
+from meeframe.laws.base import ContactLaw, attracts, augmented_traction, fixed_point_map
+from meeframe.mesh.measures import corners
+from meeframe.model.kinematics import Increment, IndenterKinematics
+from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
+from meeframe.results.records import Region, StepResult, Zone, zone_of
+from meeframe.system.capabilities import diagonal
+from meeframe.system.reduced import ReducedSystem
+
+_LARGEST_ANGLE: Final = 0.1
+"""Rotations [rad] beyond are not small: their cosine differs from one by half a per cent."""
+_SAME: Final = 1e-6
+"""Tractions that change by a smaller fraction are the same ..."""
+_UNCERTAIN: Final = 10.0
+"""... as are those within so many times the residual."""
+_LARGEST_ONSET: Final = 0.25
+"""Fraction of the nodes in contact that may come into it within one increment: of a sphere tangential tractions are
+then within some per cent (docs/case-files.md)."""
+_NOTICED: Final = 1e-3
+"""Tangential over normal tractions below which there are none, and gaps over displacements."""
+_COARSE: Final = 0.1
+"""Fraction of the contact area from which on a reader should know that it is uncertain."""
+_OF_RIM: Final = 0.5
+"""Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
+circles six or more spacings across."""
+_NOTICED_ATTRACTION: Final = 1e-3
+"""Of the largest pressure: attraction of less does not matter."""
+_TRIAL_GAPS: Final = np.concatenate([[0.0], np.logspace(-15, 1, 1601)])
+"""[m], among which the steepest fall is looked for ..."""
+_GAPS_PER_LOOK: Final = 100
+"""... and then among so many in the interval that has it and in its neighbours, ..."""
+_LOOKS: Final = 3
+"""... so many times."""
+_BESIDE: Final = 1e-3
+"""Fraction of the way from the middle of an element to its side, by which a point lies beyond the side."""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Diagnostics:
+    """Adds diagnostics to the increments of a case.
+
+    Parameters
+    ----------
+    mechanism
+        The indenter of the case on its reduced system.
+    warnings
+        What the formulations of the case warn of, in words.
+    """
+
+    kinematics: IndenterKinematics
+    warnings: Callable[[], Iterable[str]]
+
+    @cached_property
+    def zone(self) -> Zone:
+        """The contact zone."""
+        return zone_of(self.kinematics.system)
+
+    @cached_property
+    def zone_boundary(self) -> Indices:
+        """Corners (m, 2) of the sides at the boundary of the zone beyond which the contact would go on."""
+        case = self.kinematics.case
+        if case.formulation.is_periodic():
+            return np.zeros((0, 2), np.int64)
+        return open_sides(self.zone, None if case.indenter.pointwise else self.kinematics.gaps)
+
+    def with_diagnostics(
+        self, increment: Increment, result: StepResult, onsets: "ContactOnsets | None", warns: bool
+    ) -> StepResult:
+        """Return a result with diagnostics in its message, and whether its contact reaches the boundary of the zone.
+
+        onsets: after the increment that ends a load step, else None; warns: add the warnings of the case.
+        """
+        kinematics, zone = self.kinematics, self.zone
+        case = kinematics.case
+        sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
+        # a contact that reaches the boundary tells of an overlap of the whole zone already
+        foreseen = list(preflight(kinematics)) if warns and not sides else []
+        said = list(diagnostics(zone, result, increment.problem.contact_law, sides, distant=bool(foreseen)))
+        if onsets is not None:
+            said += diagnostics_on_end(zone, result, case.contact_law, onsets)
+            said += snap_in(kinematics.system, case.contact_law, result)
+        if warns:
+            said += [*self.warnings(), *foreseen, *unused_potentials(kinematics)]
+        return replace(with_message(result, said), reaches_edge=sides > 0)
+
+
+def with_message(result: StepResult, said: Iterable[str]) -> StepResult:
+    """Return the result with more in its message."""
+    return replace(result, message="; ".join([result.message, *said]))
+
+
+def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
+    """Yield diagnostics of an increment, each in words.
+
+    law: that of the increment; sides: how many at the edge of the zone the contact has reached; distant: it is told
+    elsewhere that the indenter stays away, and how far.
+
+    What follows if it did not converge. Otherwise: nothing touches; the contact reaches the edge of its zone, where it
+    is cut off; the indenter has moved further than the theory of small motions holds, by more than the extent of the
+    zone or a tenth of a radian; a prescribed tangential force or torque is all that friction can bear, so that the
+    motion is not determined.
+    """
+    if step.status is not Status.CONVERGED:
+        yield "the next increment starts from the last one that converged"
+        return
+    if not step.touching.any() and not distant:
+        yield "the indenter does not touch the body"
+    if sides:
+        yield f"the contact reaches the edge of its zone at {sides} element side{'s' * (sides > 1)}"
+    yield from _large(zone, step)
+    if _slides(zone, step, law):
+        yield "everything slips under the prescribed force or torque: how far beyond where that began is undetermined"
+
+
+@dataclass(frozen=True, eq=False)
+class ContactOnsets:
+    """The increment of a load step in which each node came into contact.
+
+    gap: (n,) in the last converged state [m]; touching: (n,) whether it touches there; number: (n,) of the increment in
+    which it came to, from 1, 0 where it touched before the load step or does not.
+    """
+
+    gap: Array
+    touching: NDArray[np.bool_]
+    number: Indices
+
+    @classmethod
+    def of(cls, gap: Array, touching: NDArray[np.bool_]) -> "ContactOnsets":
+        """Return the onsets at the beginning of a load step."""
+        return cls(gap, touching, np.zeros(len(gap), np.int64))
+
+    def after(self, step: StepResult) -> "ContactOnsets":
+        """Return the onsets after another increment; the same if that did not converge.
+
+        Nodes between which nothing opened are not new.
+        """
+        if step.status is not Status.CONVERGED:
+            return self
+        apart = self.gap > _NOTICED * np.abs(step.displacement[:, 2]).max()
+        number = np.where(self.touching | ~apart, self.number, step.increment)
+        return ContactOnsets(step.gap, step.touching, np.where(step.touching, number, 0))
+
+
+def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> Iterator[str]:
+    """Yield diagnostics at the end of a load step, each in words; onsets: after its last increment.
+
+    That much of the contact came about within one increment, if it has friction that matters: slip counts from the
+    increment's beginning, before those nodes touched. That the contact is so few nodes across that its area is
+    uncertain.
+    """
+    if step.status is not Status.CONVERGED or not step.touching.any():
+        return
+    count, rim = int(step.touching.sum()), _rim(zone, step)
+    new = np.bincount(onsets.number, minlength=2)[1:]
+    late = onsets.number == 1 + new.argmax()
+    shear, pressure = (np.linalg.norm(part) for part in (step.traction[late, :2], step.traction[late, 2]))
+    # on coarse meshes nodes that are equally far come at once, whatever the increments
+    much = new.max() > max(_LARGEST_ONSET * count, rim / 2)
+    if law.tangential_scaling().any() and much and shear > _NOTICED * pressure:
+        yield (
+            f"{new.max() / count:.0%} of the contact came about in one increment, and its slip counts from before it "
+            "touched: more `increments` follow the history, with less slip"
+        )
+    uncertain = _OF_RIM * (rim / count) ** 1.5
+    if uncertain > _COARSE:
+        nodes = "one node" if count == 1 else f"{count} nodes, {rim} of them at its rim"
+        yield f"the contact has {nodes}: its area is known to about {uncertain:.0%}, more divisions resolve it"
+
+
+def _rim(zone: Zone, step: StepResult) -> int:
+    """Nodes in contact that share an element with one that is not."""
+    beside = np.zeros(len(step.touching), bool)
+    for _, nodes in zone.cells:
+        beside[nodes[~step.touching[nodes].all(axis=1)]] = True
+    return int((step.touching & beside).sum())
+
+
+def _large(zone: Zone, step: StepResult) -> Iterator[str]:
+    """Yield a diagnostic for each rigid motion that is not small."""
+    limits = {"m": float(np.ptp(zone.points, axis=0).max()), "rad": _LARGEST_ANGLE}
+    for name in RIGID_MOTIONS:
+        size = float(np.linalg.norm(np.atleast_1d(getattr(step.loading, name))))
+        unit = IndenterMotions().units[name]
+        if size > limits.get(unit, np.inf):
+            yield f"{name} of {size:.3g} {unit}: beyond small motions, {limits[unit]:.3g} {unit}"
+
+
+def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
+    """Return whether friction resists a free motion in the plane of the contact to the full: the tractions stay as they
+    are, by the law, when everything slips further along it."""
+    columns = IndenterMotions().columns
+    prescribed = [columns.get(key) for key in step.loading.prescribed]
+    free = [key for key in ("tangential_force", "torque") if RIGID_RESULTANTS[key] in prescribed]
+    slips = step.region == Region.SLIP
+    if not free or not slips.any() or not law.tangential_scaling().any():
+        return False
+    numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
+    modes = motion_modes(zone.points, zone.frames, step.loading.axes, step.loading.reference)[numbers, :, :2]
+    modes = modes / np.linalg.norm(modes, axis=(1, 2), keepdims=True)
+    way = np.linalg.norm(step.slip, axis=1)
+    along = step.slip / np.where(way > 0.0, way, 1.0)[:, None]
+    # the free motion that is least across the slip
+    across = np.einsum("knt,nt->nk", modes[:, slips], along[slips, ::-1] * [-1.0, 1.0])
+    motion = np.einsum("knt,k->nt", modes, np.linalg.svd(across)[2][-1])
+    motion *= np.copysign(1.0, (motion * along)[slips].sum()) / np.abs(motion).max()
+    # far enough to turn what slips the other way
+    distance = 2.0 * max(np.abs(step.slip).max(), np.abs(step.displacement).max())
+    r = (float(np.abs(step.traction).max() / distance),) * 2
+    gap = np.column_stack([step.slip + distance * motion, step.gap])
+    further = fixed_point_map(law, augmented_traction(law, step.traction, gap, r), gap, r)
+    change = np.linalg.norm((further - step.traction)[step.touching])
+    return bool(change <= max(_SAME, _UNCERTAIN * step.residual) * np.linalg.norm(step.traction[step.touching, :2]))
+
+
+def steepest_fall(law: ContactLaw) -> float:
+    """Return the steepest fall of the attraction with the gap [Pa/m], >= 0, by ever shorter chords."""
+    gaps = _TRIAL_GAPS
+    for _ in range(1 + _LOOKS):
+        fall = -np.diff(law.adhesion(gaps)) / np.diff(gaps)
+        place = int(fall.argmax())
+        gaps = np.linspace(gaps[max(place - 1, 0)], gaps[min(place + 2, len(gaps) - 1)], _GAPS_PER_LOOK)
+    return max(float(fall.max()), 0.0)
+
+
+def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterator[str]:
+    """Yield a diagnostic if single nodes snap into contact and out of it, with the size of elements that would not.
+
+    law: of the case. A node on its own is unstable where the fall of the attraction times its response to its own load
+    is more than one; the response grows like the size of elements.
+    """
+    if (
+        not attracts(law)
+        or law.adhesion(np.maximum(step.gap, 0.0)).max() <= _NOTICED_ATTRACTION * np.abs(step.traction).max()
+    ):
+        return
+    ratio = steepest_fall(law) * float(diagonal(system, (2,)).max())
+    if ratio <= 1.0:
+        return
+    size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))
+    yield (
+        f"the attraction falls {ratio:.3g} times as steeply with the gap as single nodes resist: they snap into "
+        "contact one by one, forces may be far off and depend on the way; what serves: elements of "
+        f"{size / ratio:.2g} m at most, which are {size:.2g} m here, or an attraction that falls over a wider range"
+    )
+
+
+def boundary_sides(zone: Zone) -> tuple[Indices, Array]:
+    """Return corners (m, 2) of the sides that belong to one cell only, and ways (m, 3) there from its middle [m]."""
+    sides, ways = [np.zeros((0, 2), np.int64)], [np.zeros((0, 3))]
+    for outline in corners(zone.cells):
+        pairs = np.stack([outline, np.roll(outline, -1, axis=1)], axis=-1)
+        middles = zone.points[outline].mean(axis=1)[:, None]
+        sides.append(pairs.reshape(-1, 2))
+        ways.append((zone.points[pairs].mean(axis=2) - middles).reshape(-1, 3))
+    joined, away = np.concatenate(sides), np.concatenate(ways)
+    one, other = np.sort(joined, axis=1).T
+    _, first, counts = np.unique(one * len(zone.points) + other, return_index=True, return_counts=True)
+    border = first[counts == 1]
+    return joined[border], away[border]
+
+
+def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indices:
+    """Return corners (m, 2) of the sides at the boundary of a zone beyond which the indenter goes on.
+
+    gaps: gives the gap at points (k, 3) with frames (k, 3, 3), inf where the indenter has ended; None if nobody knows.
+    """
+    sides, away = boundary_sides(zone)
+    if gaps is None or not len(sides):
+        return sides
+    beyond = zone.points[sides].mean(axis=1) + _BESIDE * away
+    on: Indices = sides[np.isfinite(gaps(beyond, zone.frames[sides[:, 0]]))]
+    return on
+
+
+def sides_reached(step: StepResult, sides: Indices) -> int:
+    """Count those of the sides (m, 2) that the contact has reached; none where full contact is intended, by the same
+    gap all over the zone."""
+    count = int(step.touching[sides].all(axis=1).sum())
+    return 0 if count and overlaps_evenly(step.initial_gap) else count

@@ -1,0 +1,41 @@
+"""Building blocks of boundary elements: unknowns, collocation and adaptive quadrature, as dense-bem uses them.
+
+`lay_out` and `Units` serve any formulation that numbers the unknowns of a surface mesh. The other names are for
+formulations that assemble the same integrals in another way; kernels are compiled functions for compiled callers.
+"""
+
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
+from meeframe.elements._kernels.quadrature_order import most_points, order_for, required_orders
+from meeframe.elements._kernels.shape import map_rule
+from meeframe.elements.anisotropy import anisotropy
+from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
+from meeframe.formulations.dense_bem.collocation import Sources, collocate
+from meeframe.formulations.dense_bem.half_space import exterior_terms
+from meeframe.formulations.dense_bem.layout import NONE, Layout, Units, boundary_fields, lay_out
+from meeframe.formulations.dense_bem.patches import find_patches
+from meeframe.formulations.dense_bem.system import characteristic_length
+from meeframe.greens import Tabulated
+
+__all__ = [
+    "BUFFER_TOO_SMALL",
+    "NONE",
+    "Accuracy",
+    "Layout",
+    "Sources",
+    "Tabulated",
+    "Units",
+    "anisotropy",
+    "boundary_fields",
+    "characteristic_length",
+    "collocate",
+    "exterior_terms",
+    "find_patches",
+    "lay_out",
+    "map_rule",
+    "most_points",
+    "order_for",
+    "pair_rule",
+    "rectangular_rule",
+    "required_orders",
+    "shape_degree",
+]

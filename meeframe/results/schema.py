@@ -1,0 +1,366 @@
+"""The one table of what a result holds: names, units, labels, shapes and how each quantity is taken from a result.
+
+HDF5 files, summaries, VTK files, figures, studies and sweeps take names, units and labels from here. A row added to one
+of these tables appears in all of them; a row says with `views` where it does not.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, Array, FieldSet, ScalarField
+from meeframe.indenters.base import IndenterMotions
+from meeframe.results.records import Region, StepResult, Zone, resultants
+
+
+class Stored(StrEnum):
+    """When a result file holds a nodal field."""
+
+    ALWAYS = "always"
+    WITH_FRICTION = "with friction"
+    ON_REQUEST = "on request"
+
+
+class View(StrEnum):
+    """Where a quantity is shown: maps and sections of a run, fields.vtu, studies, sweeps; tables of runs and of
+    comparisons."""
+
+    MAP = "map"
+    VTK = "vtk"
+    STUDY = "study"
+    SWEEP = "sweep"
+    COMPARISON = "comparison"
+    SUMMARY = "summary"
+
+
+SCALARS: Final = MEE.scalars
+"""Scalar fields that every result holds; see `further_scalars`."""
+EVERYWHERE: Final = frozenset(View)
+NOWHERE: Final[frozenset[View]] = frozenset()
+
+
+@dataclass(frozen=True)
+class NodalField:
+    """A field on the nodes of the contact zone.
+
+    Parameters
+    ----------
+    name, unit, label
+        Key in files and studies, SI unit, words for figures and tables.
+    values
+        Function of the zone and an increment that returns an array (n,), or (n, k) for k components.
+    components
+        Number k of components along e1, e2, nu of the zone's frames; 0 for a scalar.
+    stored
+        When result files hold it.
+    views
+        Where it is shown besides.
+    attribute, column
+        Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
+    integer
+        Whether its values are whole numbers.
+    """
+
+    name: str
+    unit: str
+    label: str
+    values: Callable[[Zone, StepResult], Array]
+    components: int = 0
+    stored: Stored = Stored.ON_REQUEST
+    views: frozenset[View] = EVERYWHERE
+    attribute: str = ""
+    column: int | None = None
+    integer: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of its value at one node."""
+        return (self.components,) if self.components else ()
+
+
+def _state(
+    name: str,
+    unit: str,
+    label: str,
+    components: int = 0,
+    stored: Stored = Stored.ALWAYS,
+    views: frozenset[View] = NOWHERE,
+    attribute: str = "",
+    column: int | None = None,
+    integer: bool = False,
+) -> NodalField:
+    """Return the field that an attribute of StepResult holds, by default the one of its name, or a column of it."""
+    source = attribute or name
+
+    def values(_: Zone, step: StepResult) -> Array:
+        array: Array = getattr(step, source)
+        return array if column is None else array[:, column]
+
+    return NodalField(name, unit, label, values, components, stored, views, source, column, integer)
+
+
+def _scalars(
+    names: Iterable[tuple[str, str]], attribute: str, views: frozenset[View], first: int = 0
+) -> Iterator[NodalField]:
+    """Yield a nodal field for each scalar field, from its name and unit; first: column of the first one."""
+    for column, (name, unit) in enumerate(names, first):
+        yield _state(name, unit, name.replace("_", " "), views=views, attribute=attribute, column=column)
+
+
+def _pressure(_: Zone, step: StepResult) -> Array:
+    return 0.0 - step.traction[:, 2]
+
+
+def _tangential(zone: Zone, step: StepResult) -> Array:
+    """Return the tangential traction along global x1 and x2, (n, 2)."""
+    tangential: Array = np.einsum("na,nai->ni", step.traction[:, :2], zone.frames[:, :2, :2])
+    return tangential
+
+
+_NUMERIC: Final = frozenset({View.STUDY, View.SWEEP, View.COMPARISON})
+
+NODAL_FIELDS: tuple[NodalField, ...] = (
+    NodalField("pressure", "Pa", "contact pressure", _pressure, views=_NUMERIC | {View.MAP}),
+    NodalField("traction_x", "Pa", "traction x", lambda zone, step: _tangential(zone, step)[:, 0], views=_NUMERIC),
+    NodalField("traction_y", "Pa", "traction y", lambda zone, step: _tangential(zone, step)[:, 1], views=_NUMERIC),
+    NodalField(
+        "tangential_traction", "Pa", "tangential traction", _tangential, components=2, views=frozenset({View.STUDY})
+    ),
+    NodalField(
+        "stick",
+        "1",
+        "stick",
+        lambda _, step: (step.region == Region.STICK).astype(float),
+        views=frozenset({View.STUDY, View.SWEEP}),
+    ),
+    *_scalars(((scalar.value_name, scalar.value_unit) for scalar in SCALARS), "potentials", _NUMERIC | {View.MAP}),
+    *_scalars(((scalar.flux_name, scalar.flux_unit) for scalar in SCALARS), "fluxes", NOWHERE),
+    _state("initial_gap", "m", "initial gap"),
+    NodalField("gap", "m", "gap", lambda _, step: step.gap, views=NOWHERE),
+    _state("traction", "Pa", "traction", 3),
+    _state("displacement", "m", "displacement", 3),
+    _state("contact_fraction", "1", "contact fraction"),
+    _state("dissipation", "J/m^2", "dissipation"),
+    _state("region", "1", "region", views=frozenset({View.VTK}), integer=True),
+    _state("slip", "m", "slip", 2, Stored.WITH_FRICTION, frozenset({View.VTK})),
+    _state("total_slip", "m", "total slip", 2, Stored.WITH_FRICTION, frozenset({View.VTK})),
+    _state("slip_path", "m", "slip path", stored=Stored.WITH_FRICTION),
+)
+"""Fields on the contact zone: pressure and tractions on the body, along global x1 and x2 and along the zone's frames;
+stick 1 or 0; potentials of the body and outward fluxes; the others as in StepResult."""
+
+BOUNDARY: Final = "boundary"
+"""Name by which `[output] fields` asks for the fields on the whole boundary."""
+
+
+def further_scalars(fields: FieldSet) -> tuple[ScalarField, ...]:
+    """Return the scalar fields that a field set has besides SCALARS, which come first."""
+    return fields.scalars[len(SCALARS) :]
+
+
+def nodal_fields(fields: FieldSet = MEE) -> tuple[NodalField, ...]:
+    """Return NODAL_FIELDS and those of further scalar fields."""
+    further = further_scalars(fields)
+    potentials = ((scalar.value_name, scalar.value_unit) for scalar in further)
+    fluxes = ((scalar.flux_name, scalar.flux_unit) for scalar in further)
+    return (
+        *NODAL_FIELDS,
+        *_scalars(potentials, "potentials", _NUMERIC | {View.MAP}, len(SCALARS)),
+        *_scalars(fluxes, "fluxes", NOWHERE, len(SCALARS)),
+    )
+
+
+def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
+    """Return the nodal fields that are shown in a view, by name."""
+    return {field.name: field for field in nodal_fields(fields) if view in field.views}
+
+
+def optional_fields() -> tuple[str, ...]:
+    """Return the names that `[output] fields` may hold."""
+    return (*(field.name for field in NODAL_FIELDS if field.stored is not Stored.ALWAYS), BOUNDARY)
+
+
+def loaded_fields(friction: bool) -> frozenset[str]:
+    """Return the optional fields that a result file holds unless its case says which.
+
+    friction: whether the contact law resists slip, or the case continues a run whose law may have.
+    """
+    kinds = {Stored.WITH_FRICTION} if friction else set()
+    return frozenset({field.name for field in NODAL_FIELDS if field.stored in kinds} | {BOUNDARY})
+
+
+@dataclass(frozen=True)
+class BoundaryField:
+    """A field on the whole boundary: columns of the `values` or `fluxes` of NodalFields, in global axes."""
+
+    name: str
+    unit: str
+    source: str
+    columns: slice
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether it has one column."""
+        return bool(self.columns.stop - self.columns.start == 1)
+
+    @property
+    def label(self) -> str:
+        """Name in fields.vtu."""
+        return f"{self.name.replace('_', ' ')} [{self.unit}]"
+
+
+def _boundary_fields(names: tuple[str, ...], units: tuple[str, ...], source: str) -> Iterator[BoundaryField]:
+    yield BoundaryField(names[0].removesuffix("_1"), units[0], source, MECHANICAL)
+    for column in range(N_MECHANICAL, len(names)):
+        yield BoundaryField(names[column], units[column], source, slice(column, column + 1))
+
+
+def boundary_fields(fields: FieldSet = MEE) -> tuple[BoundaryField, ...]:
+    """Return the fields on the whole boundary."""
+    return (
+        *_boundary_fields(fields.value_names, fields.value_units, "values"),
+        *_boundary_fields(fields.flux_names, fields.flux_units, "fluxes"),
+    )
+
+
+@dataclass(frozen=True)
+class Total:
+    """A number, or one for each of some components, that sums an increment up.
+
+    Parameters
+    ----------
+    name, unit, label
+        Key in files and studies, SI unit, words for tables.
+    components
+        Suffixes of its components, () for a single number.
+    value
+        Function of the zone and an increment that returns the number, or an array of numbers; None for what
+        `resultants` returns under this name.
+    phenomenon
+        Tables show the totals of a phenomenon only where one of them is not zero; those of "" always.
+    views
+        Tables that show it: files and sweeps hold every total.
+    """
+
+    name: str
+    unit: str
+    label: str
+    components: tuple[str, ...] = ()
+    value: Callable[[Zone, StepResult], Any] | None = None
+    phenomenon: str = ""
+    views: frozenset[View] = EVERYWHERE
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its components as numbers by themselves."""
+        return tuple(f"{self.name}_{part}" for part in self.components) or (self.name,)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Words for its components."""
+        return tuple(f"{self.label} {part}" for part in self.components) or (self.label,)
+
+
+_XYZ: Final = ("x", "y", "z")
+_IN_PLANE: Final = ("1", "2")
+
+_SUMMARY: Final = frozenset({View.SUMMARY})
+
+
+def _scalar_totals(scalar: ScalarField) -> Iterator[Total]:
+    """Yield the total flux of a scalar field and its largest potential."""
+    flux, potential = (name.replace("_", " ") for name in (scalar.resultant, scalar.value_name))
+    yield Total(scalar.resultant, scalar.resultant_unit, flux, phenomenon=scalar.name)
+    name = f"max_abs_{scalar.value_name}"
+    yield Total(name, scalar.value_unit, f"largest |{potential}|", phenomenon=scalar.name)
+
+
+TOTALS: tuple[Total, ...] = (
+    Total("force", "N", "force", _XYZ),
+    Total("normal_force", "N", "normal force", views=NOWHERE),
+    Total("tangential_force", "N", "tangential force", _IN_PLANE, views=NOWHERE),
+    Total("moment", "N m", "moment", _IN_PLANE, views=NOWHERE),
+    Total("torque", "N m", "torque", views=NOWHERE),
+    *(total for scalar in SCALARS for total in _scalar_totals(scalar)),
+    Total("contact_area", "m^2", "contact area"),
+    Total("stick_area", "m^2", "sticking area", phenomenon="friction", views=_SUMMARY),
+    Total("slip_area", "m^2", "slipping area", views=NOWHERE),
+    Total("dissipated_energy", "J", "dissipated energy", phenomenon="friction", views=_SUMMARY),
+    Total("max_pressure", "Pa", "largest pressure"),
+    Total("max_tension", "Pa", "largest tension", phenomenon="attraction"),
+)
+"""Resultants and maxima of an increment; see `meeframe.results.records.resultants` for axes and signs."""
+
+
+def _motion(name: str) -> Callable[[Zone, StepResult], Any]:
+    return lambda _, step: getattr(step.loading, name)
+
+
+def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
+    """Return TOTALS and those of further scalar fields."""
+    return (*TOTALS, *(total for scalar in further_scalars(fields) for total in _scalar_totals(scalar)))
+
+
+MOTION_TOTALS: Final = tuple(
+    Total(
+        name,
+        IndenterMotions().units[name],
+        name.replace("_", " "),
+        _IN_PLANE if place.stop - place.start == 2 else (),
+        _motion(name),
+    )
+    for name, place in IndenterMotions().motions.items()
+)
+"""Motions and potentials of the indenter, as in Loading."""
+
+MEASURES: Final = (
+    Total(
+        "max_slip",
+        "m",
+        "largest slip",
+        value=lambda _, step: _largest(np.linalg.norm(step.total_slip, axis=1)[step.touching]),
+    ),
+    Total("max_slip_path", "m", "longest slip path", value=lambda _, step: _largest(step.slip_path)),
+    Total("reaches_edge", "1", "reaches edge", value=lambda _, step: float(step.reaches_edge)),
+    Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
+    Total("residual", "1", "residual", value=lambda _, step: step.residual),
+)
+"""What sweeps gather besides of each increment: the largest slip since the beginning of nodes in contact and the
+longest way slipped, 1 if the contact reaches the edge of its zone, iterations and residual."""
+
+
+def _largest(values: Array) -> float:
+    return float(values.max(initial=0.0))
+
+
+def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
+    """Return the totals of an increment by name."""
+    summed = resultants(zone, step)
+    return {
+        total.name: getattr(summed, total.name) if total.value is None else total.value(zone, step)
+        for total in total_rows(step.fields)
+    }
+
+
+def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the components of rows as single numbers by their names."""
+    found: dict[str, float] = {}
+    for row in rows:
+        found.update(zip(row.names, np.atleast_1d(values[row.name]).tolist(), strict=True))
+    return found
+
+
+def total_named(name: str) -> Total | None:
+    """Return the row of TOTALS, MOTION_TOTALS or MEASURES of this name or with a component of this name, if any."""
+    rows = (*TOTALS, *MOTION_TOTALS, *MEASURES)
+    return next((row for row in rows if name in (row.name, *row.names)), None)
+
+
+def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldSet = MEE) -> list[Total]:
+    """Return the totals that a table shows of increments with these values, as of `totals`."""
+    rows = total_rows(fields)
+    there = {total.phenomenon for total in rows if any(np.any(each[total.name]) for each in values)}
+    return [total for total in rows if view in total.views and total.phenomenon in {"", *there}]

@@ -1,0 +1,132 @@
+"""From a case to files: each increment as it is finished, then result.h5, summary.json, figures and fields.vtu."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from meeframe.model.case import Case
+from meeframe.model.clock import Clock, peak_memory_mb
+from meeframe.model.load import load_case
+from meeframe.model.solve import provenance, reduce, solve_steps
+from meeframe.results.figures import figures, save_figure
+from meeframe.results.files import ResultWriter
+from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
+from meeframe.results.records import Result, zone_of
+from meeframe.results.schema import loaded_fields
+from meeframe.results.summary import summary_json
+from meeframe.results.vtk import write_fields
+from meeframe.system.reduced import Progress, silent
+
+
+def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent) -> Result:
+    """Solve a case and write its results into a folder.
+
+    Nothing in the folder is touched before the first increment is finished; from then on finished increments can be
+    read from it whatever happens. An interruption carries a note that says what the folder then holds, and so does an
+    error after a finished increment.
+
+    Parameters
+    ----------
+    case
+        The case, or the path of its file.
+    out
+        Output folder; made if it does not exist. Held by this run until it ends.
+    overwrite
+        Whether results of an earlier run in it are replaced.
+    progress
+        Called with the stage and how much of it is done.
+
+    Raises
+    ------
+    ResultError
+        Before anything is computed, if `out` cannot be written, if another run writes there, or if it holds files and
+        overwrite is false.
+    MeeframeError
+        As load_case and solve_case.
+    """
+    clock = Clock(progress)
+    clock("reading", 0.0)
+    case = case if isinstance(case, Case) else load_case(case)
+    folder = Path(out)
+    with open_output(folder, overwrite):
+        return _Run(case, folder, clock).run()
+
+
+def stored_fields(case: Case) -> frozenset[str]:
+    """Return the optional fields that the result file of a case holds.
+
+    By default those that the case loads. The slips of a run that continues another one are always stored: they cannot
+    be found from its displacements alone.
+    """
+    continues = case.restart is not None
+    loaded = loaded_fields(continues or bool(case.contact_law.tangential_scaling().any()))
+    if case.output.fields is None:
+        return loaded
+    return frozenset(case.output.fields) | (loaded_fields(True) - loaded_fields(False) if continues else frozenset())
+
+
+class _Run:
+    """One run into an output folder that it holds."""
+
+    def __init__(self, case: Case, folder: Path, clock: Clock) -> None:
+        self._case, self._folder, self._clock = case, folder, clock
+        self._earlier = (folder / RESULT_FILE).is_file()
+        self._cleared = False
+        self._finished = 0
+
+    def run(self) -> Result:
+        """Solve the case and write everything."""
+        try:
+            return self._solve()
+        except (KeyboardInterrupt, MemoryError) as error:
+            error.add_note(self._content())
+            raise
+        except Exception as error:
+            if self._cleared:
+                error.add_note(self._content())
+            raise
+
+    def _solve(self) -> Result:
+        system = reduce(self._case, self._clock)
+        result = Result(provenance(self._case), zone_of(system), self._case.n_increments)
+        writer = ResultWriter(self._folder, result, stored_fields(self._case))
+        try:
+            for step in solve_steps(self._case, system, self._clock):
+                self._clock("writing", 0.0)
+                if not self._cleared:
+                    self._cleared = True
+                    clear_output(self._folder)
+                writer.append(step)
+                self._finished += 1
+                result = replace(result, steps=(*result.steps, step))
+            self._write_reports(result)
+        finally:
+            if result.steps:
+                result = self._finish(writer, result)
+        return result
+
+    def _write_reports(self, result: Result) -> None:
+        if self._case.output.figures:
+            self._clock("figures", 0.0)
+            for name, figure in figures(result).items():
+                with replacing(self._folder / name) as path:
+                    save_figure(figure, path)
+        if self._case.output.vtu:
+            self._clock("fields", 0.0)
+            write_fields(self._folder, result)
+
+    def _finish(self, writer: ResultWriter, result: Result) -> Result:
+        self._clock("writing", 0.0)
+        result = writer.finish(lambda: replace(result, timings=self._clock.timings(), peak_memory_mb=peak_memory_mb()))
+        with replacing(self._folder / SUMMARY_FILE) as path:
+            path.write_text(summary_json(result), encoding="utf-8")
+        return result
+
+    def _content(self) -> str:
+        """Return what the folder holds now, in words."""
+        if self._finished:
+            return f"{self._finished} of {self._case.n_increments} increments are finished and in {self._folder}"
+        if not self._earlier:
+            return f"no increment was finished; nothing was written to {self._folder}"
+        if self._cleared:
+            return f"no increment was finished; the results of an earlier run are gone from {self._folder}"
+        return f"no increment was finished; {self._folder} holds the results of an earlier run as before"

@@ -1,0 +1,293 @@
+"""Capabilities: everything that a reduced system may be able to do beyond its four required methods.
+
+Each capability is a small abstract class. A reduced system that has one inherits from it, and callers ask for it by
+``system.capability(Multigrid)``, which returns an object of that class or None. A system whose capability depends on
+the instance overrides `ReducedSystem.capability` so that absence is visible before any method is called.
+
+Capabilities make solvers faster. None of them changes what a solver finds, because convergence is always tested with
+`ReducedSystem.apply`; `EdgeResolution` is the exception, it changes the discrete problem.
+`meeframe.testing.check_formulation` compares every capability with `apply`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meeframe.fields import Array, Indices
+
+if TYPE_CHECKING:
+    from meeframe.system.reduced import ReducedSystem
+
+AnyArray = NDArray[Any]
+FieldProduct = Callable[[Array, Sequence[int], Sequence[int]], Array]
+"""A function as `FieldwiseApply.apply_fields`: displacement (n, k) of (load (n, l), loaded fields, wanted fields)."""
+APPROXIMATE_TOLERANCE: Final = 1e-4
+"""Largest error of `ApproximateApply`, relative to the largest displacement in a field. Where weak couplings cancel,
+errors may be somewhat larger."""
+
+
+class FieldwiseApply(ABC):
+    """Products with the compliance in some of the fields, at a lower cost than `apply` in all of them.
+
+    Frictionless contact without conduction then needs one field in place of all.
+    """
+
+    @abstractmethod
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the displacement in some fields due to a load in some fields.
+
+        Parameters
+        ----------
+        load : (n, l) array
+            Load in the fields `loaded`; all other fields are unloaded. It must not be changed.
+        loaded, fields : sequences of int
+            Numbers of l and k fields, each once and in any order.
+
+        Returns
+        -------
+        (n, k) array
+            Columns in the order of `fields`. For a load in single precision, single precision is enough.
+        """
+
+    @abstractmethod
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+
+
+class ApproximateApply(ABC):
+    """Cheaper products, in single precision, that are accurate to `APPROXIMATE_TOLERANCE`.
+
+    Krylov iterations use them for search directions.
+    """
+
+    @abstractmethod
+    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return an approximation of `FieldwiseApply.apply_fields` that is linear in the load."""
+
+
+class ApproximateInverse(ABC):
+    """An approximate inverse of the compliance, with which solvers precondition."""
+
+    @abstractmethod
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """Return a linear map from displacements (n, k) in k fields to loads (n, k) in these fields that cause them.
+
+        None if there is no useful inverse for these fields.
+        """
+
+    def prolongation(self, nodes: Indices) -> "Prolongation | None":
+        """Return a prolongation of displacements from some nodes (f,), each once, to all nodes; None by default.
+
+        It should approximate the displacement with the least energy, that of a load on these nodes alone. Between
+        prolongation and restriction the approximate inverse then approximates the inverse of the compliance restricted
+        to these nodes. From no nodes at all, zeros are prolonged.
+        """
+        return None
+
+
+class Multigrid(ABC):
+    """The same body on a coarser division of its contact zone, from whose solution solvers start."""
+
+    @abstractmethod
+    def coarsen(self) -> "Coarsening":
+        """Return the next coarser system. On the coarsest division `capability` returns None."""
+
+
+class LatticeStencil(ABC):
+    """Nodes on a lattice whose responses depend on their distances alone, as on a regular grid on a half space.
+
+    Newton's method uses it to smooth the contact edge and the slip boundary.
+    """
+
+    @abstractmethod
+    def stencil(self, radius: int, fields: Sequence[int]) -> "Stencil | None":
+        """Return the responses in some fields up to `radius` places away; None if the lattice is smaller than that."""
+
+
+class Restriction(ABC):
+    """The same body on a part of its contact zone, where products take much less time."""
+
+    @abstractmethod
+    def restrict(self, nodes: Indices) -> "Subsystem | None":
+        """Return the system on a part of the zone that contains nodes (k,); None if there is no such part.
+
+        A part may contain more nodes. None is also returned where the part would be nearly as large as the zone, and
+        if no nodes are given.
+        """
+
+
+class Persistence(ABC):
+    """A system without a matrix that can be stored as arrays.
+
+    Its formulation is a `meeframe.formulations.base.PersistentFormulation`, which makes the system again.
+    """
+
+    @abstractmethod
+    def to_arrays(self) -> Mapping[str, AnyArray]:
+        """Return arrays of numbers, by name, from which `PersistentFormulation.from_arrays` makes the same system."""
+
+
+class EdgeResolution(ABC):
+    """Contact edges between the nodes: nodes near the edge represent the part of their area that is in contact."""
+
+    @abstractmethod
+    def edge_correction(self, pressure: Array, indenter_edge: "IndenterEdge | None" = None) -> "EdgeCorrection":
+        """Return how the edge of a contact between the nodes changes the system.
+
+        Parameters
+        ----------
+        pressure : (n,) array
+            Contact pressure >= 0 [Pa], found with the contact edge at nodes.
+        indenter_edge : IndenterEdge, optional
+            The edge of the indenter, if it has one in the zone.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Prolongation:
+    """A linear map from values at some nodes to values at all nodes, and its adjoint; in single precision.
+
+    Attributes
+    ----------
+    prolong
+        Values (n,) from values (f,); the given values are kept at their nodes.
+    restrict
+        Values (f,) from values (n,): the adjoint in inner products weighted by the areas of the nodes.
+    """
+
+    prolong: Callable[[Array], Array]
+    restrict: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Coarsening:
+    """A coarser reduced system.
+
+    Attributes
+    ----------
+    system
+        The coarser system, with m nodes.
+    nodes
+        (m,) nodes of the finer system that are the nodes of the coarser one, in its order.
+    prolong
+        Values (n, k) at the nodes of the finer system from values (m, k).
+    """
+
+    system: "ReducedSystem"
+    nodes: Indices
+    prolong: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Subsystem:
+    """A reduced system on a part of a zone: displacements there due to loads there.
+
+    Attributes
+    ----------
+    system
+        The system on the part, with m nodes.
+    nodes
+        (m,) nodes of the whole zone that are the nodes of the part, in its order.
+    """
+
+    system: "ReducedSystem"
+    nodes: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Stencil:
+    """Responses on a lattice, accurate to about six digits.
+
+    Attributes
+    ----------
+    lattice
+        (nx, ny) node at each place.
+    periodic
+        True if the lattice repeats itself.
+    responses
+        (2 r + 1, 2 r + 1, 5, 5): entry [r + i, r + j] is the displacement of a node due to the load on another one,
+        (i, j) places before it; zero in fields that were not asked for.
+    """
+
+    lattice: Indices
+    periodic: bool
+    responses: Array
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeCorrection:
+    """Changes at the nodes near a contact edge that lies between nodes.
+
+    Attributes
+    ----------
+    extra_compliance
+        (n, 5, 5) addition to the diagonal blocks, with positive semidefinite symmetric parts.
+    area_fraction
+        (n,) fraction of the area of each node that is in contact, in [0, 1]; also positive at nodes just outside.
+    """
+
+    extra_compliance: Array
+    area_fraction: Array
+
+
+@dataclass(frozen=True, eq=False)
+class IndenterEdge:
+    """The edge of an indenter as seen from the nodes.
+
+    Attributes
+    ----------
+    distance
+        (n,) [m] from the edge, positive under the indenter and negative outside; inf or -inf far away.
+    outward
+        (n, 2) direction across the edge in the local frame, zero far away.
+    gap
+        (n,) [m] between the body and the continued surface of the indenter at nodes just outside, inf elsewhere.
+    """
+
+    distance: Array
+    outward: Array
+    gap: Array
+
+
+def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+    """Return `FieldwiseApply.apply_fields` of any system: by `apply` where the system has no such capability."""
+    fieldwise = system.capability(FieldwiseApply)
+    if fieldwise is not None:
+        return fieldwise.apply_fields(load, loaded, fields)
+    full = np.zeros((system.n_fields, len(load)), load.dtype).T
+    full[:, list(loaded)] = load
+    return system.apply(full)[:, list(fields)]
+
+
+def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> Array:
+    """Return the displacement (n, k) in k fields due to a load (n, 5), skipping fields that are unloaded."""
+    loaded = np.flatnonzero(load.any(axis=0)).tolist()
+    some = load if len(loaded) == system.n_fields else load.T[loaded].T
+    return apply_fields(system, some, loaded, fields)
+
+
+def diagonal(system: "ReducedSystem", fields: Sequence[int]) -> Array:
+    """Return the diagonals (n, k) of the diagonal blocks of any system in k fields."""
+    fieldwise = system.capability(FieldwiseApply)
+    if fieldwise is not None:
+        return fieldwise.diagonal(fields)
+    blocks = system.diagonal_blocks()
+    return np.array([blocks[:, field, field] for field in fields]).T
+
+
+def rescale_inverse(inverse: Callable[[Array], Array], before: Array, after: Array) -> Callable[[Array], Array]:
+    """Return an approximate inverse of a compliance that exceeds another one at single nodes.
+
+    Parameters
+    ----------
+    inverse
+        Approximate inverse of the other compliance.
+    before, after : (n, k) arrays
+        Diagonals of the other compliance and of the new one.
+    """
+    factor = np.sqrt(np.abs(before / after))
+    return lambda displacement: factor * inverse(factor * displacement)

@@ -1,0 +1,463 @@
+"""Reduced systems that are composed of others: in other frames, with edge corrections, and of two bodies.
+
+The compliance of a composed system is a sum over bodies, with an addition at the nodes,
+
+    C = sum_i R_i P_i^T C_i P_i R_i^T + E,
+
+where R_i changes components from the local frames of body i to those of the composition, P_i takes nodes of the
+composition to nodes of body i, and E is a 5 x 5 block at each node. Capabilities of the bodies are forwarded; see
+`ComposedSystem.capability`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Final, TypeVar, final
+
+import numpy as np
+
+from meeframe.fields import Array, Indices
+from meeframe.system.capabilities import (
+    AnyArray,
+    ApproximateApply,
+    ApproximateInverse,
+    Coarsening,
+    EdgeCorrection,
+    EdgeResolution,
+    FieldProduct,
+    FieldwiseApply,
+    IndenterEdge,
+    LatticeStencil,
+    Multigrid,
+    Prolongation,
+    Restriction,
+    Stencil,
+    Subsystem,
+    apply_fields,
+    diagonal,
+    rescale_inverse,
+)
+from meeframe.system.reduced import NodalFields, ReducedSystem
+
+C = TypeVar("C")
+TANGENTIAL: Final = (0, 1)
+ROUND_OFF: Final = 1e-14
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Rotation:
+    """An orthogonal change of components at each node, identical at all nodes or not.
+
+    Attributes
+    ----------
+    entries
+        Nonzero coefficients of component j in the new component i, by (i, j): one number if all nodes share it, else
+        (n,).
+    n_fields
+        Number of components.
+    """
+
+    entries: Mapping[tuple[int, int], float | Array]
+    n_fields: int
+
+    @classmethod
+    def of(cls, blocks: Array) -> "Rotation":
+        """Return the rotation of blocks (n, 5, 5); entries that are zero or uniform to round-off are stored so."""
+        entries: dict[tuple[int, int], float | Array] = {}
+        for i, j in np.ndindex(*blocks.shape[1:]):
+            entry = blocks[:, i, j]
+            if np.abs(entry).max(initial=0.0) > ROUND_OFF:
+                entries[i, j] = float(entry[0]) if np.ptp(entry) < ROUND_OFF else np.ascontiguousarray(entry)
+        return cls(entries, blocks.shape[1])
+
+    @cached_property
+    def inverse(self) -> "Rotation":
+        """The transposed blocks."""
+        return Rotation({(j, i): entry for (i, j), entry in self.entries.items()}, self.n_fields)
+
+    @cached_property
+    def is_uniform(self) -> bool:
+        """True if all nodes rotate alike."""
+        return not any(isinstance(entry, np.ndarray) for entry in self.entries.values())
+
+    @cached_property
+    def mixed(self) -> tuple[frozenset[int], ...]:
+        """For each field all fields that depend on each other with it."""
+        groups = [{field} for field in range(self.n_fields)]
+        for i, j in self.entries:
+            if groups[i] is not groups[j]:
+                groups[i] |= groups[j]
+                for field in groups[j]:
+                    groups[field] = groups[i]
+        return tuple(frozenset(group) for group in groups)
+
+    def closure(self, fields: Sequence[int]) -> list[int]:
+        """Return the fields that the given ones depend on; the given ones, in their order, if these are all."""
+        closed = frozenset[int]().union(*(self.mixed[field] for field in fields))
+        return list(fields) if len(closed) == len(fields) else sorted(closed)
+
+    def at(self, nodes: Indices) -> "Rotation":
+        """Return the rotation at some nodes."""
+        return Rotation(
+            {ij: entry[nodes] if isinstance(entry, np.ndarray) else entry for ij, entry in self.entries.items()},
+            self.n_fields,
+        )
+
+    def change(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
+        """Return components `wanted`, (n, k), of values (n, l) with components `given`, in the precision of these."""
+        changed = np.zeros((len(wanted), len(values)), values.dtype)
+        rows, columns = {field: k for k, field in enumerate(wanted)}, {field: k for k, field in enumerate(given)}
+        for (i, j), entry in self.entries.items():
+            if i in rows and j in columns:
+                changed[rows[i]] += entry * values[:, columns[j]]
+        return changed.T
+
+    def change_blocks(self, blocks: Array) -> Array:
+        """Return R B R^T for blocks B (n, 5, 5)."""
+        changed = np.zeros((self.n_fields, self.n_fields, len(blocks)))
+        for (i, j), first in self.entries.items():
+            for (k, m), second in self.entries.items():
+                changed[k, i] += first * second * blocks[:, j, m]
+        return changed.T
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A body of a composition.
+
+    Attributes
+    ----------
+    system
+        The body in its own frames.
+    rotation
+        From components in the frames of the body to those of the composition, at its nodes; None if they coincide.
+    nodes
+        (n,) node of the body at each node of the composition; None if they have the same numbers.
+    """
+
+    system: ReducedSystem
+    rotation: Rotation | None = None
+    nodes: Indices | None = None
+
+    def to_body(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
+        """Return components of nodal values of the composition at the nodes and in the frames of the body."""
+        return self.at_body(values if self.rotation is None else self.rotation.inverse.change(values, given, wanted))
+
+    def at_body(self, values: AnyArray) -> AnyArray:
+        """Return nodal values (n, ...) of the composition in the order of the nodes of the body."""
+        if self.nodes is None:
+            return values
+        ordered = np.empty_like(values)
+        ordered[self.nodes] = values
+        return ordered
+
+    def from_body(self, values: AnyArray, given: Sequence[int], wanted: Sequence[int]) -> AnyArray:
+        """Return components of nodal values of the body at the nodes and in the frames of the composition."""
+        gathered = values if self.nodes is None else values[self.nodes]
+        return gathered if self.rotation is None else self.rotation.change(gathered, given, wanted)
+
+    def blocks_from_body(self, blocks: Array) -> Array:
+        """Return blocks (n, 5, 5) of the body at the nodes and in the frames of the composition."""
+        gathered = blocks if self.nodes is None else blocks[self.nodes]
+        return gathered if self.rotation is None else self.rotation.change_blocks(gathered)
+
+    def closure(self, fields: Sequence[int]) -> list[int]:
+        """Return the fields of the body on which fields of the composition depend."""
+        return list(fields) if self.rotation is None else self.rotation.closure(fields)
+
+    def product(self, multiply: FieldProduct, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the contribution of the body to a product of the composition, by a product `multiply` of the body."""
+        inner_loaded, inner_fields = self.closure(loaded), self.closure(fields)
+        response = multiply(self.to_body(load, loaded, inner_loaded), inner_loaded, inner_fields)
+        return self.from_body(response, inner_fields, fields)
+
+    def edge_seen(self, edge: IndenterEdge) -> IndenterEdge:
+        """Return an indenter's edge at the nodes and in the frames of the body."""
+        distance, gap = (self.at_body(values) for values in (edge.distance, edge.gap))
+        return IndenterEdge(distance, self.to_body(edge.outward, TANGENTIAL, TANGENTIAL), gap)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ComposedSystem(
+    ReducedSystem,
+    FieldwiseApply,
+    ApproximateApply,
+    ApproximateInverse,
+    Multigrid,
+    LatticeStencil,
+    Restriction,
+    EdgeResolution,
+):
+    """A sum of reduced systems in common frames, with an additional compliance at the nodes.
+
+    Attributes
+    ----------
+    terms
+        The bodies. The first one has the nodes of the composition, in the same order.
+    extra_compliance
+        (n, 5, 5) addition to the diagonal blocks, or None.
+    matrix
+        (n, 5, n, 5), the compliance if all bodies have theirs as a matrix; see `sum_matrices`.
+    """
+
+    terms: tuple[Term, ...]
+    extra_compliance: Array | None = None
+    matrix: Array | None = None
+
+    def capability(self, kind: type[C]) -> C | None:
+        """Return the system itself if its bodies allow it to forward a capability, else None.
+
+        Products in some fields and approximate products need one body that has them. The approximate inverse is that
+        of the first body. Coarsening and restriction need all bodies, coarsening on the same nodes and without extra
+        compliance. A stencil needs all bodies, uniform rotations and no extra compliance. Edge resolution needs all
+        bodies, and no correction already in place. Persistence is not forwarded: bodies are stored one by one.
+        """
+        systems, corrected = [term.system for term in self.terms], self.extra_compliance is not None
+        has = [system.capability(kind) is not None for system in systems]
+        forwarded: dict[type, bool] = {
+            FieldwiseApply: any(has),
+            ApproximateApply: any(has),
+            ApproximateInverse: has[0],
+            Multigrid: all(has) and not corrected,
+            LatticeStencil: all(has) and not corrected,
+            Restriction: all(has),
+            EdgeResolution: all(has) and not corrected,
+        }
+        if not forwarded.get(kind, False):
+            return None
+        if kind is Multigrid and self._coarsening is None:
+            return None
+        if kind is LatticeStencil and not all(term.rotation is None or term.rotation.is_uniform for term in self.terms):
+            return None
+        return super().capability(kind)
+
+    def apply(self, load: Array) -> Array:
+        """Return compliance(load), (n, 5), for a load (n, 5)."""
+        if self.matrix is not None:
+            response: Array = self.matrix.reshape(load.size, load.size) @ np.ravel(load)
+            return response.reshape(load.shape)
+        fields = range(self.n_fields)
+        return self._sum([_in_all_fields(term.system) for term in self.terms], load, fields, fields)
+
+    def diagonal_blocks(self) -> Array:
+        """Return the response of each node to its own load, (n, 5, 5)."""
+        return self._sum_blocks([term.system.diagonal_blocks() for term in self.terms], self.extra_compliance)
+
+    def dense(self) -> Array | None:
+        """Return the compliance, (n, 5, n, 5), if all bodies have theirs as a matrix."""
+        return self.matrix
+
+    def recover(self, load: Array) -> NodalFields:
+        """Return the fields on the whole boundary of the first body."""
+        fields = range(self.n_fields)
+        return self.terms[0].system.recover(self.terms[0].to_body(load, fields, fields))
+
+    def apply_fields(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the sum of the products of the bodies in the fields that depend on the given ones."""
+        return self._sum([partial(apply_fields, term.system) for term in self.terms], load, loaded, fields)
+
+    def diagonal(self, fields: Sequence[int]) -> Array:
+        """Return the diagonals of `diagonal_blocks` in k fields, (n, k)."""
+        if len(self.terms) == 1 and self.terms[0].rotation is None:
+            own = diagonal(self.terms[0].system, fields)
+            return own if self.extra_compliance is None else own + self.extra_compliance[:, list(fields), list(fields)]
+        return self.diagonal_blocks()[:, list(fields), list(fields)]
+
+    def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+        """Return the sum of approximate products, of exact ones for bodies that have no approximate ones."""
+        return self._sum([_approximate_product(term.system) for term in self.terms], load, loaded, fields)
+
+    def approximate_inverse(self, fields: Sequence[int]) -> Callable[[Array], Array] | None:
+        """Return that of the first body, rescaled for the compliance that the others and corrections add at nodes.
+
+        None if the rotation of the first body mixes these fields with others.
+        """
+        term, chosen = self.terms[0], list(fields)
+        if set(term.closure(chosen)) != set(chosen):
+            return None
+        inverse = _required(term.system, ApproximateInverse).approximate_inverse(chosen)
+        if inverse is None:
+            return None
+        inverse = _in_frames(inverse, term, chosen)
+        if len(self.terms) == 1 and self.extra_compliance is None:
+            return inverse
+        alone = term.blocks_from_body(term.system.diagonal_blocks())[:, chosen, chosen]
+        return rescale_inverse(inverse, alone, self.diagonal(chosen))
+
+    def prolongation(self, nodes: Indices) -> Prolongation | None:
+        """Return that of the first body."""
+        return _required(self.terms[0].system, ApproximateInverse).prolongation(nodes)
+
+    def coarsen(self) -> Coarsening:
+        """Return the composition of the coarsened bodies, whose nodes coincide."""
+        assert self._coarsening is not None
+        return self._coarsening
+
+    @cached_property
+    def _coarsening(self) -> Coarsening | None:
+        """The coarsening, None if the coarse nodes of the bodies do not coincide."""
+        parts = [_required(term.system, Multigrid).coarsen() for term in self.terms]
+        system = self._on_nodes([(part.system, part.nodes) for part in parts])
+        return None if system is None else Coarsening(system, parts[0].nodes, parts[0].prolong)
+
+    def restrict(self, nodes: Indices) -> Subsystem | None:
+        """Return the composition of the restricted bodies; None if these do not exist or have other nodes."""
+        parts = []
+        for term in self.terms:
+            part = _required(term.system, Restriction).restrict(nodes if term.nodes is None else term.nodes[nodes])
+            if part is None:
+                return None
+            parts.append((part.system, part.nodes))
+        system = self._on_nodes(parts)
+        return None if system is None else Subsystem(system, parts[0][1])
+
+    def stencil(self, radius: int, fields: Sequence[int]) -> Stencil | None:
+        """Return the sum of the stencils of the bodies; None if their lattices differ by more than reflections."""
+        total: Stencil | None = None
+        for term in self.terms:
+            part = _required(term.system, LatticeStencil).stencil(radius, term.closure(fields))
+            if part is None:
+                return None
+            part = _rotated_stencil(term, part, fields)
+            aligned = part if total is None else _aligned_stencil(part, total)
+            if aligned is None:
+                return None
+            total = (
+                aligned
+                if total is None
+                else Stencil(total.lattice, total.periodic, total.responses + aligned.responses)
+            )
+        return total
+
+    def edge_correction(self, pressure: Array, indenter_edge: IndenterEdge | None = None) -> EdgeCorrection:
+        """Return the sum of the corrections of all bodies, with the area fraction of the first one."""
+        found = [
+            _required(term.system, EdgeResolution).edge_correction(
+                term.at_body(pressure),
+                None if indenter_edge is None else term.edge_seen(indenter_edge),
+            )
+            for term in self.terms
+        ]
+        return EdgeCorrection(self._sum_blocks([one.extra_compliance for one in found]), found[0].area_fraction)
+
+    def _sum(
+        self, products: Sequence[FieldProduct], load: Array, loaded: Sequence[int], fields: Sequence[int]
+    ) -> Array:
+        """Return the product with the compliance by a product of each body."""
+        contributions = (
+            term.product(multiply, load, loaded, fields) for term, multiply in zip(self.terms, products, strict=True)
+        )
+        total = next(contributions)
+        for contribution in contributions:
+            total = total + contribution
+        if self.extra_compliance is None:
+            return total
+        extra = self.extra_compliance[:, list(fields)][:, :, list(loaded)]
+        summed: Array = total + np.einsum("nij,nj->ni", extra, load)
+        return summed
+
+    def _sum_blocks(self, blocks: Sequence[Array], extra: Array | None = None) -> Array:
+        """Return the sum of blocks (n, 5, 5) of the bodies and of extra ones of the composition."""
+        total: Array | int = 0 if extra is None else extra
+        for term, own in zip(self.terms, blocks, strict=True):
+            total = total + term.blocks_from_body(own)
+        return np.asarray(total)
+
+    def _on_nodes(self, parts: Sequence[tuple[ReducedSystem, Indices]]) -> "ComposedSystem | None":
+        """Return the composition of systems on some nodes of each body; None if these nodes do not coincide."""
+        (first, nodes), terms = parts[0], []
+        for term, (system, own) in zip(self.terms, parts, strict=True):
+            number = np.full(len(self.points), -1)
+            number[own] = np.arange(len(own))
+            partners = number[nodes if term.nodes is None else term.nodes[nodes]]
+            if len(own) != len(nodes) or partners.min(initial=0) < 0:
+                return None
+            rotation = None if term.rotation is None else term.rotation.at(nodes)
+            terms.append(Term(system, rotation, None if term.nodes is None else partners))
+        extra = None if self.extra_compliance is None else self.extra_compliance[nodes]
+        return compose(first, tuple(terms), self.frames[nodes], self.offset[nodes], extra)
+
+
+def compose(
+    geometry: ReducedSystem, terms: tuple[Term, ...], frames: Array, offset: Array, extra: Array | None = None
+) -> ComposedSystem:
+    """Return a composition with the points, weights and cells of a system, in the given frames (n, 3, 3)."""
+    matrix = sum_matrices(terms, extra)
+    return ComposedSystem(geometry.points, frames, geometry.weights, geometry.cells, offset, terms, extra, matrix)
+
+
+def sum_matrices(terms: Sequence[Term], extra: Array | None = None) -> Array | None:
+    """Return the compliance of a composition as (n, 5, n, 5) if all its bodies have theirs, else None."""
+    total: Array | None = None
+    for term in terms:
+        matrix = term.system.dense()
+        if matrix is None:
+            return None
+        changed = _matrix_in_frames(term, matrix)
+        total = changed if total is None else total + changed
+    if total is not None and extra is not None:
+        total, nodes = total.copy(), np.arange(len(extra))
+        total[nodes, :, nodes, :] += extra
+    return total
+
+
+def _matrix_in_frames(term: Term, matrix: Array) -> Array:
+    """Return the matrix (n, 5, n, 5) of a body at the nodes and in the frames of the composition."""
+    if term.nodes is not None:
+        matrix = matrix[term.nodes][:, :, term.nodes]
+    if term.rotation is None:
+        return matrix
+    entries = term.rotation.entries.items()
+    by_rows, changed = np.zeros_like(matrix), np.zeros_like(matrix)
+    for (i, j), entry in entries:
+        by_rows[:, i] += (entry[:, None, None] if isinstance(entry, np.ndarray) else entry) * matrix[:, j]
+    for (i, j), entry in entries:
+        changed[..., i] += entry * by_rows[..., j]
+    return changed
+
+
+def _required(system: ReducedSystem, kind: type[C]) -> C:
+    """Return a capability that the system is known to have."""
+    capability = system.capability(kind)
+    assert capability is not None
+    return capability
+
+
+def _in_all_fields(system: ReducedSystem) -> FieldProduct:
+    return lambda load, _loaded, _fields: system.apply(load)
+
+
+def _approximate_product(system: ReducedSystem) -> FieldProduct:
+    approximate = system.capability(ApproximateApply)
+    return partial(apply_fields, system) if approximate is None else approximate.approximate_apply
+
+
+def _in_frames(inverse: Callable[[Array], Array], term: Term, fields: Sequence[int]) -> Callable[[Array], Array]:
+    """Return an approximate inverse of a body in the frames of the composition."""
+    if term.rotation is None:
+        return inverse
+    return lambda displacement: term.from_body(inverse(term.to_body(displacement, fields, fields)), fields, fields)
+
+
+def _rotated_stencil(term: Term, stencil: Stencil, fields: Sequence[int]) -> Stencil:
+    """Return the stencil of a body at the nodes and in the frames of the composition."""
+    lattice = stencil.lattice if term.nodes is None else np.argsort(term.nodes)[stencil.lattice]
+    if term.rotation is None:
+        return Stencil(lattice, stencil.periodic, stencil.responses)
+    shape = stencil.responses.shape
+    responses = term.rotation.change_blocks(stencil.responses.reshape(-1, *shape[2:])).reshape(shape)
+    others = [field for field in range(term.rotation.n_fields) if field not in fields]
+    responses[..., others, :] = responses[..., others] = 0.0
+    return Stencil(lattice, stencil.periodic, np.ascontiguousarray(responses))
+
+
+def _aligned_stencil(stencil: Stencil, other: Stencil) -> Stencil | None:
+    """Return a stencil on the lattice of another one, reflected where needed; None if that is not possible."""
+    for step in np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]):
+        reflect = slice(None, None, step[0]), slice(None, None, step[1])
+        if stencil.periodic == other.periodic and np.array_equal(stencil.lattice[reflect], other.lattice):
+            return Stencil(other.lattice, other.periodic, stencil.responses[reflect])
+    return None

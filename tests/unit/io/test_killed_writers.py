@@ -1,0 +1,130 @@
+"""Processes that are killed while they write results, at random moments: nothing that was finished is lost."""
+
+import os
+import signal
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meeframe.common.errors import ResultError
+from meeframe.results.files import ResultWriter, read_result
+from meeframe.results.output import INCREMENTS, LOCK_FILE, RESULT_FILE, clear_output, locked
+
+RANDOM = np.random.default_rng(7)
+INCREMENTS_OF_A_RUN = 5
+
+
+def write_for_ever(folder: Path, synthetic, pipe: int) -> None:
+    """Write one run after the other; tell the pipe of each folder cleared and increment finished."""
+    steps = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]
+    while True:
+        os.write(pipe, b"c")
+        clear_output(folder)
+        os.write(pipe, b"s")
+        writer = ResultWriter(folder, synthetic.result(planned=INCREMENTS_OF_A_RUN))
+        for step in steps:
+            writer.append(step)
+            os.write(pipe, b"i")
+        writer.finish(lambda: synthetic.result(*steps))
+        os.write(pipe, b"f")
+
+
+def killed_after(words: int, seconds: float, task) -> bytes:
+    """What a child process has told by when it is killed, so many seconds after so many words."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            task(writing)
+        finally:
+            os._exit(1)
+    os.close(writing)
+    told = b""
+    while len(told) < words:
+        told += os.read(reading, 1)
+    time.sleep(seconds)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    while more := os.read(reading, 65536):
+        told += more
+    os.close(reading)
+    return told
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_run_that_is_killed_keeps_its_finished_increments(tmp_path, synthetic):
+    expected = [synthetic.step(number * 1e-6, increment=number) for number in range(1, INCREMENTS_OF_A_RUN + 1)]
+    found, unfinished = set(), 0
+    for trial in range(30):
+        folder = tmp_path / str(trial)
+        folder.mkdir()
+        words, seconds = RANDOM.integers(1, 2 * INCREMENTS_OF_A_RUN), RANDOM.uniform(0.0, 0.02)
+        told = killed_after(words, seconds, partial(write_for_ever, folder, synthetic))
+        done = told.rpartition(b"s")[2].count(b"i")
+        steps = read_result(folder).steps if (folder / RESULT_FILE).exists() else ()
+        if told[-1:] != b"c":  # it was cleared, or not yet
+            # the last one may be finished and not told of
+            assert len(steps) in (done, min(done + 1, INCREMENTS_OF_A_RUN))
+        for step, whole in zip(steps, expected, strict=False):
+            assert step.increment == whole.increment
+            for name in ("traction", "displacement", "slip", "region", "contact_fraction"):
+                np.testing.assert_array_equal(getattr(step, name), getattr(whole, name))
+            np.testing.assert_array_equal(step.boundary.values, whole.boundary.values)
+        found.add(len(steps))
+        unfinished += (folder / INCREMENTS).exists()
+        clear_output(folder)
+        assert list(folder.iterdir()) == []
+    assert len(found) > 3
+    assert unfinished > 5
+
+
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_a_folder_is_held_while_a_process_lives_and_no_longer(tmp_path):
+    def hold(pipe):
+        with locked(tmp_path / "out"):
+            os.write(pipe, b"h")
+            time.sleep(60.0)
+
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            hold(writing)
+        finally:
+            os._exit(1)
+    os.read(reading, 1)
+    with pytest.raises(ResultError, match="out is in use: another run writes there"), locked(tmp_path / "out"):
+        pass
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK_FILE]
+    with locked(tmp_path / "out"), pytest.raises(ResultError, match="in use"), locked(tmp_path / "out"):
+        pass
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_folder_that_was_made_for_nothing_goes_again(tmp_path):
+    with locked(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir()
+    assert list(tmp_path.iterdir()) == []
+    with locked(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "kept.txt").touch()
+    assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["kept.txt"]
+
+
+def test_increments_are_written_once(tmp_path, synthetic):
+    """A finished increment is not touched again until the run ends."""
+    writer = ResultWriter(tmp_path, synthetic.result(planned=9))
+    written = {}
+    for number in range(1, 10):
+        writer.append(synthetic.step(number * 1e-6, increment=number))
+        there = {path.name: path.stat() for path in (tmp_path / INCREMENTS).iterdir()} | {
+            "result.h5": (tmp_path / "result.h5").stat()
+        }
+        for name, before in written.items():
+            assert (there[name].st_ino, there[name].st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+        written = there
+    assert len(written) == 11

@@ -1,0 +1,298 @@
+"""Runs into a folder: what is written, when it is refused, and what an interruption leaves."""
+
+import json
+import time
+from dataclasses import dataclass, replace
+from functools import wraps
+from itertools import groupby
+
+import h5py
+import numpy as np
+import pytest
+
+import meeframe
+from meeframe.common.errors import CaseError, MeshError, ResultError
+from meeframe.contact.problem import Status
+from meeframe.laws import Signorini
+from meeframe.model.case import Output
+from meeframe.model.load import load_case
+from meeframe.results.files import write_result
+from meeframe.results.output import RESULT_FILE, output_files
+from meeframe.study import run as run_module
+
+TWO_STEPS = '\n[[steps]]\napproach = "20 um"\n'
+
+
+@pytest.fixture
+def case(write_case, registry):
+    return load_case(write_case(more=TWO_STEPS), registry)
+
+
+@pytest.fixture
+def bare(case):
+    """The case without figures, which take most of its time."""
+    return replace(case, output=Output(figures=False, vtu=False))
+
+
+def test_all_files_are_written_and_agree(case, tmp_path):
+    out = tmp_path / "new" / "out"
+    result = meeframe.run(case, out)
+    there = set(output_files()) - {"electric_potential.png", "magnetic_potential.png"}  # springs have no potentials
+    assert {path.name for path in out.iterdir()} == there
+    read = meeframe.read_result(out)
+    assert read.provenance.case_text == case.text
+    np.testing.assert_array_equal(read.steps[1].traction, result.steps[1].traction)
+    assert read.provenance.versions.keys() >= {"meeframe", "meeframe-laws", "numpy", "numba", "python"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "converged"
+    assert summary["timings"].keys() >= {"reading", "springs", "contact", "writing", "figures", "fields", "total"}
+    assert summary["timings"]["total"] == pytest.approx(
+        sum(seconds for stage, seconds in summary["timings"].items() if stage != "total"), rel=1e-3
+    )
+    assert summary["steps"][1]["force"] == pytest.approx(meeframe.resultants(result.zone, result.steps[1]).force)
+
+
+def test_figures_and_fields_can_be_left_out(write_case, registry, tmp_path):
+    case = load_case(write_case(more="\n[output]\nfigures = false\nvtu = false\n"), registry)
+    meeframe.run(case, tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["result.h5", "summary.json"]
+
+
+def test_results_are_replaced_only_when_asked(bare, tmp_path):
+    out = tmp_path / "out"
+    meeframe.run(bare, out)
+    (out / "notes.txt").write_text("mine")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    with pytest.raises(ResultError, match=r"is not empty.*--overwrite.*overwrite=True"):
+        meeframe.run(bare, out)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    meeframe.run(bare, out, overwrite=True)
+    assert (out / "notes.txt").read_text() == "mine"
+    assert (out / "result.h5").read_bytes() != before["result.h5"]
+
+
+def test_output_is_tried_before_anything_is_computed(case, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    stages = []
+    with pytest.raises(ResultError, match="cannot be written"):
+        meeframe.run(case, tmp_path / "file" / "out", progress=lambda stage, _: stages.append(stage))
+    assert stages == ["reading"]
+
+
+def test_a_refused_body_leaves_earlier_results_alone(bare, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    meeframe.run(bare, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+
+    def refuse(*_):
+        raise MeshError("not with me")
+
+    monkeypatch.setattr(type(bare.formulation), "reduce", refuse)
+    with pytest.raises(MeshError):
+        meeframe.run(bare, out, overwrite=True)
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, MemoryError])
+def test_an_interrupted_run_keeps_its_finished_steps(bare, tmp_path, interruption):
+    out = tmp_path / "out"
+    finished = []
+
+    def interrupt(stage, _fraction):
+        finished.append(stage == "writing")
+        if stage == "contact" and sum(finished):
+            raise interruption
+
+    with pytest.raises(interruption) as caught:
+        meeframe.run(bare, out, progress=interrupt)
+    assert caught.value.__notes__ == [f"1 of 2 increments are finished and in {out}"]
+    result = meeframe.read_result(out)
+    assert (str(result.status), len(result.steps), result.planned_steps) == ("unfinished", 1, 2)
+    assert json.loads((out / "summary.json").read_text())["status"] == "unfinished"
+    assert result.steps[0].traction.min() < 0
+
+
+@pytest.mark.parametrize("stage", ["springs", "contact"])
+def test_interrupted_before_the_first_step_nothing_is_written(bare, tmp_path, stage):
+    def interrupt(current, _fraction):
+        if current == stage:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "deep" / "out"
+    with pytest.raises(KeyboardInterrupt) as caught:
+        meeframe.run(bare, out, progress=interrupt)
+    assert caught.value.__notes__ == [f"no increment was finished; nothing was written to {out}"]
+    assert not out.parent.exists()
+
+    meeframe.run(bare, out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    with pytest.raises(KeyboardInterrupt) as caught:
+        meeframe.run(bare, out, overwrite=True, progress=interrupt)
+    assert caught.value.__notes__ == [f"no increment was finished; {out} holds the results of an earlier run as before"]
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_what_a_run_that_failed_leaves_behind_is_told(bare, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    meeframe.run(bare, out)
+    append = run_module.ResultWriter.append
+
+    def fails(writer, step):
+        if len(step.history) and writer.count == failing:
+            raise ResultError("no space left")
+        append(writer, step)
+
+    monkeypatch.setattr(run_module.ResultWriter, "append", fails)
+    for failing, told in enumerate(  # read by `fails`
+        ("the results of an earlier run are gone from", "1 of 2 increments are finished and in")
+    ):
+        with pytest.raises(ResultError, match="no space left") as caught:
+            meeframe.run(bare, out, overwrite=True)
+        assert told in caught.value.__notes__[0]
+        assert (out / RESULT_FILE).exists() == bool(failing)
+
+
+def test_a_body_too_large_for_the_memory_is_bad_input(case, tmp_path, monkeypatch):
+    monkeypatch.setattr(type(case.formulation), "reduce", lambda *_: np.empty(1 << 59))
+    with pytest.raises(CaseError, match="80 elements with 82 nodes need more memory than there is"):
+        meeframe.run(case, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_nothing_is_read_back_that_was_written(case, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("meeframe.results.files.read_result", refuse)
+    monkeypatch.setattr("meeframe.results.files._read", refuse)
+    result = meeframe.run(case, tmp_path / "out")
+    monkeypatch.undo()
+    assert len(meeframe.read_result(tmp_path / "out").steps) == len(result.steps) == 2
+
+
+def test_a_second_run_into_the_same_folder_is_refused_at_its_start(bare, tmp_path):
+    out, stages = tmp_path / "out", []
+
+    def second(stage, _fraction):
+        if stage == "contact" and not stages:
+            with pytest.raises(ResultError, match=r"out is in use: another run writes there"):
+                meeframe.run(bare, out, overwrite=True, progress=lambda stage, _: stages.append(stage))
+
+    assert str(meeframe.run(bare, out, progress=second).status) == "converged"
+    assert stages == ["reading"]
+    assert len(meeframe.read_result(out).steps) == 2
+    assert not (out / ".lock").exists()
+
+
+def test_what_a_killed_run_left_is_an_occupied_folder(bare, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / ".lock").touch()
+    meeframe.run(bare, out)
+    (out / ".lock").touch()
+    with pytest.raises(ResultError, match="is not empty"):
+        meeframe.run(bare, out)
+    meeframe.run(bare, out, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("law", "more", "stored"),
+    [
+        ("", "", {"boundary"}),
+        ('[contact.law]\nname = "isotropic-coulomb"\nmu = 0.3\n', "", {"boundary", "slip", "total_slip", "slip_path"}),
+        ("", '[output]\nfields = ["gap", "pressure"]\n', {"gap", "pressure"}),
+    ],
+    ids=["frictionless", "friction", "asked for"],
+)
+def test_a_result_file_holds_what_the_case_loads_or_asks_for(write_case, registry, tmp_path, law, more, stored):
+    optional = {"boundary", "slip", "total_slip", "slip_path", "gap", "pressure"}
+    case = load_case(write_case(more=f"translation = ['3 um', '0 um']\n{law}{more}"), registry)
+    result = meeframe.run(replace(case, output=replace(case.output, vtu=False, figures=False)), tmp_path / "out")
+    with h5py.File(tmp_path / "out" / RESULT_FILE) as file:
+        assert file["steps/0001"].keys() & optional == stored
+        assert not file["steps/0001"].keys() & {"electric_flux", "magnetic_flux"}
+    (read,) = meeframe.read_result(tmp_path / "out").steps
+    assert result.steps[0].total_slip.any()
+    for name in ("slip", "total_slip", "slip_path"):
+        scale = np.abs(result.steps[0].total_slip).max()
+        np.testing.assert_allclose(getattr(read, name), getattr(result.steps[0], name), rtol=0.0, atol=1e-12 * scale)
+
+
+def test_unknown_fields_are_refused(write_case, registry):
+    with pytest.raises(CaseError, match=r"output\.fields.*'slips'.*allowed: .*slip, total_slip"):
+        load_case(write_case(more='[output]\nfields = ["slips"]\n'), registry)
+    with pytest.raises(CaseError, match=r"fields: 'slips'.*allowed: .*boundary"):
+        Output(fields=("slips",))
+
+
+def test_slips_that_are_not_stored_follow_from_the_increments_before(write_case, registry, tmp_path):
+    """Three increments back and forth, after one that does not converge and counts nothing."""
+    more = """
+[[steps]]
+translation = ["4 um", "1 um"]
+increments = 2
+
+[[steps]]
+translation = ["-2 um", "0 um"]
+twist = 0.001
+"""
+    case = load_case(write_case(more=more), registry)
+    solved = meeframe.solve_case(case)
+    failed = replace(solved.steps[1], status=Status.STALLED, total_slip=solved.steps[1].total_slip)
+    steps = (solved.steps[0], *solved.steps[1:])
+    write_result(tmp_path, replace(solved, steps=steps), {"boundary"})
+    for read, whole in zip(meeframe.read_result(tmp_path).steps, steps, strict=True):
+        for name in ("slip", "total_slip", "slip_path"):
+            np.testing.assert_allclose(getattr(read, name), getattr(whole, name), rtol=0.0, atol=1e-18)
+    write_result(tmp_path, replace(solved, steps=(solved.steps[0], failed, failed)), {"boundary"})
+    read = meeframe.read_result(tmp_path).steps
+    np.testing.assert_allclose(read[2].slip, read[1].slip, rtol=0.0, atol=0.0)
+
+
+def test_a_continued_run_stores_its_slips(write_case, registry, tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    meeframe.run(load_case(write_case(more="translation = ['1 um', '0 um']\n"), registry), first)
+    continued = write_case(more=f"translation = ['3 um', '0 um']\n[output]\nfields = []\n[restart]\nfrom = '{first}'\n")
+    result = meeframe.run(replace(load_case(continued, registry), output=Output(False, False, ())), second)
+    np.testing.assert_array_equal(meeframe.read_result(second).steps[0].slip_path, result.steps[0].slip_path)
+    assert result.steps[0].slip_path.max() > np.abs(result.steps[0].slip).max()
+
+
+def test_times_are_booked_under_what_they_are(case, tmp_path, monkeypatch):
+    """What is slow counts in its own stage: the contact law between two increments, recovery, writing, diagnostics."""
+
+    @dataclass(frozen=True)
+    class Slow(Signorini):
+        def for_increment(self, slip_path, duration):
+            time.sleep(0.1)
+            return self
+
+    slow_writing = slowed(run_module.ResultWriter.append)
+    monkeypatch.setattr(run_module.ResultWriter, "append", slow_writing)
+    reduce = type(case.formulation).reduce
+
+    def slow_recovery(formulation, body, progress):
+        system = reduce(formulation, body, progress)
+        return replace(system, recovery=slowed(system.recovery))
+
+    monkeypatch.setattr(type(case.formulation), "reduce", slow_recovery)
+    monkeypatch.setattr(type(case.formulation), "warnings", slowed(type(case.formulation).warnings))
+    slow = replace(case, contact_law=Slow())
+    stages = []
+    timings = meeframe.run(slow, tmp_path / "out", progress=lambda stage, _: stages.append(stage)).timings
+    least = {"contact": 0.2, "boundary fields": 0.2, "writing": 0.2, "diagnostics": 0.1}
+    assert {stage: seconds for stage, seconds in least.items() if timings[stage] < seconds} == {}
+    first = stages.index("contact")
+    increment = ["contact", "diagnostics", "boundary fields", "diagnostics", "writing"]
+    assert [stage for stage, _ in groupby(stages[first:])] == [*increment, *increment, "figures", "fields", "writing"]
+
+
+def slowed(function):
+    """The function, but it takes 0.1 s more."""
+
+    @wraps(function)
+    def slow(*arguments, **named):
+        time.sleep(0.1)
+        return function(*arguments, **named)
+
+    return slow

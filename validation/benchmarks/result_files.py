@@ -1,0 +1,113 @@
+"""Result files: what it costs to write an increment, early and late in a run, and the size of the file."""
+
+import statistics
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from common import Record, command_line, prose, table
+
+from meeframe.model.load import case_from_tables
+from meeframe.model.solve import solve_case
+from meeframe.results.files import ResultWriter, read_result
+from meeframe.results.records import Result
+from meeframe.results.schema import loaded_fields
+
+TITLE = "Result files"
+EARLY, LATE = (6, 15), (391, 410)
+"""Increments whose costs are compared, from the first to the last of them."""
+NODES = 32
+_FRICTION = {"name": "isotropic-coulomb", "mu": 0.3}
+
+
+def measure(quick: bool) -> Record:
+    """Processor seconds of writing each increment of a history, and bytes of the file, with and without friction."""
+    last = 40 if quick else LATE[1]
+    return {"nodes": NODES, **{name: _written(_solved(law), last) for name, law in _laws().items()}}
+
+
+def _laws() -> dict[str, Mapping[str, object]]:
+    return {"frictionless": {"name": "signorini"}, "friction": _FRICTION}
+
+
+def _solved(law: Mapping[str, object]) -> Result:
+    """A sphere pressed and dragged in two increments on a half space."""
+    return solve_case(
+        case_from_tables(
+            {
+                "formulation": "half-space",
+                "material": {"name": "batio3-cofe2o4"},
+                "mesh": {
+                    "type": "half-space",
+                    "half_width": "8 mm",
+                    "contact_width": "4 mm",
+                    "divisions": NODES - 1,
+                    "rings": 1,
+                },
+                "contact": {"law": dict(law)},
+                "indenter": {"name": "sphere", "radius": "50 mm"},
+                "steps": [{"approach": "20 um"}, {"translation": ["2 um", "1 um"]}],
+            }
+        )
+    )
+
+
+def _written(result: Result, increments: int) -> Record:
+    """Write the increments of a result over and over, as those of a long run."""
+    seconds = []
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        begun = replace(result, steps=(), planned_steps=increments)
+        writer = ResultWriter(folder, begun, loaded_fields(bool(result.steps[-1].traction[:, :2].any())))
+        steps = [replace(result.steps[number % 2], increment=number + 1, boundary=None) for number in range(increments)]
+        for step in steps:
+            start = time.process_time()
+            writer.append(step)
+            seconds.append(time.process_time() - start)
+        start = time.process_time()
+        writer.finish(lambda: replace(begun, steps=tuple(steps)))
+        finished = time.process_time() - start
+        start = time.process_time()
+        assert len(read_result(folder).steps) == increments
+        read = time.process_time() - start
+        size = (folder / "result.h5").stat().st_size
+    return {"seconds": seconds, "finish": finished, "read": read, "bytes": size}
+
+
+def section(record: Record, _pictures: Path) -> str:
+    """The part of the page."""
+    rows = []
+    for name in _laws():
+        found = record[name]
+        seconds = found["seconds"]
+        early = statistics.median(seconds[EARLY[0] - 1 : EARLY[1]])
+        late = statistics.median(seconds[-(LATE[1] - LATE[0] + 1) :])
+        count = len(seconds)
+        rows.append(
+            [
+                name,
+                f"{1e3 * early:.1f}",
+                f"{1e3 * late:.1f}",
+                f"{late / early:.2f}",
+                f"{1e3 * found['finish'] / count:.1f}",
+                f"{1e3 * found['read'] / count:.1f}",
+                f"{found['bytes'] / count / 1e3:.0f}",
+            ]
+        )
+    heads = ("case", "early [ms]", "late [ms]", "late / early", "end [ms]", "read [ms]", "size [kB]")
+    return "\n\n".join(
+        [
+            prose(
+                f"Writing increments on {record['nodes']} x {record['nodes']} nodes, processor time: medians of "
+                f"increments {EARLY[0]} to {EARLY[1]} and of the last {LATE[1] - LATE[0] + 1} of "
+                f"{len(record['friction']['seconds'])}. At the end all are moved into one file. For each increment:"
+            ),
+            table(heads, rows),
+        ]
+    )
+
+
+if __name__ == "__main__":
+    command_line(__doc__, measure, section)
