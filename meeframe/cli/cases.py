@@ -45,12 +45,12 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Validate a case without running it."""
     with console.exit_status():
         with console.loading():
-            from meeframe.mesh import zone_frames
+            from meeframe.mesh import find_contact_zone
             from meeframe.model.load import load_case
 
             checked = load_case(case, console.registry(plugin))
         steps = len(checked.steps)
-        nodes = len(zone_frames(checked.mesh, checked.zone).points)
+        nodes = len(find_contact_zone(checked.mesh, checked.zone).points)
         print(
             f"{case}: ok: material {checked.material.name or 'without a name'}, {checked.mesh.n_elements} elements, "
             f"contact zone {checked.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"

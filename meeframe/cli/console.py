@@ -5,9 +5,11 @@ import gc
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from datetime import timedelta
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Final
@@ -198,17 +200,47 @@ def _compilation(tell: Callable[[str], None]) -> AbstractContextManager[object]:
     return event.install_listener("numba:compile", Told())
 
 
+class _Stopwatch:
+    """Seconds of each stage, which may begin again."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+        self._stage, self._mark = "", time.monotonic()
+
+    def begin(self, stage: str) -> None:
+        """From here on the time belongs to this stage; '': to none."""
+        now = time.monotonic()
+        self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._mark
+        self._stage, self._mark = stage, now
+
+    def seconds(self, stage: str) -> float:
+        """Seconds of a stage so far."""
+        running = time.monotonic() - self._mark if stage == self._stage else 0.0
+        return self._seconds.get(stage, 0.0) + running
+
+
 @contextmanager
 def progress() -> "Iterator[Progress]":
-    """Return a bar for each stage on the terminal, one after the other."""
-    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+    """Show a bar for each stage on the terminal, with the time that it has taken."""
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn
+    from rich.text import Text
 
-    columns = (TextColumn("{task.description:22}", markup=False), BarColumn(), TimeElapsedColumn())
+    watch = _Stopwatch()
+
+    class Spent(ProgressColumn):
+        """The time of a stage; that of rich runs on while other stages do."""
+
+        def render(self, task: Task) -> Text:
+            spent = timedelta(seconds=int(watch.seconds(task.description)))
+            return Text(str(spent), style="progress.elapsed")
+
+    columns = (TextColumn("{task.description:22}", markup=False), BarColumn(), Spent())
     tasks: dict[str, TaskID] = {}
     bars = Progress(*columns, console=Console(stderr=True, markup=False, emoji=False), transient=False)
     with ExitStack() as started:
 
         def show(stage: str, fraction: float) -> None:
+            watch.begin(stage)
             if stage not in tasks:
                 if not tasks:  # bars that have nothing to show leave an empty line
                     started.enter_context(bars)
@@ -219,5 +251,6 @@ def progress() -> "Iterator[Progress]":
             bars.update(tasks[stage], completed=fraction)
 
         yield show
+        watch.begin("")
         for task in tasks.values():
             bars.update(task, completed=1.0)

@@ -183,6 +183,16 @@ def _telling(system: ReducedSystem, loaded: Mask) -> tuple[ReducedSystem, Mask]:
 
 def _uniform_response(system: ReducedSystem, loaded: Mask) -> Array:
     system, loaded = _telling(system, loaded)
+    return _response_of_nodes(system, loaded.tobytes())
+
+
+@memoize_by_identity
+def _response_of_nodes(system: ReducedSystem, loaded_bytes: bytes) -> Array:
+    """Return the largest displacements (fields, fields) under uniform unit loads; loaded_bytes: mask of the nodes.
+
+    Increments under the same normal load ask for those of the same nodes again and again.
+    """
+    loaded = np.frombuffer(loaded_bytes, bool)
     compliance = np.empty((system.n_fields, system.n_fields))
     for field in range(system.n_fields):
         load = np.zeros_like(system.offset)

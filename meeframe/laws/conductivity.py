@@ -1,4 +1,4 @@
-"""Electric and magnetic conductivity of the contact."""
+"""Built-in conductivity laws, electric and magnetic."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final, final
@@ -15,7 +15,7 @@ _CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, 
 @final
 @dataclass(frozen=True)
 class Insulating(ConductivityLaw):
-    """Insulating contact without flux: kappa = 0."""
+    """Insulating contact: kappa = 0, without flux."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return zero, (n,)."""
@@ -25,10 +25,18 @@ class Insulating(ConductivityLaw):
 @final
 @dataclass(frozen=True)
 class StepConductivity(ConductivityLaw):
-    """kappa where there is contact pressure, zero elsewhere (eqs. 17, 18).
+    """Constant conductivity where there is contact pressure, zero elsewhere (eqs. 17, 18).
 
-    kappa: >= 0 [F/m^2 for the electric field, H/m^2 for the magnetic one]; 0 insulates, inf conducts perfectly.
-    Raises CaseError if it is negative or NaN.
+    Attributes
+    ----------
+    kappa : float
+        Conductivity >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
+        perfectly.
+
+    Raises
+    ------
+    CaseError
+        If it is negative or NaN.
     """
 
     kappa: Annotated[float, Quantity(*_CONDUCTANCES, ge=0)]

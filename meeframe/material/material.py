@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import ELECTRIC, MAGNETIC, MEE, Array, FieldScaling, FieldSet, ScalarField
-from meeframe.material.checks import check_elastic, check_electromagnetic, checked_coefficient, checked_tensor
-from meeframe.material.rotation import checked_rotation
+from meeframe.material.checks import check_elastic, check_electromagnetic, validate_coefficient, validate_tensor
+from meeframe.material.rotation import validate_rotation
 from meeframe.material.voigt import coupling_tensor, elastic_tensor
 
 VACUUM_PERMITTIVITY = 8.8541878128e-12
@@ -20,10 +20,14 @@ VACUUM_PERMEABILITY = 1.25663706212e-6
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), in SI units, checked when it is made.
+    """A homogeneous linear magneto-electro-elastic material (eqs. 5-8), in SI units.
+
+    The constants are checked on construction.
 
     Attributes
     ----------
+    name : str
+        Name of the material.
     elastic : Array
         c_ijkl, (3, 3, 3, 3) [Pa].
     piezoelectric : Array
@@ -36,6 +40,8 @@ class Material:
         lambda_kl, (3, 3) [s/m].
     permeability : Array
         mu_kl, (3, 3) [N s^2/C^2].
+    source : str
+        Where the constants come from.
     decoupled : tuple of (ScalarField, Array)
         Further scalar fields, not coupled to the others, each with its coefficient (3, 3) in SI units.
 
@@ -62,10 +68,12 @@ class Material:
 
     def __post_init__(self) -> None:
         for field, symbol in SYMBOLS.items():
-            object.__setattr__(self, field, checked_tensor(self.name, symbol, getattr(self, field)))
+            object.__setattr__(self, field, validate_tensor(self.name, symbol, getattr(self, field)))
         check_elastic(self.name, self.elastic)
         check_electromagnetic(self.name, self.permittivity, self.magnetoelectric, self.permeability)
-        checked = ((field, checked_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled)
+        checked = (
+            (field, validate_coefficient(self.name, field.coefficient, value)) for field, value in self.decoupled
+        )
         object.__setattr__(self, "decoupled", tuple(checked))
 
     @classmethod
@@ -98,12 +106,12 @@ class Material:
         Raises
         ------
         MaterialError
-            As `Material` does.
+            If a shape is wrong, or as for `Material`.
         """
         c, e, q = (np.asarray(matrix, dtype=float) for matrix in (elastic, piezoelectric, piezomagnetic))
         for symbol, matrix, shape in (("c", c, (6, 6)), ("e", e, (3, 6)), ("q", q, (3, 6))):
             if matrix.shape != shape:
-                raise MaterialError(f"material {name!r}: Voigt matrix {symbol} is {matrix.shape}, needs {shape}")
+                raise MaterialError(f"material {name!r}: Voigt matrix {symbol} is {matrix.shape}, must be {shape}")
         tensors = elastic_tensor(c), coupling_tensor(e), coupling_tensor(q)
         eps, lambda_, mu = (np.asarray(matrix, dtype=float) for matrix in (permittivity, magnetoelectric, permeability))
         return cls(name, *tensors, eps, lambda_, mu, source)
@@ -179,20 +187,24 @@ class Material:
 
     @cached_property
     def scaling(self) -> FieldScaling:
-        """Field scaling that suits this material."""
+        """Scaling of the fields that makes the stiffness of order one."""
         return FieldScaling.of(self.stiffness)
 
     def rotated(self, rotation: ArrayLike) -> "Material":
-        """Return the material rotated by a matrix R, (3, 3), whose columns are its axes in the global frame.
+        """Return the rotated material.
 
-        Tensors transform as T'_ij = R_ia R_jb T_ab.
+        Parameters
+        ----------
+        rotation : array_like
+            Proper orthogonal matrix R, (3, 3), whose columns are the axes of the material in the global frame. Tensors
+            transform as T'_ij = R_ia R_jb T_ab.
 
         Raises
         ------
         MaterialError
-            Unless R is proper orthogonal.
+            If R is not proper orthogonal.
         """
-        r = checked_rotation(rotation)
+        r = validate_rotation(rotation)
         return Material(
             self.name,
             np.einsum("ia,jb,kc,ld,abcd->ijkl", r, r, r, r, self.elastic, optimize=True),
@@ -214,7 +226,7 @@ SYMBOLS = {
     "magnetoelectric": "lambda",
     "permeability": "mu",
 }
-"""Fields of `Material` and the symbols of their components in the paper."""
+"""Attributes of `Material` and the symbols of their components in the paper."""
 
 
 def mixture(first: Material, second: Material, fraction: float) -> Material:
@@ -225,7 +237,12 @@ def mixture(first: Material, second: Material, fraction: float) -> Material:
     first, second : Material
         The constituents.
     fraction : float
-        Volume fraction of the first one, in [0, 1].
+        Volume fraction of the first material, in [0, 1].
+
+    Returns
+    -------
+    Material
+        The mixture, with a name and a source composed from those of the constituents.
 
     Raises
     ------

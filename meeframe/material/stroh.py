@@ -1,4 +1,4 @@
-"""Stroh eigenvalues of a medium in planes."""
+"""Stroh eigenvalues of a medium in given planes."""
 
 import numpy as np
 
@@ -20,8 +20,8 @@ def stroh_eigenvalues(forms: Array) -> Array:
 
     Notes
     -----
-    The roots are the eigenvalues of the companion matrix of the quadratic polynomial (eq. 44). Roots of its determinant
-    would lose far more digits where they are multiple.
+    The roots are computed as eigenvalues of the companion matrix of the quadratic matrix polynomial (eq. 44). Multiple
+    roots of its determinant, computed as roots of a polynomial, would lose far more digits.
     """
     size = forms.shape[-1]
     companion = np.zeros((len(forms), 2 * size, 2 * size))

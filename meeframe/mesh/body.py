@@ -1,4 +1,4 @@
-"""The boundary value problem of one body: what a formulation is given."""
+"""The boundary value problem of one body, the input of a formulation."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,11 +12,20 @@ from meeframe.mesh.surface import SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class BoundaryCondition:
-    """One field prescribed on one face group: its value (displacement, potential) or its flux (traction, D.nu, B.nu).
+    """One field prescribed on one face group, by its value or by its flux.
 
-    group: face group; field: column of the field in global axes; kind: what is prescribed; data: SI units, one number
-    or one per point of mesh.group_points(group). Groups and fields without a condition have zero flux. Sign: outward
-    normal.
+    Groups and fields without a condition have zero flux.
+
+    Attributes
+    ----------
+    group : str
+        Name of the face group.
+    field : int
+        Column of the field, in global axes.
+    kind : {'value', 'flux'}
+        Whether the value (displacement, potential) or the flux (traction, D.nu, B.nu, outward normal) is prescribed.
+    data : float or Array
+        One number, or one for each point of mesh.group_points(group), in SI units.
     """
 
     group: str
@@ -29,9 +38,18 @@ class BoundaryCondition:
 class Body:
     """A body, its boundary conditions and its potential contact zone.
 
-    stiffness: extended stiffness C_iJKm, (3, fields, fields, 3) [SI]; contact_group: the face group that may come into
-    contact (None: no contact zone, a plain boundary value problem); fields: names of the columns. No condition may name
-    the contact group.
+    Attributes
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
+    mesh : SurfaceMesh
+        Boundary of the body.
+    conditions : tuple of BoundaryCondition
+        Boundary conditions, none of them on the contact group.
+    contact_group : str or None
+        Face group that may come into contact, None for a boundary value problem without contact.
+    fields : FieldSet
+        Names of the columns.
     """
 
     stiffness: Array
@@ -44,7 +62,12 @@ class Body:
 def check_conditions(body: Body) -> None:
     """Check that conditions are complete, outside the contact zone, and do not repeat each other.
 
-    Raises MeshError for an unknown face group, else CaseError.
+    Raises
+    ------
+    MeshError
+        For an unknown face group.
+    CaseError
+        If a condition is not valid, names the contact zone or repeats another one.
     """
     seen: set[tuple[str, int]] = set()
     for condition in body.conditions:
@@ -52,8 +75,8 @@ def check_conditions(body: Body) -> None:
         if condition.group == body.contact_group:
             others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
             raise CaseError(
-                f"boundary condition on {condition.group!r}: it is the contact zone, whose tractions and fluxes follow "
-                f"from contact; name one of {others}"
+                f"boundary condition on {condition.group!r}: it is the contact zone, where contact determines "
+                f"tractions and fluxes; allowed: {others}"
             )
         key = (condition.group, condition.field)
         if key in seen:
@@ -69,6 +92,8 @@ def _check_condition(condition: BoundaryCondition, n_points: int, n_fields: int)
     if condition.field not in range(n_fields):
         raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {n_fields - 1}")
     if np.shape(condition.data) not in ((), (n_points,)):
-        raise CaseError(f"{name}: data of shape {np.shape(condition.data)}; allowed: one number or ({n_points},)")
+        raise CaseError(
+            f"{name}: data has shape {np.shape(condition.data)}; allowed: one number or shape ({n_points},)"
+        )
     if not np.isfinite(condition.data).all():
-        raise CaseError(f"{name}: its data must be finite numbers")
+        raise CaseError(f"{name}: data must be finite numbers")

@@ -12,7 +12,7 @@ from meeframe.formulations.base import Formulation
 from meeframe.indenters import Placement, initial_gap
 from meeframe.indenters.base import Indenter, motion_modes
 from meeframe.laws.base import ContactLaw
-from meeframe.mesh import FrictionAxes, check_contact_zone, zone_frames
+from meeframe.mesh import FrictionAxes, check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.data import CaseData
@@ -39,9 +39,9 @@ class Case(CaseData):
     load steps, one after the other; potentials: of the indenter from the beginning, by name, such as
     {"electric_potential": 5.0} [V], zero if not given; restart: the state to go on from, with potentials of its own, in
     place of the undeformed body; axes: which way the local axis e1 points, from which a contact law measures its angle,
-    by default as frames_of has it; second_body: the second of two deformable bodies, whose supports and grounds move as
-    the indenter, and whose distance from the first is the indenter's shape; text: the case file, verbatim, kept with
-    the result.
+    by default as local_frames has it; second_body: the second of two deformable bodies, whose supports and grounds
+    move as the indenter, and whose distance from the first is the indenter's shape; text: the case file, verbatim,
+    kept with the result.
 
     Raises MeshError or CaseError, naming what is wrong, if the parts do not fit together: a face group that does not
     exist, a condition on the contact zone, what the formulation refuses (a rigid motion or a potential that nothing
@@ -65,7 +65,7 @@ class Case(CaseData):
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
         check_reach(self.indenter, self.placement, self.mesh, self.zone)
-        place = zone_frames(self.mesh, self.zone)
+        place = find_contact_zone(self.mesh, self.zone)
         gap_of_law(self.contact_law, place.points)
         check_tractions(self.contact_law, len(place.points))
         for channel in self.channels:
@@ -138,7 +138,7 @@ def check_title(title: str) -> None:
 
 def check_reach(indenter: Indenter, placement: Placement, mesh: SurfaceMesh, zone: str) -> None:
     """Raises CaseError unless a part of the indenter lies above the contact zone."""
-    if not np.isfinite(initial_gap(indenter, zone_frames(mesh, zone), placement)).any():
+    if not np.isfinite(initial_gap(indenter, find_contact_zone(mesh, zone), placement)).any():
         raise CaseError(f"no part of the indenter lies above the contact zone {zone!r}")
 
 
@@ -151,7 +151,7 @@ def resistance(
     channels: tuple[FluxChannel, ...],
 ) -> NDArray[np.bool_]:
     """Return which of the indenter's motions the law and the channels of the contact may resist, (motions,)."""
-    place = zone_frames(mesh, zone)
+    place = find_contact_zone(mesh, zone)
     frames, reference = frames_along(place, axes), placement.reference(place.points)
     modes = motion_modes(place.points, frames, placement.base, reference, field_set(channels))
     return resisted(modes, law, channels)

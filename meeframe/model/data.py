@@ -27,7 +27,7 @@ from meeframe.solvers import Auto, StoppingCriteria
 
 @dataclass(frozen=True)
 class Output:
-    """What is written.
+    """Files and fields that a run writes.
 
     Parameters
     ----------

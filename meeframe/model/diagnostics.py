@@ -37,7 +37,7 @@ _OF_RIM: Final = 0.5
 """Times the share of a contact's nodes that are at its rim, to the power 3/2: no less than the error in the area of
 circles six or more spacings across."""
 _NOTICED_ATTRACTION: Final = 1e-3
-"""Of the largest pressure: attraction of less does not matter."""
+"""Fraction of the largest pressure up to which attraction does not matter."""
 _TRIAL_GAPS: Final = np.concatenate([[0.0], np.logspace(-15, 1, 1601)])
 """[m], among which the steepest fall is looked for ..."""
 _GAPS_PER_LOOK: Final = 100

@@ -1,13 +1,14 @@
 """Load histories: what is in force between one converged state and the next."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meeframe.contact.problem import ContactState
-from meeframe.fields import Array
+from meeframe.fields import MECHANICAL, Array
 from meeframe.indenters.base import FORCE_RATIO, IndenterMotions
+from meeframe.laws.base import ContactLaw
 
 Controls = Mapping[str, Array]
 """What is in force, one key for each motion: the motion itself or what is prescribed instead, (1,) or (2,), SI."""
@@ -60,3 +61,24 @@ def ramped(controls: Controls, start: Converged, given: Controls, fraction: floa
     taken = [columns[key] for key in given]
     others = {key: value for key, value in controls.items() if columns[key] not in taken}
     return others | {key: (1.0 - fraction) * start.value(key) + fraction * value for key, value in given.items()}
+
+
+def extrapolate(law: ContactLaw, before: Converged, here: Converged) -> ContactState | None:
+    """Predict the state after another increment of the same size as the last one, as an initial guess for solvers.
+
+    Parameters
+    ----------
+    law
+        Contact law, which makes the predicted tractions admissible.
+    before, here
+        Converged states at the beginning and at the end of the last increment.
+
+    Returns
+    -------
+    Linear continuation of loads and free motions; None if one of the states is the undeformed body.
+    """
+    if before.state is None or here.state is None:
+        return None
+    load = 2.0 * here.state.load - before.state.load
+    load[:, MECHANICAL] = law.project(load[:, MECHANICAL])
+    return replace(here.state, load=load)

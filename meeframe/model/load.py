@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from meeframe.common.errors import CaseError, MeeframeError
-from meeframe.common.toml import check_whole_numbers, read_toml
+from meeframe.common.toml import check_integers, read_toml
 from meeframe.contact.problem import Solver
 from meeframe.fields import MEE, FieldSet
 from meeframe.material import Material, material_from_table
@@ -57,7 +57,7 @@ def case_from_tables(
     Raises TableError (a CaseError) with all problems found.
     """
     try:
-        check_whole_numbers(tables)
+        check_integers(tables)
     except ValueError as error:
         raise TableError(Problem((), str(error))) from None
     registry = replace(registry or plugins.load(), folder=folder)

@@ -13,7 +13,7 @@ from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
 from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.base import conducts
-from meeframe.mesh import check_contact_zone, check_mesh, check_supports, zone_frames
+from meeframe.mesh import check_contact_zone, check_mesh, check_supports, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition, check_conditions
 from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_reach, check_title, resistance
@@ -103,7 +103,7 @@ def _case_checks(
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_reach, table.indenter.named, placement, body.mesh, zone)
-    place, law = zone_frames(body.mesh, zone), table.contact.law
+    place, law = find_contact_zone(body.mesh, zone), table.contact.law
     points = place.points
     yield Problem(("contact", "law"), ""), partial(gap_of_law, law, points)
     yield Problem(("contact", "law"), ""), partial(check_tractions, law, len(points))

@@ -11,7 +11,7 @@ from meeframe.contact.problem import Solver
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
 from meeframe.laws.base import attracts
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
 from meeframe.model.history import ramped
@@ -46,7 +46,7 @@ class RigidSystem(ReducedSystem):
 
 def undeformed(case: CaseData) -> IndenterKinematics:
     """Return the indenter of a case on its undeformed body."""
-    place = zone_frames(case.mesh, case.zone)
+    place = find_contact_zone(case.mesh, case.zone)
     frames, offset = frames_along(place, case.axes), np.zeros((len(place.points), case.fields.size))
     return IndenterKinematics(case, RigidSystem(place.points, frames, place.weights, place.cells, offset))
 
@@ -124,7 +124,7 @@ def _approach(increment: Increment) -> float:
 
 def _beside(case: CaseData) -> str:
     """Return words that say that the lowest point of the indenter lies beside the contact zone; '' if it does not."""
-    points = zone_frames(case.mesh, case.zone).points
+    points = find_contact_zone(case.mesh, case.zone).points
     x, y, _ = case.placement.lowest(points)
     (least_x, least_y), (most_x, most_y) = (end(points @ case.placement.base[:2].T, axis=0) for end in (np.min, np.max))
     if least_x <= x <= most_x and least_y <= y <= most_y:

@@ -8,7 +8,7 @@ from meeframe.fields import FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
-from meeframe.mesh import check_contact_zone, zone_frames
+from meeframe.mesh import check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin.sources import faults_of_plugins
@@ -52,7 +52,7 @@ def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
     """Raises MeshError unless the contact zone of the second body, if there is one, fits that of the first body."""
     if second_body is not None:
-        match_nodes(zone_frames(mesh, zone), zone_frames(second_body.mesh, second_body.zone))
+        match_nodes(find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone))
 
 
 def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:

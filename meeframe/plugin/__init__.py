@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from meeframe.laws.base import augmented_traction as augmented_traction
     from meeframe.laws.base import contact_traction as contact_traction
     from meeframe.laws.base import fixed_point_map as fixed_point_map
-    from meeframe.laws.coulomb import LARGEST_RATIO as LARGEST_RATIO
+    from meeframe.laws.coulomb import MAX_FRICTION_RATIO as MAX_FRICTION_RATIO
     from meeframe.laws.coulomb import IsotropicCoulomb as IsotropicCoulomb
     from meeframe.laws.coulomb import OrthotropicCoulomb as OrthotropicCoulomb
     from meeframe.material.half_space import surface_compliance as surface_compliance
@@ -63,8 +63,8 @@ if TYPE_CHECKING:
     from meeframe.mesh.body import check_conditions as check_conditions
     from meeframe.mesh.surface import SurfaceMesh as SurfaceMesh
     from meeframe.mesh.zone import ContactZone as ContactZone
-    from meeframe.mesh.zone import frames_of as frames_of
-    from meeframe.mesh.zone import zone_frames as zone_frames
+    from meeframe.mesh.zone import find_contact_zone as find_contact_zone
+    from meeframe.mesh.zone import local_frames as local_frames
     from meeframe.plugin.hookspecs import Record as Record
     from meeframe.plugin.hookspecs import hookimpl as hookimpl
     from meeframe.system.capabilities import APPROXIMATE_TOLERANCE as APPROXIMATE_TOLERANCE
@@ -122,7 +122,7 @@ _HOMES = {
     "contact_traction": "meeframe.laws.base",
     "fixed_point_map": "meeframe.laws.base",
     "IsotropicCoulomb": "meeframe.laws.coulomb",
-    "LARGEST_RATIO": "meeframe.laws.coulomb",
+    "MAX_FRICTION_RATIO": "meeframe.laws.coulomb",
     "OrthotropicCoulomb": "meeframe.laws.coulomb",
     # Indenters
     "Indenter": "meeframe.indenters.base",
@@ -151,8 +151,8 @@ _HOMES = {
     "BoundaryCondition": "meeframe.mesh.body",
     "check_conditions": "meeframe.mesh.body",
     "ContactZone": "meeframe.mesh.zone",
-    "zone_frames": "meeframe.mesh.zone",
-    "frames_of": "meeframe.mesh.zone",
+    "find_contact_zone": "meeframe.mesh.zone",
+    "local_frames": "meeframe.mesh.zone",
     "SurfaceMesh": "meeframe.mesh.surface",
     # Reduced systems
     "NodalFields": "meeframe.system.reduced",

@@ -133,7 +133,10 @@ def _name(number: int) -> str:
 
 
 def read_result(folder: str | Path) -> Result:
-    """Return the result in an output folder; raises ResultError if there is none or it cannot be read."""
+    """Return the result in an output folder, of a run that is finished, goes on or was stopped.
+
+    Raises ResultError if there is none or it cannot be read.
+    """
     folder = Path(folder)
     path = folder / RESULT_FILE
     try:
@@ -156,7 +159,7 @@ def read_result(folder: str | Path) -> Result:
 
 
 def _put_head(file: Any, result: Result) -> None:
-    """What is known before the first increment."""
+    """Write what is known before the first increment."""
     file.attrs["format"] = FORMAT
     file.attrs["title"] = result.provenance.title
     file.attrs["case"] = result.provenance.case_text
@@ -170,7 +173,7 @@ def _put_head(file: Any, result: Result) -> None:
 
 
 def _put_end(file: Any, result: Result) -> None:
-    """What is known after the last increment."""
+    """Write what is known after the last increment."""
     file.attrs["status"] = str(result.status)
     file.attrs["timings"] = json.dumps(dict(result.timings))
     file.attrs["peak_memory_mb"] = result.peak_memory_mb
@@ -225,7 +228,7 @@ def _column(array: Array, row: NodalField) -> Array:
 
 
 def _put_fields(group: Any, rows: Sequence[NodalField], values: Mapping[str, Any]) -> None:
-    """Write nodal fields; of those that are zero throughout the name alone."""
+    """Write nodal fields; only the names of those that are zero at all nodes."""
     zero = [row.name for row in rows if not values[row.name].any()]
     group.attrs["zero"] = " ".join(zero)
     _put_all(group, {row.name: row.unit for row in rows if row.name not in zero}, values)
@@ -237,7 +240,7 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 
 
 def _put(group: Any, name: str, values: Any) -> Any:
-    """Return a dataset, compressed if that serves; one chunk for the whole array compresses best."""
+    """Write an array, compressed unless it is small; one chunk for the whole array compresses best."""
     array = np.asarray(values)
     if array.nbytes < _SMALL:
         return group.create_dataset(name, data=array)
@@ -278,7 +281,7 @@ def _read(file: Any) -> Result:
 
 
 def _get_steps(file: Any, zone: Zone) -> Iterator[StepResult]:
-    """Return the finished increments, with slips that the file does not hold."""
+    """Yield the finished increments, with slips that the file does not hold."""
     steps = file["steps"]
     start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
     for name in sorted(steps, key=int):
@@ -383,7 +386,7 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
 
 
 def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
-    """Of n points."""
+    """Return the cells of a group, whose numbers refer to n points."""
     cells = []
     for name in sorted(group["cells"], key=int):
         own = group["cells"][name]

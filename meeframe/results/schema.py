@@ -17,7 +17,7 @@ from meeframe.results.records import Region, StepResult, Zone, resultants
 
 
 class Stored(StrEnum):
-    """When a result file holds a nodal field."""
+    """The condition under which a result file holds a nodal field."""
 
     ALWAYS = "always"
     WITH_FRICTION = "with friction"
@@ -25,7 +25,7 @@ class Stored(StrEnum):
 
 
 class View(StrEnum):
-    """Where a quantity is shown: maps and sections of a run, fields.vtu, studies, sweeps; tables of runs and of
+    """A place that shows quantities: maps and sections of a run, fields.vtu, studies, sweeps, tables of runs and of
     comparisons."""
 
     MAP = "map"
@@ -203,7 +203,7 @@ class BoundaryField:
 
     @property
     def is_scalar(self) -> bool:
-        """Whether it has one column."""
+        """Return whether it has one column."""
         return bool(self.columns.stop - self.columns.start == 1)
 
     @property
@@ -328,7 +328,7 @@ MEASURES: Final = (
     Total("iterations", "1", "iterations", value=lambda _, step: float(step.iterations)),
     Total("residual", "1", "residual", value=lambda _, step: step.residual),
 )
-"""What sweeps gather besides of each increment: the largest slip since the beginning of nodes in contact and the
+"""Further numbers of an increment that sweeps gather: the largest slip since the beginning of nodes in contact and the
 longest way slipped, 1 if the contact reaches the edge of its zone, iterations and residual."""
 
 
@@ -357,6 +357,15 @@ def total_named(name: str) -> Total | None:
     """Return the row of TOTALS, MOTION_TOTALS or MEASURES of this name or with a component of this name, if any."""
     rows = (*TOTALS, *MOTION_TOTALS, *MEASURES)
     return next((row for row in rows if name in (row.name, *row.names)), None)
+
+
+def label_of(name: str) -> str:
+    """Return the words for a total, a component of one or a nodal field; other names with blanks."""
+    field = next((row for row in NODAL_FIELDS if row.name == name), None)
+    row = total_named(name)
+    if row is not None:
+        return row.label if name == row.name else row.labels[row.names.index(name)]
+    return name.replace("_", " ") if field is None else field.label
 
 
 def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldSet = MEE) -> list[Total]:

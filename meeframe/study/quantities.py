@@ -36,7 +36,6 @@ _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 
 
 def largest(quantity: str, zone: Zone, step: StepResult) -> float:
-    """Return what a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top
-    pressure."""
+    """Return the value of largest modulus of a nodal quantity, with sign; of tractions the largest pressure."""
     values = nodal("pressure" if quantity in _TRACTIONS else quantity, zone, step)
     return float(values[np.abs(values).argmax()])

@@ -383,6 +383,7 @@ FLUX = r"the worst condition is '(electric|magnetic) flux'"
 FRICTION = r"the worst condition is '(friction limit|slip)'"
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("solver", "message"),
     [
@@ -441,6 +442,7 @@ def test_an_exact_state_has_converged(problem: ContactProblem) -> None:
     assert (solution.status, solution.residual) == (Status.CONVERGED, 0.0)
 
 
+@pytest.mark.full
 def test_solvers_without_fault_pass() -> None:
     check_solver(Reports(lambda iterate: iterate))
     check_solver(ProjectedCG(), friction=False)

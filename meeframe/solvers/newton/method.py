@@ -143,6 +143,11 @@ class SemismoothNewton(Solver):
         return _iterate(replace(_anew(memory, moved, memory.flips), burst=burst))
 
 
+def estimated_residual(iterate: Iterate) -> float | None:
+    """Return the residual that Newton's equation has at an iterate; None if another solver made the iterate."""
+    return iterate.memory.point.judged if isinstance(iterate.memory, _Memory) else None
+
+
 def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
     """From where to iterate to that merit: see SemismoothNewton.init."""
     n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))

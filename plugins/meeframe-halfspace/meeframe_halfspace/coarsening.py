@@ -1,4 +1,4 @@
-"""Every second node of a grid, and values at all of them; parts of a grid."""
+"""Coarser grids, interpolation from them, and parts of a grid."""
 
 from typing import Final
 
@@ -8,30 +8,30 @@ from numpy.typing import NDArray
 from meeframe.plugin import Array, Indices
 from meeframe_halfspace.grid import Grid
 
-FEWEST: Final = 24
-"""Nodes along an axis of the coarsest grid."""
-STEPS: Final = 64
-"""At which parts of a grid may begin and end along an axis, at every node of smaller ones: more places make parts
-smaller, fewer make them serve more contacts that change a little. Counted from either end, so that parts of turned
-grids are turned parts."""
+MIN_COARSE_NODES: Final = 24
+"""Smallest number of nodes along an axis of the coarsest grid."""
+PART_BOUNDARIES: Final = 64
+"""Number of places along an axis at which parts of a grid may begin or end. More places make parts smaller; fewer make
+them serve more contacts that change a little. They are counted from both ends, so that parts of reflected grids are
+reflected parts."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
-    """The grid of every second node, numbered anew row by row; None if it is too coarse."""
+    """Return the grid of every second node, numbered row by row; None if it is too coarse."""
     size = tuple((n + 1) // 2 for n in grid.size)
-    if min(size) < FEWEST:
+    if min(size) < MIN_COARSE_NODES:
         return None
     spacing = 2.0 * grid.spacing[0], 2.0 * grid.spacing[1]
     return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
 
 
 def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
-    """A part of a grid of that size, numbered anew row by row."""
+    """Return a part of a grid of that size, numbered row by row."""
     return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
 
 
 def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
-    """A part of a grid that holds these nodes (k,), from one of STEPS along each axis to another."""
+    """Return the smallest part of a grid with these nodes (k,) between PART_BOUNDARIES."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
     (placed,) = grid.place(inside)
@@ -40,22 +40,22 @@ def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
 
 
 def _span(held: NDArray[np.bool_], count: int) -> slice:
-    """A part of range(count) that holds those of them, (count,)."""
-    there, step = np.flatnonzero(held), -(-count // STEPS)
+    """Return the smallest part of range(count) with the marked ones, (count,)."""
+    there, step = np.flatnonzero(held), -(-count // PART_BOUNDARIES)
     return slice(there[0] // step * step, count - (count - 1 - there[-1]) // step * step)
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:
-    """Quadrilaterals between the nodes of a grid."""
+    """Return the quadrilaterals between the nodes of a grid."""
     nodes = grid.nodes
     corners = nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]
     return (("quad", np.stack([corner.ravel() for corner in corners], axis=1)),)
 
 
 def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
-    """Values (k, cx, cy) at every second node of a grid of that size, at all of its nodes, (k, nx, ny).
+    """Return values (k, nx, ny) at all nodes of a grid from values (k, cx, cy) at every second node.
 
-    Beyond the border they fall to zero in one of their spacings, unless the grid repeats itself.
+    Beyond the border values fall to zero in one of their spacings, unless the grid repeats itself.
     """
     fine = np.empty((len(values), *size))
     fine[:, ::2, ::2] = values
@@ -65,7 +65,7 @@ def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
 
 
 def _between(values: Array, periodic: bool) -> Array:
-    """Means of values (k, m, l) and the next ones along the second axis; zero is beyond the last unless periodic."""
+    """Return means of values (k, m, l) and the next ones along the second axis, zeros after the last or periodic."""
     means = 0.5 * values
     means[:, :-1] += 0.5 * values[:, 1:]
     if periodic:

@@ -103,13 +103,22 @@ class _Product:
 @final
 @dataclass(frozen=True, eq=False)
 class Convolution:
-    """response = scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
+    """A convolution scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
 
-    symbol: its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
-    (meeframe_halfspace.response); scale: (fields, fields), of the response in each field to a load in each.
-    Padded with zeros to twice its size, the grid stands free. rough: the same to a few digits where that takes less
-    time, else None.
+    Attributes
+    ----------
+    symbol
+        Its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
+        (meeframe_halfspace.response).
+    size, padded
+        Padded with zeros to twice its size, the grid stands free.
+    scale
+        (fields, fields) factors of the response in each field to a load in each field.
+    approximate
+        The same convolution to a few digits where that takes less time, else None.
 
+    Notes
+    -----
     Loads are transformed along the first axis some columns at a time; along the second one, multiplied and transformed
     back some rows of the spectrum at a time.
     """
@@ -118,7 +127,7 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
-    rough: "TwoGrids | None" = None
+    approximate: "TwoGrids | None" = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -126,13 +135,13 @@ class Convolution:
 
     @property
     def periodic(self) -> bool:
-        """Whether the grid repeats itself."""
+        """True if the grid repeats itself."""
         return self.size == self.padded
 
     def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """In k fields alone, (k, nx, ny), to the loads (l, nx, ny) of l fields; one transform for each of both.
+        """Return the response (k, nx, ny) in k fields to loads (l, nx, ny) in l fields, with k + l transforms.
 
-        In single precision if the load is. Raises ValueError unless there is a load for each loaded field.
+        It is in single precision if the load is. Raises ValueError unless there is a load for each loaded field.
         """
         if len(load) != len(loaded):
             raise ValueError(f"loads of {len(load)} fields are given for the {len(loaded)} fields {list(loaded)}")

@@ -1,4 +1,4 @@
-"""The edge of a contact below the spacing of the grid: nodes there stand for the part of their area that is covered.
+"""Contact edges between the nodes of a grid: nodes near the edge represent the part of their area in contact.
 
 Densities that are singular like 1/sqrt(d) at the edge, as charges under prescribed potentials or the pressure of a
 punch, are of first order in the spacing if the edge is where the nodes say: it then lies 0.39 spacings beyond the
@@ -19,27 +19,32 @@ from meeframe_halfspace.outline import find_outline, fourfold
 from meeframe_halfspace.response import series_blocks
 from meeframe_halfspace.strip import edge_limits, edge_response
 
-MEAN_OFF: Final = 0.005
-"""Edges along the axes of the grid are exact; by the capacity of discs round ones are so many spacings too far out."""
-OF_THE_RIM: Final = 1.5
-"""So many spacings from where the indenter ends the edge is there."""
-TOWARDS: Final = 0.5
-"""Cosine to the direction across the rim above which a pressure fades towards it."""
+MEAN_OFFSET: Final = 0.005
+"""Offset [spacings] by which round edges are too far out (capacity of discs); edges along the axes are exact."""
+MAX_EDGE_DISTANCE: Final = 1.5
+"""Largest distance [spacings] from the indenter's edge at which it may be the contact edge."""
+MIN_FADING_COSINE: Final = 0.5
+"""Smallest cosine between the outward directions for a pressure that fades towards the indenter's edge."""
 
 
 def resolved_edges(
-    grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: IndenterEdge | None, periodic: bool = False
+    grid: Grid,
+    waves: Array,
+    scaling: Array,
+    pressure: Array,
+    indenter_edge: IndenterEdge | None,
+    periodic: bool = False,
 ) -> EdgeCorrection:
     """Return the correction for a contact edge between the nodes; see `EdgeResolution.edge_correction`.
 
     waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries.
     """
     distance, outward = _outline(grid, pressure, periodic)
-    if rim is not None:
-        _enter_rim(grid, rim, pressure, distance, outward, periodic)
+    if indenter_edge is not None:
+        _enter_indenter_edge(grid, indenter_edge, pressure, distance, outward, periodic)
     at = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
-    place = distance[at] - MEAN_OFF * (1.0 - fourfold(outward[at]))
+    place = distance[at] - MEAN_OFFSET * (1.0 - fourfold(outward[at]))
     area_fraction = (pressure > 0.0).astype(float)
     # on average over nodes as large as the contact
     area_fraction[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
@@ -52,7 +57,7 @@ def resolved_edges(
 
 
 def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]:
-    """Distance (n,) of nodes from the edge in spacings across it, NaN if it is far, and its direction (n, 2) [1]."""
+    """Return distances (n,) from the edge in spacings across it, NaN far away, and outward directions (n, 2)."""
     outline = find_outline(pressure[grid.nodes], periodic)
     numbers = grid.nodes[outline.nodes[:, 0], outline.nodes[:, 1]]
     distance, outward = np.full(len(pressure), np.nan), np.zeros((len(pressure), 2))
@@ -62,24 +67,26 @@ def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]
     return distance, outward
 
 
-def _enter_rim(grid: Grid, rim: IndenterEdge, pressure: Array, distance: Array, outward: Array, periodic: bool) -> None:
-    """Enter the distance of nodes from the rim where the contact ends there.
+def _enter_indenter_edge(
+    grid: Grid, indenter_edge: IndenterEdge, pressure: Array, distance: Array, outward: Array, periodic: bool
+) -> None:
+    """Enter the distance of nodes from the indenter's edge where the contact ends there.
 
-    It ends before where the pressure fades before; a pressure that is singular at the rim rises towards it.
+    It ends before where the pressure fades before; a pressure that is singular at the edge rises towards it.
     """
-    places = rim.distance / _spacing(grid, rim.outward)
+    places = indenter_edge.distance / _spacing(grid, indenter_edge.outward)
     pressed = pressure > 0.0
-    outermost = pressed & (places < 1.0)  # no other node lies between them and the rim
+    outermost = pressed & (places < 1.0)  # no other node lies between them and the edge
     beside = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
     around = scipy.ndimage.binary_dilation(beside, np.ones((3, 3), bool))[1:-1, 1:-1]
     near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
-    fades = (np.einsum("na,na->n", outward, rim.outward) > TOWARDS) & (distance < places)
+    fades = (np.einsum("na,na->n", outward, indenter_edge.outward) > MIN_FADING_COSINE) & (distance < places)
     # nodes under the indenter without pressure have their edge elsewhere
-    here = near & (np.abs(places) < OF_THE_RIM) & (pressed | (places < 0.0)) & ~fades
-    distance[here], outward[here] = places[here], rim.outward[here]
+    here = near & (np.abs(places) < MAX_EDGE_DISTANCE) & (pressed | (places < 0.0)) & ~fades
+    distance[here], outward[here] = places[here], indenter_edge.outward[here]
 
 
 def _spacing(grid: Grid, outward: Array) -> Array:
-    """Spacing of the nodes in directions (n, 2), (n,) [m]: along e1 and e2 that of the grid."""
+    """Return the spacing (n,) [m] of the nodes in directions (n, 2)."""
     spacing: Array = np.hypot(*(outward * np.array(grid.spacing)).T)
     return np.where(spacing > 0.0, spacing, 1.0)

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, frames_of
+from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, local_frames
 
 FLAT: Final = 1e-6
 """By so much, as a part of the zone, may nodes be off the plane."""
@@ -22,7 +22,7 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Contact zone of a face group, its points and frame those of meeframe.mesh.zone_frames.
+    """Contact zone of a face group, its points and frame those of meeframe.mesh.find_contact_zone.
 
     Raises MeshError if there is no such group, it has no elements, or it is not flat.
     """
@@ -39,7 +39,7 @@ def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
     cells = tuple((element.meshio_type, places[nodes]) for element, nodes in chosen)
     first, second, third = points[cells[0][1][0, :3]]
     normal = np.cross(second - first, third - first)
-    frame = frames_of(normal[None] / np.linalg.norm(normal))[0]
+    frame = local_frames(normal[None] / np.linalg.norm(normal))[0]
     along, across, level = frame @ points.T
     depth = float(np.ptp(level))
     if depth > FLAT * max(float(np.ptp(along)), float(np.ptp(across))):

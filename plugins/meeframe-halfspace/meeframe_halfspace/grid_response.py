@@ -1,4 +1,4 @@
-"""Response of a grid, free or periodic, to the density around one of its nodes: entries of its transform on demand."""
+"""Responses of free and periodic grids to the density around one node; transforms are made on demand."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 @dataclass(frozen=True, eq=False)
 class GridResponse(ABC):
-    """Of a half space on a grid of `size` nodes `spacing` [m] apart, in scaled fields."""
+    """The response of a half space on a grid of `size` nodes, `spacing` [m] apart, in scaled fields."""
 
     response: PointResponse
     spacing: tuple[float, float]
@@ -31,11 +31,11 @@ class GridResponse(ABC):
     @property
     @abstractmethod
     def padded(self) -> tuple[int, int]:
-        """Nodes of the periodic grid that the symbol belongs to."""
+        """Size of the periodic grid to which the symbol belongs."""
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Those of these entries that are not zero: see Symbol, with the parities of the response."""
+        """Yield the nonzero ones of some of the entries, see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
@@ -43,25 +43,33 @@ class GridResponse(ABC):
         """Response (entries,) of a node to the density around it."""
 
     @abstractmethod
-    def coarser(self) -> "GridResponse | None":
-        """Of the same half space on a grid of every second node; None if that does not fit."""
+    def coarsen(self) -> "GridResponse | None":
+        """Return the response on a grid of every second node; None if that does not fit."""
 
     @abstractmethod
-    def within(self, size: tuple[int, int]) -> "GridResponse | None":
-        """Of the same half space on a part of the grid of that size; None if no part has its own response."""
+    def restrict(self, size: tuple[int, int]) -> "GridResponse | None":
+        """Return the response on a part of the grid of that size; None if parts have no response of their own."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class FreeGrid(GridResponse):
-    """The grid stands free. shape: of the density around a node; near: all entries near it, None if not known."""
+    """The response of a free grid.
+
+    Attributes
+    ----------
+    shape
+        Shape of the density around a node.
+    near
+        All entries near the node, None if not known.
+    """
 
     shape: Shape
     near: Array | None = None
 
     @property
     def padded(self) -> tuple[int, int]:
-        """See GridResponse: twice as many nodes, or a few more; an even number of them, for `wave_inverse`."""
+        """An even size, at least twice that of the grid, for `wave_inverse`."""
         px, py = (2 * int(scipy.fft.next_fast_len(n, real=True)) for n in self.size)
         return px, py
 
@@ -73,8 +81,7 @@ class FreeGrid(GridResponse):
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Those of these entries of the response that are not zero, (nx, 2 ny - 1) or (nx, ny): see
-        far_tables, but right everywhere."""
+        """Yield the nonzero ones of some of the entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
             reach = near.shape[1] // 2
@@ -85,7 +92,7 @@ class FreeGrid(GridResponse):
             yield number, table
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """See GridResponse. By integration over the density around the node, exact but for round-off."""
+        """Yield entries by integration over the density around the node, exact to round-off."""
         for number, table in self.tables(numbers):
             table = table.astype(precision, copy=False)
             yield number, free_symbol(table, self.response, number, self.padded)
@@ -97,17 +104,17 @@ class FreeGrid(GridResponse):
         values[self.response.layout.n_symmetric :] = 0.0  # an odd function at zero
         return values
 
-    def coarser(self) -> "FreeGrid":
-        """See GridResponse. The response falls like 1/r: as many spacings away it is twice that of the finer grid."""
+    def coarsen(self) -> "FreeGrid":
+        """Return the coarser grid; as of 1/r, the response at as many spacings is twice that of the finer one."""
         spacing, size = _doubled(self.spacing), _halved(self.size)
         return replace(self, spacing=spacing, size=size, near=2.0 * self._nearer(near_size(spacing, size)))
 
-    def within(self, size: tuple[int, int]) -> "FreeGrid":
-        """See GridResponse. As if the nodes around the part were not there."""
+    def restrict(self, size: tuple[int, int]) -> "FreeGrid":
+        """Return the response without the nodes around the part."""
         return replace(self, size=size, near=self._nearer(near_size(self.spacing, size)))
 
     def _nearer(self, size: tuple[int, int]) -> Array:
-        """All entries still nearer to the node, on a grid of that size."""
+        """Return the entries near the node on a grid of that size."""
         (nx, ny), middle = size, self._near.shape[2] // 2
         return self._near[:, :nx, middle - ny + 1 : middle + ny]
 
@@ -115,11 +122,11 @@ class FreeGrid(GridResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class PeriodicGrid(GridResponse):
-    """The surface repeats itself after `size` nodes.
+    """The response of a surface that repeats itself after `size` nodes.
 
-    A wave q answers with Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric. Waves
-    shorter than the grid resolves are left out. The mean load has no finite response: here it answers as a wave as long
-    as the period, averaged over all directions. That says from which plane displacements and potentials count, and
+    The response to a wave q is Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric.
+    Waves shorter than the grid resolves are left out. The mean load has no finite response; here it is that to a wave
+    as long as the period, averaged over all directions. This defines the plane from which displacements count, and
     keeps the compliance positive definite.
     """
 
@@ -127,11 +134,11 @@ class PeriodicGrid(GridResponse):
 
     @property
     def padded(self) -> tuple[int, int]:
-        """See GridResponse: the same."""
+        """The size of the grid."""
         return self.size
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """See GridResponse. No integrals are needed."""
+        """Yield entries from the series of the surface compliance."""
         for number in numbers:
             entry = self._entry(number)
             if entry is not None:
@@ -175,14 +182,14 @@ class PeriodicGrid(GridResponse):
             values[number] = twice @ whole.sum(axis=1) / (nx * ny)
         return values
 
-    def coarser(self) -> "PeriodicGrid | None":
-        """See GridResponse: there must be an even number of nodes."""
+    def coarsen(self) -> "PeriodicGrid | None":
+        """Return the coarser grid; None unless numbers of nodes are even."""
         if any(n % 2 for n in self.size):
             return None
         return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
 
-    def within(self, size: tuple[int, int]) -> None:
-        """See GridResponse: what repeats itself with the whole does not with a part."""
+    def restrict(self, size: tuple[int, int]) -> None:
+        """Return None: parts of a period do not repeat themselves."""
         return
 
 

@@ -23,7 +23,7 @@ from meeframe.plugin import (
     FieldScaling,
     Indices,
     MaterialError,
-    frames_of,
+    local_frames,
     surface_compliance,
 )
 from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_layout
@@ -151,7 +151,7 @@ def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -
     of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
     """
     nu = np.asarray(normal, float) / np.linalg.norm(normal)
-    response = PointResponse.of(stiffness, frames_of(nu[None])[0])
+    response = PointResponse.of(stiffness, local_frames(nu[None])[0])
     mean = response.even[0, 0, response.layout.real[NORMAL, NORMAL]]
     return float(1.0 / (np.pi * mean * response.factors[NORMAL] ** 2))
 

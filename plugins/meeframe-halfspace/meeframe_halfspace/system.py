@@ -90,7 +90,7 @@ class HalfSpaceSystem(
         on periodic grids, and edge resolution unless it is switched on.
         """
         absent: dict[type, bool] = {
-            ApproximateApply: self.convolution.rough is None,
+            ApproximateApply: self.convolution.approximate is None,
             Multigrid: kind is Multigrid and self._coarsening is None,
             Restriction: self.convolution.periodic,
             EdgeResolution: self.edge_waves is None,
@@ -112,7 +112,7 @@ class HalfSpaceSystem(
 
     def approximate_apply(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement with far responses on a coarser grid."""
-        return self._response(load.T, loaded, fields, self.convolution.rough)
+        return self._response(load.T, loaded, fields, self.convolution.approximate)
 
     def _response(
         self, load: Array, loaded: Sequence[int], fields: Sequence[int], approximate: TwoGrids | None = None
@@ -197,7 +197,7 @@ class HalfSpaceSystem(
         """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
         if min(self.grid.size) <= 2 * radius:
             return None
-        part = self.grid_response.within((2 * radius + 1, 2 * radius + 1))
+        part = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
         convolution = self.convolution if part is None else convolution_of(part)
         middle, load = [n // 2 for n in convolution.size], np.zeros((1, *convolution.size), np.float32)
         load[0, *middle] = 1.0
@@ -216,7 +216,7 @@ class HalfSpaceSystem(
 
     @cached_property
     def _coarsening(self) -> Coarsening | None:
-        grid, response = coarse_grid(self.grid), self.grid_response.coarser()
+        grid, response = coarse_grid(self.grid), self.grid_response.coarsen()
         if grid is None or response is None:
             return None
         nodes = self.grid.nodes[::2, ::2].ravel()
@@ -251,7 +251,7 @@ class HalfSpaceSystem(
         others = [response for response in self._parts if response[1].size != size]
         known = [response for response in self._parts if response[1].size == size]
         if not known:
-            response = self.grid_response.within(size)
+            response = self.grid_response.restrict(size)
             if response is None:
                 return None
             known = [(response, convolution_of(response))]

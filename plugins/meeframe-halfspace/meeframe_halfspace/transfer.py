@@ -31,8 +31,8 @@ def coarse_count(count: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def add_gathered(fine, weights, coarse):
-    """coarse (c, m) += what `add_scattered` takes from it, transposed, of fine (n, m)."""
+def add_restricted(fine, weights, coarse):
+    """coarse (c, m) += what `add_interpolated` takes from it, transposed, of fine (n, m)."""
     for i in range(len(fine)):
         step, first = i % len(weights), i // len(weights)
         for tap in range(weights.shape[1]):
@@ -41,7 +41,7 @@ def add_gathered(fine, weights, coarse):
 
 
 @njit(cache=True, nogil=True)
-def add_scattered(coarse, weights, fine):
+def add_interpolated(coarse, weights, fine):
     """fine (n, m) += coarse (c, m) between its nodes, along the first axis."""
     for i in range(len(fine)):
         step, first = i % len(weights), i // len(weights)

@@ -1,9 +1,9 @@
-"""A convolution on a free grid to a few digits: what is near on the grid itself, the rest on a coarser one.
+"""Approximate convolutions on a free grid: near responses on the grid itself, far ones on a coarser grid.
 
-The response K(theta)/r is cut in two by a factor that falls smoothly from one to zero within a reach. What is near a
-node needs no more room beside the grid than that, instead of as much again as the grid is wide; the rest is smooth, so
-that every HOP-th node tells it (meeframe_halfspace.reach): loads are gathered there by the transpose of the
-interpolation that takes its response back. In single precision.
+A factor that falls smoothly from one to zero within a cut-off radius splits the response K(theta)/r into two parts. The
+near part needs padding by this radius only, instead of the width of the grid. The far part is smooth, so that every
+HOP-th node represents it (meeframe_halfspace.reach); the transpose of the interpolation of its response restricts the
+loads. All in single precision.
 Source: Ewald, Ann. Phys. 369 (1921) 253, on sums of 1/r by a near and a smooth part.
 """
 
@@ -21,34 +21,37 @@ from meeframe_halfspace.cells import far_tables
 from meeframe_halfspace.convolution import Convolution, Symbol
 from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol
 from meeframe_halfspace.reach import LEAST, nearness, reach
-from meeframe_halfspace.transfer import HOP, WEIGHTS, add_gathered, add_scattered, coarse_count
+from meeframe_halfspace.transfer import HOP, WEIGHTS, add_interpolated, add_restricted, coarse_count
 
 SINGLE: Final = np.dtype(np.float32)
-WORTH: Final = 0.6
-"""Of the nodes of the padded grid at most: with more, two grids hardly take less time."""
+MAX_PADDED: Final = 0.6
+"""Largest padded near grid, as a fraction of the padded full grid, for which two grids take less time."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class TwoGrids:
-    """near: on the grid; far: on the coarse one."""
+    """Two convolutions: `near` on the grid, `far` on the coarse one."""
 
     near: Convolution
     far: Convolution
 
     def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """See Convolution.response, but roughly and in single precision."""
+        """Return Convolution.response to about four digits, in single precision."""
         load = load.astype(SINGLE, copy=False)
         answer = self.near.response(load, loaded, fields)
-        _add_between(self.far.response(_gathered(load), loaded, fields), answer)
+        _add_interpolated(self.far.response(_restricted(load), loaded, fields), answer)
         return answer
 
 
 def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
-    """Of a grid's response; scale: (5, 5), see Convolution. None if it would not take less time."""
+    """Return the two convolutions of a grid's response, None if they would not take less time.
+
+    scale: (5, 5), see Convolution.
+    """
     if not isinstance(response, FreeGrid):
         return None
-    most = WORTH * prod(response.padded)
+    most = MAX_PADDED * prod(response.padded)
     if prod(_padded(response, LEAST * max(response.spacing))) > most:
         return None
     widest = max(n * h for n, h in zip(response.size, response.spacing, strict=True))
@@ -65,7 +68,7 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
-    """The response of a free grid in two parts, near on a grid of `padded` nodes, far on one of `coarse_padded`."""
+    """A free grid's response in two parts, near on a grid of `padded` nodes, far on one of `coarse_padded`."""
 
     response: FreeGrid
     padded: tuple[int, int]
@@ -74,7 +77,7 @@ class _Cut:
 
     @cached_property
     def _rows(self) -> tuple[int, int]:
-        """Nodes without a load that are between one end of the grid and the other."""
+        """Number of padding nodes along each axis."""
         (nx, ny), (px, py) = self.response.size, self.padded
         return px - nx, py - ny
 
@@ -85,7 +88,7 @@ class _Cut:
     @cached_property
     def _inner(self) -> FreeGrid:
         nx, ny = (min(n, rows) for n, rows in zip(self.response.size, self._rows, strict=True))
-        return self.response.within((nx, ny))
+        return self.response.restrict((nx, ny))
 
     @cached_property
     def _nearness(self) -> Array:
@@ -97,12 +100,12 @@ class _Cut:
         return 1.0 - nearness(self.coarse, (HOP * hx, HOP * hy), self._reach)
 
     def near(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterator[tuple[int, Array]]:
-        """Entries of the symbol, see GridResponse.symbol."""
+        """Yield entries of the symbol, see GridResponse.symbol."""
         for number, table in self._inner.tables(numbers):
             yield number, self._symbol(number, table, self._nearness, self.padded, precision)
 
     def far(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterator[tuple[int, Array]]:
-        """Entries of the symbol of the coarse grid, see GridResponse.symbol."""
+        """Yield entries of the symbol of the coarse grid, see GridResponse.symbol."""
         whole, known = self.response, dict(self._inner.tables(numbers))
         for number, table in far_tables(whole.response, whole.spacing, whole.shape, self.coarse, numbers, HOP):
             near = known[number]
@@ -119,31 +122,31 @@ class _Cut:
         return free_symbol(part, self.response.response, number, padded)
 
 
-def _gathered(fine: Array) -> Array:
-    """What `_add_between` takes from loads, transposed: (k, cx, cy) of fine (k, nx, ny)."""
+def _restricted(fine: Array) -> Array:
+    """Return the transposed interpolation of loads, (k, cx, cy) from (k, nx, ny)."""
     return np.array([_along_first(_along_first(part).T).T for part in fine])
 
 
 def _along_first(fine: Array) -> Array:
     coarse = np.zeros((coarse_count(len(fine)), fine.shape[1]), fine.dtype)
-    add_gathered(np.ascontiguousarray(fine), WEIGHTS, coarse)
+    add_restricted(np.ascontiguousarray(fine), WEIGHTS, coarse)
     return coarse
 
 
-def _add_between(coarse: Array, fine: Array) -> None:
-    """fine (k, nx, ny) += what is between nodes of coarse (k, cx, cy)."""
+def _add_interpolated(coarse: Array, fine: Array) -> None:
+    """Add the interpolation of values (k, cx, cy) of the coarse grid to fine (k, nx, ny)."""
     for few, many in zip(coarse, fine, strict=True):
         across = np.zeros((many.shape[1], len(few)), many.dtype)
-        add_scattered(np.ascontiguousarray(few.T), WEIGHTS, across)
-        add_scattered(np.ascontiguousarray(across.T), WEIGHTS, many)
+        add_interpolated(np.ascontiguousarray(few.T), WEIGHTS, across)
+        add_interpolated(np.ascontiguousarray(across.T), WEIGHTS, many)
 
 
 def _padded(response: FreeGrid, reach: float) -> tuple[int, int]:
-    """Nodes of the grid with as many beside it as are within reach [m]."""
+    """Return the size of the grid padded by a cut-off radius [m]."""
     px, py = (_fast(n + ceil(reach / h)) for n, h in zip(response.size, response.spacing, strict=True))
     return px, py
 
 
 def _fast(count: int) -> int:
-    """An even number of nodes, at least so many, with fast transforms."""
+    """Return the next larger even number with fast transforms."""
     return 2 * int(scipy.fft.next_fast_len((count + 1) // 2, real=True))

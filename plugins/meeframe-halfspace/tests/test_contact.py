@@ -157,6 +157,7 @@ def test_turned_friction_axes_change_nothing_of_isotropic_friction():
         np.testing.assert_allclose(turned, plain, atol=1e-6 * np.abs(plain).max())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("limit", [0, 1200])
 def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
     """Opposite bodies of like material: tangential displacements match by symmetry, P = 4/3 (E*/2) sqrt(R) g^1.5."""

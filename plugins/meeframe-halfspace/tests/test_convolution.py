@@ -95,6 +95,7 @@ def summed(kernel: Array, load: Array, loaded: tuple[int, ...], fields: tuple[in
     return found
 
 
+@pytest.mark.full(except_for=10)
 @pytest.mark.parametrize("kind", [free, straight, periodic])
 @pytest.mark.parametrize("size", SIZES)
 def test_products_are_sums_over_nodes(kind, size, threads) -> None:
@@ -199,6 +200,7 @@ def whole(made: Convolution) -> Convolution:
     return replace(made, symbol=Symbol.of(np.array(entries), symbol.numbers, None))
 
 
+@pytest.mark.full(except_for=15)
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
 @pytest.mark.parametrize("size", SIZES)

@@ -9,9 +9,9 @@ from numba import njit
 
 from meeframe.plugin.boundary_elements import (
     BUFFER_TOO_SMALL,
+    element_rule,
     map_rule,
-    most_points,
-    pair_rule,
+    max_points_per_direction,
     rectangular_rule,
     required_orders,
     shape_degree,
@@ -19,12 +19,12 @@ from meeframe.plugin.boundary_elements import (
 
 
 class Elements(NamedTuple):
-    """Elements of one kind: nodes (e, k, 3); centres (e, 3), sizes (e, 2), least_orders (e,) as in ElementExtents."""
+    """Elements of one kind: nodes (e, k, 3); centres (e, 3), sizes (e, 2), min_orders (e,) as in ElementExtents."""
 
     nodes: np.ndarray
     centres: np.ndarray
     sizes: np.ndarray
-    least_orders: np.ndarray
+    min_orders: np.ndarray
 
 
 class Points(NamedTuple):
@@ -88,7 +88,7 @@ class Rows(NamedTuple):
 @njit(cache=True, nogil=True)
 def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
     """Orders (n, 2) of tensor rules that serve elements (n,) seen from anywhere in a box (2, 3); 0 where none does."""
-    limit, degree = most_points(accuracy.tolerance, gauss), shape_degree(table)
+    limit, degree = max_points_per_direction(accuracy.tolerance, gauss), shape_degree(table)
     for i in range(len(numbers)):
         element = numbers[i]
         square = 0.0
@@ -98,7 +98,7 @@ def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
             square += gap * gap
         size_xi, size_eta = elements.sizes[element]
         xi, eta = required_orders(sqrt(square), size_xi, size_eta, degree, accuracy.tolerance, accuracy.anisotropy)
-        xi, eta = max(xi, elements.least_orders[element]), max(eta, elements.least_orders[element])
+        xi, eta = max(xi, elements.min_orders[element]), max(eta, elements.min_orders[element])
         if table.triangle:
             xi = eta = max(xi, eta)
         if xi > limit or eta > limit:
@@ -111,7 +111,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
     """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones where 0.
 
     places: (n, 2) reference coordinates of the source in an element that holds it, else NaN. Returns the number of
-    points, or a negative code of pair_rule.
+    points, or a negative code of element_rule.
     """
     count = 0
     for i in range(len(numbers)):
@@ -124,7 +124,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
             rectangular_rule(orders[i, 0], orders[i, 1], table.triangle, gauss, reference, weights)
         else:
             tolerance, anisotropy = accuracy.tolerance, accuracy.anisotropy
-            n = pair_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
+            n = element_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
             if n < 0:
                 return n
         rows = slice(count, count + n)

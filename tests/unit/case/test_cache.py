@@ -14,7 +14,7 @@ from meeframe.greens import LineIntegral, Tabulated
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.material import library_material
-from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, find_contact_zone
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.mesh.surface import ElementBlock
 from meeframe.model import cache, solve
@@ -253,7 +253,7 @@ class Keeping(WithoutMatrix, PersistentFormulation):
     def from_arrays(self, body, arrays):
         if arrays["whole"].shape != (3,):
             raise ValueError("another system")
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, arrays["offset"])
 
 

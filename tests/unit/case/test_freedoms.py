@@ -10,7 +10,7 @@ from meeframe.common.errors import CaseError
 from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
-from meeframe.mesh import frames_of
+from meeframe.mesh import local_frames
 from meeframe.model.solve import solve_steps
 from meeframe.results.records import Region
 from meeframe.solvers import SemismoothNewton
@@ -139,7 +139,7 @@ def test_on_a_curved_zone_force_and_approach_say_the_same(bed, rubbing):
     flat = bed.half_space(10)
     x, y = flat.points[:, 0], flat.points[:, 1]
     cap = np.column_stack([x, y, np.sqrt(bed.radius**2 - x**2 - y**2)])
-    system = replace(flat, points=cap, frames=frames_of(cap / bed.radius))
+    system = replace(flat, points=cap, frames=local_frames(cap / bed.radius))
     pressed = bed.follow(rubbing, system, *3 * [Step(normal_force=1e3)])
     assert pressed.motion[1:] == pytest.approx(np.tile(pressed.motion[0], (2, 1)), rel=1e-8, abs=1e-16)
     driven = bed.follow(rubbing, system, Step(approach=pressed.motion[0, 0]))

@@ -166,6 +166,7 @@ class Falling(ConductivityLaw):
 TOLD = r"conductivity\.electric: .* law Falling is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("beyond", [None, np.nan, -np.inf])
 @pytest.mark.parametrize("solver", [Auto(), Uzawa(), ProjectedCG()])
 def test_conductivities_are_judged_where_the_case_needs_them(case, solver, beyond):

@@ -18,7 +18,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.laws.base import ContactLaw
 from meeframe.material import Material, library_material, rotation_about
 from meeframe.material.half_space import axisymmetric_compliance
-from meeframe.mesh import frames_of, half_space_mesh
+from meeframe.mesh import half_space_mesh, local_frames
 from meeframe.mesh.body import Body
 from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.system.composed import ComposedSystem
@@ -293,7 +293,7 @@ def test_a_stiff_grounded_counter_body_is_the_rigid_indenter(kappa: tuple[float,
 def curved(normals: Array, points: Array, random: np.random.Generator) -> DenseSystem:
     """A made-up body: frames turned at random about given normals, compliance random and positive definite."""
     n = len(points)
-    frames = frames_of(normals)
+    frames = local_frames(normals)
     angle = random.uniform(0.0, 2.0 * np.pi, n)
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     frames[:, 0], frames[:, 1] = cos * frames[:, 0] + sin * frames[:, 1], cos * frames[:, 1] - sin * frames[:, 0]

@@ -14,7 +14,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
 from meeframe.laws.base import ContactLaw
 from meeframe.material import library_material
-from meeframe.mesh import frames_of, sphere_mesh
+from meeframe.mesh import local_frames, sphere_mesh
 from meeframe.mesh.axes import FrictionAxes
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
@@ -32,7 +32,7 @@ RANDOM = np.random.default_rng(3)
 def random_system() -> DenseSystem:
     """On normals all over the sphere, with fields that are known for any load."""
     normals = RANDOM.normal(size=(N, 3))
-    frames = frames_of(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    frames = local_frames(normals / np.linalg.norm(normals, axis=1, keepdims=True))
     points, matrix = RANDOM.normal(size=(N, 3)), RANDOM.normal(size=(N, 5, N, 5))
 
     def recover(load: Array) -> NodalFields:

@@ -9,7 +9,7 @@ from meeframe.common.errors import MeshError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, resultant
 from meeframe.elements import Quad4, Quad8, Tri3
-from meeframe.elements.quadrature import pair_rule
+from meeframe.elements.quadrature import element_rule
 from meeframe.fields import FieldScaling
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.formulations.dense_bem.half_space import exterior_terms
@@ -38,7 +38,7 @@ def test_exterior_terms_of_a_part_and_of_the_whole_differ_by_the_integral_betwee
     position = np.array([0.13, -0.07, 0.0])
     between = np.zeros((5, 5))
     for nodes in whole.points[block.connectivity[block.groups == 1]]:
-        rule = pair_rule(element, nodes, position, 1e-11)
+        rule = element_rule(element, nodes, position, 1e-11)
         _, t = kernel.evaluate(rule.positions - position, rule.normals)
         between += np.einsum("m,mjk->jk", rule.measures, t)
     terms = [exterior_terms(kernel, mesh, position[None])[0].reshape(5, 5) for mesh in (part, whole)]

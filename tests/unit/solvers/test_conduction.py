@@ -50,6 +50,7 @@ def test_with_resolution_it_grazes() -> None:
     assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~grazing].all()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("cells", [12, 16])
 def test_force_falls_monotonically_to_less_than_half(cells: int) -> None:
     """Neither limit nor any kappa between fails to converge."""

@@ -73,6 +73,7 @@ def beside(problem: ContactProblem, state: ContactState, changed: str, size: flo
     return equation.at(load, contact_fraction, grazing, motion)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("changed", ["load", "flux", "flux everywhere", "fraction", "grazing", "motion"])
 @pytest.mark.parametrize(
     ("law", "name"),

@@ -97,6 +97,7 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     return tuple(found)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "given",
     [
@@ -203,26 +204,6 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
-def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
-    monkeypatch.setattr(newton, "inset", halved)
-    solver = SemismoothNewton()
-    iterate = solver.init(problem, None)
-    memory = newton._memory(iterate)
-    assert memory.inset is not None
-    assert not memory.unseen  # a coarser grid gave the start
-    iterate = replace(iterate, memory=replace(memory, unseen=True))
-    monkeypatch.setattr(newton, "FALL", 0.0)  # no fraction of a step is enough
-    for _ in range(newton.LEAPS):
-        iterate = solver.step(problem, iterate)
-        memory = newton._memory(iterate)
-        if memory.point.merit < newton.COARSE:
-            break
-    assert memory.leaps < newton.LEAPS
-    assert memory.point.merit < newton.COARSE or memory.inset is None
-    assert memory.inset is None or not memory.inset.has_contact_outside(memory.point)
-
-
 def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before gradient steps are made, which are those of the whole problem."""
     problem = sphere(half_space(), (0.05, -0.1))
@@ -266,19 +247,6 @@ def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> No
     found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
     check_alike(found, whole)
-
-
-def test_surfaces_without_parts_are_not_asked_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(32, periodic=True), (0.05, -0.1), contact_law=Signorini())
-    tries: list[int] = []
-
-    def counted(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
-        tries.append(len(contact))
-        return inset(problem, contact)
-
-    monkeypatch.setattr(newton, "inset", counted)
-    assert solve(problem, SemismoothNewton(), LIMITS).iterations > 2
-    assert 1 <= tries.count(len(problem.gap)) <= 2
 
 
 def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
