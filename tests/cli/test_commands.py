@@ -248,8 +248,8 @@ def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_pa
         (
             RuntimeError("cannot cache function 'f': no locator available for file 'f.py'"),
             2,
-            "error: compiled kernels can be kept neither beside the sources nor in the user's cache folder: set "
-            "NUMBA_CACHE_DIR to a folder that can be written\n",
+            "error: compiled kernels can be cached neither next to the sources nor in the user's cache folder: set "
+            "NUMBA_CACHE_DIR to a writable folder\n",
         ),
     ],
 )
