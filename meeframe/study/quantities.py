@@ -1,4 +1,4 @@
-"""The quantities that a study can show."""
+"""Quantities that a study can show."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -20,8 +20,8 @@ TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "max_electric_potential": lambda totals: totals.max_abs_electric_potential,
     "max_magnetic_potential": lambda totals: totals.max_abs_magnetic_potential,
 }
-"""Totals of a step: force of the indenter against x3 and of the indenter on the body along x1, x2 [N], charge [C],
-magnetic flux [Wb], contact area [m^2], largest pressure [Pa] and absolute potentials [V], [A]."""
+"""Totals of a step: force of the indenter against x3 and along x1, x2 on the body [N], charge [C], magnetic flux [Wb],
+contact area [m^2], largest pressure [Pa], and largest absolute potentials [V], [A]."""
 
 
 def nodal(quantity: str, zone: Zone, step: StepResult) -> Array:
@@ -33,7 +33,6 @@ _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 
 
 def largest(quantity: str, zone: Zone, step: StepResult) -> float:
-    """Return what a nodal quantity is measured by: its value of largest modulus, with sign; tractions: the top
-    pressure."""
+    """Return the scale of a nodal quantity: its signed value of largest modulus, for tractions the largest pressure."""
     values = nodal("pressure" if quantity in _TRACTIONS else quantity, zone, step)
     return float(values[np.abs(values).argmax()])

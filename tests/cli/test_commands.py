@@ -359,7 +359,7 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
         numba.njit(kernel, cache=cache)(1)
 
     told = []
-    with console._compilation(told.append):
+    with console._report_compilation(told.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)

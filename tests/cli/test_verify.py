@@ -243,7 +243,7 @@ def test_reduced_systems_are_found_again(write_case, registry, tmp_path):
     ("changes", "options", "message"),
     [
         ([], {}, "mesh.divisions = 4: 3 meshes that differ by a factor of 1.1 would have 3, 4, 4"),
-        ([FINE], {"formulations": ["winkler"]}, "needs two formulations or more that take the case"),
+        ([FINE], {"formulations": ["winkler"]}, "needs at least two formulations that accept the case"),
         ([FINE], {"formulations": ["winkler", "half-space"]}, "--formulation half-space: .*mesh bounds a finite body"),
         ([FINE, ("rings = 2", "rings = 0")], {}, "mesh.rings = 0"),
     ],
