@@ -26,9 +26,9 @@ def plugins(
     with console.exit_status():
         from meeframe.plugin.listing import plugin_list
         from meeframe.plugin.registry import Kind
-        from meeframe.plugin.scaffold import kind_called
+        from meeframe.plugin.scaffold import parse_kind
 
-        kinds = tuple(Kind) if kind is None else (kind_called(kind),)
+        kinds = tuple(Kind) if kind is None else (parse_kind(kind),)
         console.stdout().print(plugin_list(console.registry(plugin), kinds))
 
 
@@ -55,8 +55,8 @@ def new_plugin(
 ) -> None:
     """Write an installable plugin package with a conformance test, a case file and a README."""
     with console.exit_status():
-        from meeframe.plugin.scaffold import kind_called
         from meeframe.plugin.scaffold import new_plugin as write_plugin
+        from meeframe.plugin.scaffold import parse_kind
 
-        folder = write_plugin(kind_called(kind), name, console.registry(None), out)
+        folder = write_plugin(parse_kind(kind), name, console.registry(None), out)
         print(f"{folder}: {', '.join(sorted(str(p.relative_to(folder)) for p in folder.rglob('*') if p.is_file()))}")

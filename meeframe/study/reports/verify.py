@@ -119,7 +119,7 @@ def _explanation(verification: Verification) -> str:
     if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
         return ""
     agree = f"{verdicts.count(Verdict.AGREE)} of {len(verdicts)} comparisons agree, none disagree"
-    return f": {agree}; {unresolved} are unresolved because their errors are too large, and need finer meshes"
+    return f": {agree}; the errors of {unresolved} are too large for a conclusion, which needs finer meshes"
 
 
 def _values(verification: Verification) -> LiteralTable:
