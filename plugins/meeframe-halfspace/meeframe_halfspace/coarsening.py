@@ -1,4 +1,4 @@
-"""Every second node of a grid, and values at all of them; parts of a grid."""
+"""Coarse grids of every second node, interpolation from them, and boxes of a grid."""
 
 from typing import Final
 
@@ -8,54 +8,55 @@ from numpy.typing import NDArray
 from meeframe.plugin import Array, Indices
 from meeframe_halfspace.grid import Grid
 
-FEWEST: Final = 24
-"""Nodes along an axis of the coarsest grid."""
-STEPS: Final = 64
-"""At which parts of a grid may begin and end along an axis, at every node of smaller ones: more places make parts
-smaller, fewer make them serve more contacts that change a little. Counted from either end, so that parts of turned
-grids are turned parts."""
+MIN_COARSE_NODES: Final = 24
+"""Smallest number of nodes along an axis of a coarse grid."""
+BOX_STEPS: Final = 64
+"""Number of steps along an axis at which boxes can begin and end; boxes of smaller grids can do so at every node.
+
+More steps make boxes smaller, fewer steps make them fit more contacts that change a little. Counted from either end, so
+that boxes of rotated grids are rotated boxes."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
-    """The grid of every second node, numbered anew row by row; None if it is too coarse."""
+    """Return the grid of every second node, numbered row by row; None if it is too coarse."""
     size = tuple((n + 1) // 2 for n in grid.size)
-    if min(size) < FEWEST:
+    if min(size) < MIN_COARSE_NODES:
         return None
     spacing = 2.0 * grid.spacing[0], 2.0 * grid.spacing[1]
     return Grid(np.arange(size[0] * size[1]).reshape(size), spacing, grid.frame)
 
 
 def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
-    """A part of a grid of that size, numbered anew row by row."""
+    """Return a grid of this size within a grid, numbered row by row."""
     return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
 
 
 def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
-    """A part of a grid that holds these nodes (k,), from one of STEPS along each axis to another."""
+    """Return the box of a grid that contains these nodes (k,), with bounds at BOX_STEPS along each axis."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
-    (placed,) = grid.place(inside)
-    along, across = (_span(placed.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
-    return along, across
+    (flags,) = grid.place(inside)
+    rows, columns = (_span(flags.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
+    return rows, columns
 
 
-def _span(held: NDArray[np.bool_], count: int) -> slice:
-    """A part of range(count) that holds those of them, (count,)."""
-    there, step = np.flatnonzero(held), -(-count // STEPS)
-    return slice(there[0] // step * step, count - (count - 1 - there[-1]) // step * step)
+def _span(flags: NDArray[np.bool_], count: int) -> slice:
+    """Return the range of a box along an axis, from the flags (count,) of nodes that it contains."""
+    indices, step = np.flatnonzero(flags), -(-count // BOX_STEPS)
+    return slice(indices[0] // step * step, count - (count - 1 - indices[-1]) // step * step)
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:
-    """Quadrilaterals between the nodes of a grid."""
+    """Return the quadrilaterals between the nodes of a grid."""
     nodes = grid.nodes
     corners = nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]
     return (("quad", np.stack([corner.ravel() for corner in corners], axis=1)),)
 
 
 def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
-    """Values (k, cx, cy) at every second node of a grid of that size, at all of its nodes, (k, nx, ny).
+    """Interpolate values (k, cx, cy) at every second node of a grid of this size to all nodes, (k, nx, ny).
 
-    Beyond the border they fall to zero in one of their spacings, unless the grid repeats itself.
+    Beyond the border they decrease to zero within one coarse spacing, unless the grid is periodic.
     """
     fine = np.empty((len(values), *size))
     fine[:, ::2, ::2] = values
@@ -65,7 +66,7 @@ def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
 
 
 def _between(values: Array, periodic: bool) -> Array:
-    """Means of values (k, m, l) and the next ones along the second axis; zero is beyond the last unless periodic."""
+    """Return means of values (k, m, l) and the next ones along the second axis; zero follows unless periodic."""
     means = 0.5 * values
     means[:, :-1] += 0.5 * values[:, 1:]
     if periodic:

@@ -1,4 +1,4 @@
-"""Response of a grid, free or periodic, to the density around one of its nodes: entries of its transform on demand."""
+"""Response of a free or periodic grid to the density around one of its nodes, with its transform on demand."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, final
 
 import numba
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
@@ -22,7 +22,17 @@ _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 @dataclass(frozen=True, eq=False)
 class GridResponse(ABC):
-    """Of a half space on a grid of `size` nodes `spacing` [m] apart, in scaled fields."""
+    """Abstract response of a half space on a regular grid, in scaled fields.
+
+    Attributes
+    ----------
+    response
+        Response of the half space to a point source.
+    spacing
+        Spacing of the nodes [m].
+    size
+        Numbers of nodes.
+    """
 
     response: PointResponse
     spacing: tuple[float, float]
@@ -31,11 +41,11 @@ class GridResponse(ABC):
     @property
     @abstractmethod
     def padded(self) -> tuple[int, int]:
-        """Nodes of the periodic grid that the symbol belongs to."""
+        """Size of the periodic grid of the symbol."""
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Those of these of the 25 entries that are not zero: see Symbol, with the parities of the response."""
+        """Yield the nonzero entries among these of the 25 entries: see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
@@ -44,24 +54,32 @@ class GridResponse(ABC):
 
     @abstractmethod
     def coarser(self) -> "GridResponse | None":
-        """Of the same half space on a grid of every second node; None if that does not fit."""
+        """Return the response of the same half space on a grid of every second node; None if that does not fit."""
 
     @abstractmethod
     def within(self, size: tuple[int, int]) -> "GridResponse | None":
-        """Of the same half space on a part of the grid of that size; None if no part has its own response."""
+        """Return the response on a box of the grid of this size; None if the response of a box is not defined."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class FreeGrid(GridResponse):
-    """The grid stands free. shape: of the density around a node; near: all entries near it, None if not known."""
+    """Response of a free grid.
+
+    Attributes
+    ----------
+    shape
+        Shape of the density around a node.
+    near
+        All entries near the node; computed if None.
+    """
 
     shape: Shape
     near: Array | None = None
 
     @property
     def padded(self) -> tuple[int, int]:
-        """See GridResponse: twice as many nodes, or a few more; an even number of them, for `wave_inverse`."""
+        """Size of the padded grid: about twice as many nodes, an even number as required by `wave_inverse`."""
         px, py = (2 * int(scipy.fft.next_fast_len(n, real=True)) for n in self.size)
         return px, py
 
@@ -73,41 +91,40 @@ class FreeGrid(GridResponse):
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Those of these of the 25 entries of the response that are not zero, (nx, 2 ny - 1) or (nx, ny): see
-        far_tables, but right everywhere."""
+        """Yield the nonzero entries of the response, (nx, 2 ny - 1) or (nx, ny), exact everywhere; see far_tables."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
-            reach = near.shape[1] // 2
+            half_width = near.shape[1] // 2
             if table.shape[1] == self.size[1]:
-                table[: len(near), : reach + 1] = near[:, reach:]
+                table[: len(near), : half_width + 1] = near[:, half_width:]
             else:
-                table[: len(near), self.size[1] - 1 - reach : self.size[1] + reach] = near
+                table[: len(near), self.size[1] - 1 - half_width : self.size[1] + half_width] = near
             yield number, table
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """See GridResponse. By integration over the density around the node, exact but for round-off."""
+        """Yield entries of the symbol by integration over the density around the node, exact up to round-off."""
         for number, table in self.tables(numbers):
             table = table.astype(precision, copy=False)
             yield number, free_symbol(table, self.response, number, self.padded)
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (25,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
-        values[N_SYMMETRIC:] = 0.0  # an odd function at zero
+        values[N_SYMMETRIC:] = 0.0  # odd functions vanish at zero
         return values
 
     def coarser(self) -> "FreeGrid":
-        """See GridResponse. The response falls like 1/r: as many spacings away it is twice that of the finer grid."""
-        spacing, size = _doubled(self.spacing), _halved(self.size)
-        return replace(self, spacing=spacing, size=size, near=2.0 * self._nearer(near_size(spacing, size)))
+        """Return the response on every second node; as it decreases like 1/r, it is twice that of the finer grid."""
+        spacing, size = _double(self.spacing), _halve(self.size)
+        return replace(self, spacing=spacing, size=size, near=2.0 * self._near_box(near_size(spacing, size)))
 
     def within(self, size: tuple[int, int]) -> "FreeGrid":
-        """See GridResponse. As if the nodes around the part were not there."""
-        return replace(self, size=size, near=self._nearer(near_size(self.spacing, size)))
+        """Return the response on a box of the grid, as if there were no other nodes."""
+        return replace(self, size=size, near=self._near_box(near_size(self.spacing, size)))
 
-    def _nearer(self, size: tuple[int, int]) -> Array:
-        """All entries still nearer to the node, on a grid of that size."""
+    def _near_box(self, size: tuple[int, int]) -> Array:
+        """Return all entries closer to the node, for a grid of this size."""
         (nx, ny), middle = size, self._near.shape[2] // 2
         return self._near[:, :nx, middle - ny + 1 : middle + ny]
 
@@ -115,23 +132,23 @@ class FreeGrid(GridResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class PeriodicGrid(GridResponse):
-    """The surface repeats itself after `size` nodes.
+    """Response of a surface that is periodic with `size` nodes.
 
-    A wave q answers with Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric. Waves
-    shorter than the grid resolves are left out. The mean load has no finite response: here it answers as a wave as long
-    as the period, averaged over all directions. That says from which plane displacements and potentials count, and
-    keeps the compliance positive definite.
+    The response to a wave q is Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric.
+    Waves shorter than the grid resolves are omitted. The mean load has no finite response: here it is that of a wave as
+    long as the period, averaged over all directions. This defines the plane of reference of displacements and
+    potentials, and keeps the compliance positive definite.
     """
 
     shape: Window
 
     @property
     def padded(self) -> tuple[int, int]:
-        """See GridResponse: the same."""
+        """Size of the grid."""
         return self.size
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """See GridResponse. No integrals are needed."""
+        """Yield entries of the symbol, which need no integration."""
         for number in numbers:
             entry = self._entry(number)
             if entry is not None:
@@ -162,38 +179,49 @@ class PeriodicGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (25,) of a node to the density around it."""
         nx, ny = self.size
-        twice = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
-        twice[0] = 1.0
+        multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
+        multiplicity[0] = 1.0
         if nx % 2 == 0:
-            twice[-1] = 1.0
-        values = np.zeros(N_VALUES)  # those of odd functions are zero
+            multiplicity[-1] = 1.0
+        values = np.zeros(N_VALUES)  # odd functions vanish at zero
         parities = self.response.parities
         for number, symbol in self.symbol(range(N_SYMMETRIC)):
             whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
-            values[number] = twice @ whole.sum(axis=1) / (nx * ny)
+            values[number] = multiplicity @ whole.sum(axis=1) / (nx * ny)
         return values
 
     def coarser(self) -> "PeriodicGrid | None":
-        """See GridResponse: there must be an even number of nodes."""
+        """Return the response on every second node; None unless the numbers of nodes are even."""
         if any(n % 2 for n in self.size):
             return None
-        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+        return replace(self, spacing=_double(self.spacing), size=_halve(self.size))
 
     def within(self, size: tuple[int, int]) -> None:
-        """See GridResponse: what repeats itself with the whole does not with a part."""
+        """Return None, because a box of a periodic grid is not periodic."""
         return
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
-    """Length [m] by which a uniform load on a periodic surface is multiplied: 1/k of a wave as long as the period."""
+    """Return the factor [m] of a uniform load on a periodic surface: 1/k of a wave as long as the period."""
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
 def free_symbol(table: Array, response: PointResponse, number: int, padded: tuple[int, int]) -> Array:
-    """An entry of a symbol, see Symbol, from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables; padded: (px, py),
-    even."""
+    """Return an entry of a symbol, see Symbol, from its table.
+
+    Parameters
+    ----------
+    table
+        Table (nx, 2 ny - 1) or (nx, ny), see far_tables.
+    response
+        Response of the half space.
+    number
+        Number of the entry.
+    padded
+        Size (px, py) of the padded grid, even.
+    """
     coefficients, odd = response.entry(number)
     parity, mirror = (-1 if odd else 1), mirrored(coefficients)
     if mirror:
@@ -206,33 +234,36 @@ def free_symbol(table: Array, response: PointResponse, number: int, padded: tupl
 
 
 def _wrap(kernel: Array, response: Array, parity: float) -> None:
-    """Enter the response, (nx, 2 ny - 1), of offsets (i, j) and by parity (-i, -j), negative ones from the end."""
+    """Enter the response, (nx, 2 ny - 1), at offsets (i, j) and by parity at (-i, -j), negative ones from the end."""
     nx, wide = response.shape
     ny = (wide + 1) // 2
     kernel[:nx, :ny] = response[:, ny - 1 :]
     kernel[:nx, kernel.shape[1] - ny + 1 :] = response[:, : ny - 1]
-    turned = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
-    kernel[kernel.shape[0] - nx + 1 :, :ny] = turned[:, ny - 1 :]
-    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
+    reflected = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
+    kernel[kernel.shape[0] - nx + 1 :, :ny] = reflected[:, ny - 1 :]
+    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = reflected[:, : ny - 1]
 
 
 def whole_entry(half: Array, parity: int, width: int) -> Array:
-    """Entry (n, width) of a symbol that is an even or odd function along its rows, of its half (n, width // 2 + 1)."""
+    """Return the entry (n, width) of a symbol that is even or odd along its rows from its half (n, width // 2 + 1)."""
     return np.concatenate([half, parity * half[:, (width - 1) // 2 : 0 : -1]], axis=1)
 
 
 def _half_symbol(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
-    """Entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at offsets that are not negative, (nx, ny).
+    """Return an entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at nonnegative offsets, (nx, ny).
 
-    parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
+    parities: 1 or -1 along each axis, for an even or odd kernel; padded: (px, py), even.
     """
     (along, across), (px, py) = parities, padded
     half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
-    return np.negative(half, out=half) if along == across == -1 else half  # i times i
+    return np.negative(half, out=half) if along == across == -1 else half  # i squared
 
 
 def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
-    """Transform, padded // 2 + 1 along an axis, of even or odd functions from zero on, without the factor i."""
+    """Return the transform, padded // 2 + 1 along an axis, of even or odd functions from zero on.
+
+    The factor i of odd functions is omitted.
+    """
     middle, workers = padded // 2, numba.get_num_threads()
     if parity == 1:
         return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
@@ -243,9 +274,9 @@ def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
     return np.negative(np.pad(scipy.fft.dst(inside, 1, middle - 1, axis, workers=workers), sides))
 
 
-def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:
+def _double(spacing: tuple[float, float]) -> tuple[float, float]:
     return 2.0 * spacing[0], 2.0 * spacing[1]
 
 
-def _halved(size: tuple[int, int]) -> tuple[int, int]:
+def _halve(size: tuple[int, int]) -> tuple[int, int]:
     return (size[0] + 1) // 2, (size[1] + 1) // 2

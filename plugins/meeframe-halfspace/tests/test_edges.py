@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
-from meeframe_halfspace.edges import OF_THE_RIM
+from meeframe_halfspace.edges import RIM_DISTANCE
 from meeframe_halfspace.outline import distance_of, find_outline
 from meeframe_halfspace.strip import edge_limits, edge_response, line_responses
 from scipy.linalg import toeplitz
@@ -248,7 +248,7 @@ def test_rim_of_cells_much_longer_than_wide():
     kinematics = IndenterKinematics(case, reduce(case))
     exact = radius - np.hypot(*kinematics.system.points[:, :2].T)
     rim = kinematics.rim(kinematics.increment({}, at_rest(case.potentials, len(exact))))
-    near = np.abs(exact) < OF_THE_RIM * length
+    near = np.abs(exact) < RIM_DISTANCE * length
     assert rim.distance[near] == pytest.approx(exact[near], rel=2e-3, abs=1e-9)
 
 

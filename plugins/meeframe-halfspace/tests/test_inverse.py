@@ -18,7 +18,7 @@ from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, StoppingCriteria
 from meeframe.solvers.newton.globalization import newton_step
 from meeframe.system.capabilities import Multigrid
 from meeframe.system.reduced import ReducedSystem
-from meeframe.testing.force_control import SLIDE_2, PRESS, SLIDE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
 from meeframe.testing.operation_counter import OperationCounter
 
 MEDIUM = library_material("orthotropic-mee")
