@@ -41,7 +41,7 @@ def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> Non
     pure = np.array_equal(x, copies[0]) and np.array_equal(y, copies[1])
     require(pure, "height changes its arguments, so that later evaluations use other points", indenter)
     require(np.shape(height) == x.shape, "height has another shape than the coordinates", np.shape(height))
-    worst = int(np.argmin(np.details(np.isnan(height), -np.inf, height)))
+    worst = int(np.argmin(np.where(np.isnan(height), -np.inf, height)))
     details = f"{height[worst]} at x, y = {x[worst]:g}, {y[worst]:g} m"
     nonnegative = bool(height[worst] >= 0.0)
     require(nonnegative, "height is negative or NaN, though approaches count from the lowest point", details)

@@ -269,7 +269,7 @@ def test_inherited_methods_are_looked_at_too():
     ("changes", "expected"),
     [
         ({"name": ""}, "conductivity law with the name ''; allowed: lower-case letters, digits and hyphens"),
-        ({"name": "Law Bad Name!"}, "conductivity law with the name 'Law Bad Name!'; allowed: small letters"),
+        ({"name": "Law Bad Name!"}, "conductivity law with the name 'Law Bad Name!'; allowed: lower-case letters"),
         ({"name": None}, "conductivity law with the name None"),
         ({"summary": None}, "conductivity law 'law': summary = None; allowed: a non-empty text"),
         ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a non-empty text"),
