@@ -11,7 +11,7 @@ import pytest
 from meeframe.contact.problem import Status
 from meeframe.fields.units import Quantity
 from meeframe.formulations.base import Formulation
-from meeframe.mesh import check_supports, zone_frames
+from meeframe.mesh import check_supports, find_contact_zone
 from meeframe.mesh.body import check_conditions
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.hookspecs import Record
@@ -97,7 +97,7 @@ class Winkler(Formulation):
 
     def reduce(self, body, progress=silent):
         progress("springs", 0.0)
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         n = len(zone.points)
         matrix = np.zeros((n, 5, n, 5))
         for node in range(n):

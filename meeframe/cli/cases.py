@@ -43,12 +43,12 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Check a case file without running it."""
     with console.exit_status():
         with console.loading():
-            from meeframe.mesh import zone_frames
+            from meeframe.mesh import find_contact_zone
             from meeframe.model.load import load_case
 
             loaded = load_case(case, console.registry(plugin))
         steps = len(loaded.steps)
-        nodes = len(zone_frames(loaded.mesh, loaded.zone).points)
+        nodes = len(find_contact_zone(loaded.mesh, loaded.zone).points)
         print(
             f"{case}: ok: material {loaded.material.name or 'without a name'}, {loaded.mesh.n_elements} elements, "
             f"contact zone {loaded.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"

@@ -1,1 +1,1 @@
-"""Errors, memoization, threads and files that every room may use."""
+"""Errors, memoization, thread limits and TOML files, used by all other packages."""

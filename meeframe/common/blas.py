@@ -1,36 +1,44 @@
-"""Limits the threads of BLAS while threads of meeframe share the work."""
+"""A limit on the threads of BLAS while threads of meeframe share the work."""
 
+from functools import lru_cache
 from threading import Lock
 from types import TracebackType
+from typing import Any
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 
 class _OneThread:
-    """A context manager that counts its entries and limits BLAS to one thread while there are any.
+    """Context manager that counts its entries and limits BLAS to one thread while there are any.
 
-    The limit belongs to the whole process. If each of several overlapping uses restored the value it had found, one
-    would lift the limit of the others or leave it behind.
+    The limit applies to the whole process. If each of several overlapping uses restored the value that it found, one
+    would lift the limit of the others or leave it in place for good.
     """
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._inside = 0
-        self._limits: threadpool_limits | None = None
+        self._entries = 0
+        self._limits: Any = None
 
     def __enter__(self) -> None:
         with self._lock:
             if self._limits is None:
-                self._limits = threadpool_limits(1, user_api="blas")
-            self._inside += 1
+                self._limits = _libraries().limit(limits=1, user_api="blas")
+            self._entries += 1
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         with self._lock:
-            self._inside -= 1
-            if self._inside == 0 and self._limits is not None:
+            self._entries -= 1
+            if self._entries == 0 and self._limits is not None:
                 self._limits.restore_original_limits()
                 self._limits = None
 
 
+@lru_cache(maxsize=1)
+def _libraries() -> ThreadpoolController:
+    """Return the thread pools of this process: looking for them takes milliseconds, more than a small solution does."""
+    return ThreadpoolController()
+
+
 ONE_BLAS_THREAD = _OneThread()
-"""Context in which BLAS uses one thread, as long as any thread of the process is inside; restored afterwards."""
+"""Context manager: BLAS uses one thread while any thread of the process is in this context."""

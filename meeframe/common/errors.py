@@ -1,8 +1,8 @@
-"""Errors that a user can cause and correct; anything else is a defect of meeframe."""
+"""Errors that a user can cause and correct; any other exception is a defect of meeframe."""
 
 
 class MeeframeError(Exception):
-    """Base of every error that bad input can cause; its text is the whole message shown to the user."""
+    """Base class of all errors that bad input can cause; its text is the complete message shown to the user."""
 
 
 class MaterialError(MeeframeError):
@@ -14,19 +14,19 @@ class MeshError(MeeframeError):
 
 
 class CaseError(MeeframeError):
-    """A case file has an unknown, missing or unacceptable entry."""
+    """A case file has an unknown, missing or invalid entry."""
 
 
 class TooLargeError(MeshError, CaseError):
-    """A mesh needs more memory than there is; with more memory the same case may run."""
+    """A mesh needs more memory than is available; the same case may run with more memory."""
 
 
 class PluginError(MeeframeError):
-    """A plugin is unknown, duplicate or broken."""
+    """A plugin is unknown, duplicated or broken."""
 
 
 class PluginFault(PluginError):
-    """Code of a plugin failed while it was used; once it is corrected, the same case may run."""
+    """Code of a plugin failed while it was used; the same case may run once the plugin is corrected."""
 
 
 class ResultError(MeeframeError):

@@ -5,24 +5,31 @@ from functools import wraps
 from typing import TypeVar, TypeVarTuple
 from weakref import WeakKeyDictionary
 
-Given = TypeVar("Given")
-More = TypeVarTuple("More")
-Found = TypeVar("Found")
+Key = TypeVar("Key")
+Arguments = TypeVarTuple("Arguments")
+Result = TypeVar("Result")
 
 
-def memoize_by_identity(function: Callable[[Given, *More], Found]) -> Callable[[Given, *More], Found]:
+def memoize_by_identity(function: Callable[[Key, *Arguments], Result]) -> Callable[[Key, *Arguments], Result]:
     """Memoize a function by the identity of its first argument, such as a mesh or a contact problem.
 
-    A result is kept as long as that object lives. Further arguments must be hashable; one result is kept for each
-    combination of them.
+    Parameters
+    ----------
+    function : callable
+        Function of one object that can be referenced weakly, and any number of further, hashable arguments.
+
+    Returns
+    -------
+    callable
+        The function, which stores one result for each combination of arguments for as long as the first of them lives.
     """
-    found: WeakKeyDictionary[Given, dict[tuple[*More], Found]] = WeakKeyDictionary()
+    results: WeakKeyDictionary[Key, dict[tuple[*Arguments], Result]] = WeakKeyDictionary()
 
     @wraps(function)
-    def remembering(given: Given, *more: *More) -> Found:
-        of_given = found.setdefault(given, {})
-        if more not in of_given:
-            of_given[more] = function(given, *more)
-        return of_given[more]
+    def memoized(key: Key, *arguments: *Arguments) -> Result:
+        cache = results.setdefault(key, {})
+        if arguments not in cache:
+            cache[arguments] = function(key, *arguments)
+        return cache[arguments]
 
-    return remembering
+    return memoized

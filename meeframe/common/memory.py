@@ -1,7 +1,8 @@
-"""Keeps freed memory in the process, for the arrays to come.
+"""A setting of the C library that retains freed memory in the process for later arrays.
 
-Solvers allocate and free arrays of some megabytes all the time. The C library returns free memory at the end of its
-heap to the system, which has to find and clear it again, page by page: a tenth of the time of large contacts.
+Solvers allocate and free arrays of some megabytes all the time. By default the C library returns free memory at the
+end of its heap to the system, which has to provide and clear it again page by page. That takes a tenth of the time of
+large contacts.
 """
 
 import ctypes
@@ -9,26 +10,30 @@ import os
 from functools import cache
 from typing import Final
 
-FREE_MEMORY_KEPT: Final = 2**30
-"""Free bytes at the end of the heap that stay with the process."""
-MIN_MAPPED_ARRAY: Final = 2**25
-"""Size in bytes from which an array gets a mapping of its own, returned when freed; the library's own upper limit."""
+MAX_RETAINED_BYTES: Final = 2**30
+"""Number of free bytes at the end of the heap that stay with the process."""
+MIN_MAPPED_BYTES: Final = 2**25
+"""Size in bytes from which an array is mapped separately and returned when freed; the upper limit of the library."""
 _TRIM_THRESHOLD: Final = -1
 _MMAP_THRESHOLD: Final = -3
-_TUNED: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
+_TUNING_VARIABLES: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
 
 
 @cache
 def keep_freed_memory() -> bool:
-    """Let the process keep freed memory from now on, and return whether it does.
+    """Let the process retain freed memory from now on.
 
-    This works with the GNU C library only, and not where one of its environment variables (mallopt(3)) says otherwise.
+    Returns
+    -------
+    bool
+        True if the setting was accepted. It is not with another library than the GNU C library, or if an environment
+        variable (see mallopt(3)) sets the limits already.
     """
-    if any(name in os.environ for name in _TUNED):
+    if any(name in os.environ for name in _TUNING_VARIABLES):
         return False
     try:
-        os.confstr("CS_GNU_LIBC_VERSION")  # raises elsewhere, where such numbers may mean something else
+        os.confstr("CS_GNU_LIBC_VERSION")  # raises with other libraries, where these numbers may mean something else
         mallopt = ctypes.CDLL(None).mallopt
     except (ValueError, OSError, AttributeError):
         return False
-    return bool(mallopt(_MMAP_THRESHOLD, MIN_MAPPED_ARRAY) and mallopt(_TRIM_THRESHOLD, FREE_MEMORY_KEPT))
+    return bool(mallopt(_MMAP_THRESHOLD, MIN_MAPPED_BYTES) and mallopt(_TRIM_THRESHOLD, MAX_RETAINED_BYTES))

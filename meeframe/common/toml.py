@@ -14,54 +14,91 @@ import numpy as np
 
 from meeframe.common.errors import CaseError
 
-_MOST_BITS: Final = 10_000
-"""Bits of the largest whole number accepted: Python prints none of more than 4300 decimal digits."""
-_DIGITS: Final = re.compile(
+_MAX_BITS: Final = 10_000
+"""Bits of the largest integer accepted; Python prints no integer of more than 4300 decimal digits."""
+_DIGIT_RUNS: Final = re.compile(
     r'"{3}(?:[^\\]|\\.)*?"{3}|\'{3}.*?\'{3}|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*|([0-9_]+)', re.DOTALL
 )
-"""Matches digits, as a group, outside strings and comments."""
-_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+"""Matches digits outside strings and comments, as a group."""
+_BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def read_toml(file: Path) -> tuple[str, dict[str, Any]]:
-    """Return text and tables of a TOML file; raise CaseError if it cannot be read."""
+    """Return the text and the tables of a TOML file.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+
+    Returns
+    -------
+    str
+        The text of the file.
+    dict
+        Its tables.
+
+    Raises
+    ------
+    CaseError
+        If the file cannot be read or is not a TOML file.
+    """
     try:
-        text = file.read_text(encoding="utf-8-sig")  # Windows' editors put a mark first
+        text = file.read_text(encoding="utf-8-sig")  # editors on Windows write a byte order mark first
         return text, toml_tables(text)
     except OSError as error:
         raise CaseError(f"{file}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
-        raise CaseError(f"{file}: is not a TOML file: it is no text in UTF-8") from None
-    except (ValueError, RecursionError) as error:  # its own, of digits without end, of depth
+        raise CaseError(f"{file}: is not a TOML file: its text is not encoded in UTF-8") from None
+    except (ValueError, RecursionError) as error:  # syntax, integers that are too long, nesting that is too deep
         raise CaseError(f"{file}: is not a TOML file: {error}") from None
 
 
 def toml_tables(text: str) -> dict[str, Any]:
-    """Return the tables of TOML text; raise ValueError, or RecursionError for tables nested too deeply."""
+    """Return the tables of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        If the text is not valid, or if an integer is too long.
+    RecursionError
+        If tables are nested too deeply.
+    """
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
-    except ValueError:  # of Python's, of more decimal digits than it reads
-        most = sys.get_int_max_str_digits()
-        too_long = [run for run in _DIGITS.finditer(text) if len((run[1] or "").replace("_", "")) > most]
-        digits = f"more than {most} digits"
-        if len(too_long) == 1:  # others may belong to a float, or to a key
+    except ValueError:  # raised by Python for an integer of too many decimal digits
+        limit = sys.get_int_max_str_digits()
+        too_long = [run for run in _DIGIT_RUNS.finditer(text) if len((run[1] or "").replace("_", "")) > limit]
+        digits = f"more than {limit} digits"
+        if len(too_long) == 1:  # several: some may belong to a float or a key
             (run,) = too_long
             line = text.count("\n", 0, run.start()) + 1
             digits = f"{len(run[1].replace('_', ''))} digits (at line {line})"
-        raise ValueError(f"a whole number of {digits}; allowed: {_MOST_BITS} binary digits at most") from None
-    check_whole_numbers(tables)  # of hexadecimal digits Python reads as many as one likes
+        raise ValueError(f"an integer of {digits}; allowed: at most {_MAX_BITS} binary digits") from None
+    check_integers(tables)  # Python reads any number of hexadecimal digits
     return tables
 
 
-def check_whole_numbers(tables: Mapping[str, Any]) -> None:
-    """Raise ValueError, naming the key, for a whole number of more digits than Python prints."""
+def check_integers(tables: Mapping[str, Any]) -> None:
+    """Check that all integers of tables can be printed.
+
+    Parameters
+    ----------
+    tables : mapping
+        Tables, in which mappings and lists may be nested.
+
+    Raises
+    ------
+    ValueError
+        For an integer of more digits than Python prints; the message names its key.
+    """
     values: list[tuple[str, Any]] = [("", tables)]
     for key, value in values:
-        if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        if isinstance(value, int) and value.bit_length() > _MAX_BITS:
             digits = f"{value.bit_length()} binary digits"
-            raise ValueError(f"{key[1:]}: a whole number of {digits}; allowed: {_MOST_BITS} at most")
+            raise ValueError(f"{key[1:]}: an integer of {digits}; allowed: at most {_MAX_BITS}")
         if isinstance(value, Mapping):
             values += ((f"{key}.{name}", entry) for name, entry in value.items())
         if isinstance(value, list | tuple):
@@ -71,17 +108,24 @@ def check_whole_numbers(tables: Mapping[str, Any]) -> None:
 def toml_text(tables: Mapping[str, Any]) -> str:
     """Return TOML text that gives these tables when it is read.
 
-    There is one header for each top-level table; inner ones are inline. Numbers and arrays of numpy become numbers and
-    lists.
+    Parameters
+    ----------
+    tables : mapping
+        The tables. NumPy numbers and arrays become numbers and lists.
+
+    Returns
+    -------
+    str
+        The text, with one header for each top-level table; inner tables are inline.
 
     Raises
     ------
     TypeError
-        For values that TOML does not have, such as None; the message names the key.
+        For values that TOML does not support, such as None; the message names the key.
     ValueError
-        As `check_whole_numbers`.
+        For an integer of more digits than Python prints; the message names its key.
     """
-    check_whole_numbers(tables)
+    check_integers(tables)
     plain = {key: value for key, value in tables.items() if not _is_table(value) and not _is_tables(value)}
     lines = [_entry(key, value) for key, value in plain.items()]
     for key, value in tables.items():
@@ -101,16 +145,16 @@ def _is_tables(value: Any) -> bool:
     return isinstance(value, list | tuple) and bool(value) and all(map(_is_table, value))
 
 
-def _entry(key: str, value: Any, within: str = "") -> str:
-    return f"{_key(key)} = {_value(value, within + key)}"
+def _entry(key: str, value: Any, prefix: str = "") -> str:
+    return f"{_key(key)} = {_value(value, prefix + key)}"
 
 
 def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else _text(key)
+    return key if _BARE_KEY.fullmatch(key) else _text(key)
 
 
 def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # its escapes are TOML's
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON and TOML have the same escapes
 
 
 def _value(value: Any, key: str) -> str:
@@ -127,5 +171,5 @@ def _value(value: Any, key: str) -> str:
     if isinstance(value, Integral | date | time):
         return str(value)
     if isinstance(value, Real):
-        return repr(float(value))  # of numpy's, too
-    raise TypeError(f"{key}: TOML has no {type(value).__name__}: {value!r}")
+        return repr(float(value))  # NumPy floats, too
+    raise TypeError(f"{key}: TOML does not support values of type {type(value).__name__}: {value!r}")

@@ -29,7 +29,7 @@ BISECTIONS: Final = 60
 FRACTIONS: Final = tuple(0.5**k for k in range(12))
 LEAST_FALL: Final = 1e-3
 """The unbalance falls by this fraction of what a step promises, or the step is not taken."""
-STEEPEST: Final = 1e6
+MIN_NORMAL_COSINE: Final = 1e6
 """Tangential part of a trial traction over its pressure: more than any finite friction coefficient."""
 
 
@@ -68,7 +68,7 @@ def strongest(law: ContactLaw, direction: Array, normal: Array) -> Array:
     """
     tangential = direction[:, :2] @ law.tangential_scaling()
     size = np.linalg.norm(tangential, axis=1)[:, None]
-    steepest = STEEPEST * np.abs(normal).max(initial=0.0)
+    steepest = MIN_NORMAL_COSINE * np.abs(normal).max(initial=0.0)
     trial = np.empty_like(direction)
     trial[:, :2] = steepest * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
     trial[:, 2] = normal

@@ -1,4 +1,4 @@
-"""Surface elements and the quadrature over them."""
+"""Surface elements and quadrature over them."""
 
 from typing import Final
 

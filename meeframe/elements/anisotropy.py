@@ -1,4 +1,4 @@
-"""Anisotropy of a medium: the distance of its fundamental solution's complex singularities."""
+"""Anisotropy of a medium, a measure of how close the complex singularities of its fundamental solution lie."""
 
 import numpy as np
 
@@ -9,15 +9,33 @@ from meeframe.material.stroh import stroh_eigenvalues
 
 
 def anisotropy(stiffness: Array, planes: int = 200) -> float:
-    """Return the largest 1/|Im p| over Stroh eigenvalues p of a number of planes; about 1 for an isotropic medium.
+    """Return the largest 1/|Im p| over the Stroh eigenvalues p in many planes.
 
-    stiffness: scaled, C'_iJKm, (3, 5, 5, 3). The eigenvalues in a plane (m, n) are the roots of
-    det C'_iJKm (m + p n)_i (m + p n)_m (paper, appendix B). The kernels have their singularities where p meets its
-    conjugate: at a distance |Im p| from the real line where an isotropic medium has them at 1. Raises MaterialError if
-    round-off puts one of them on that line.
+    Parameters
+    ----------
+    stiffness : Array
+        Scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+    planes : int
+        Number of planes.
+
+    Returns
+    -------
+    float
+        The anisotropy, about 1 for an isotropic medium.
+
+    Raises
+    ------
+    MaterialError
+        If an eigenvalue is real to round-off.
+
+    Notes
+    -----
+    The eigenvalues in a plane (m, n) are the roots of det C'_iJKm (m + p n)_i (m + p n)_m (paper, appendix B). The
+    singularities of the kernels lie where p meets its conjugate, at a distance |Im p| from the real line; in an
+    isotropic medium this distance is 1.
     """
     normal = spread_directions(planes)
-    # The plane turns about its normal by another irrational step.
+    # Successive planes are rotated about their normals by an irrational step, too.
     first = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     angle = np.sqrt(2.0) * np.pi * (np.arange(planes) + 0.5)[:, None]
@@ -28,7 +46,7 @@ def anisotropy(stiffness: Array, planes: int = 200) -> float:
     nearest = float(np.abs(roots.imag).min())
     if not nearest > 0.0:
         raise MaterialError(
-            "a Stroh eigenvalue of the material is real but for round-off; allowed: stiffnesses less near to "
-            "incompressible (of isotropic ones a smaller poisson_ratio) or to inadmissible"
+            "a Stroh eigenvalue of the material is real to round-off; allowed: stiffnesses less close to "
+            "incompressible (for isotropic materials a smaller poisson_ratio) or to inadmissible"
         )
     return 1.0 / nearest

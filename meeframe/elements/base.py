@@ -1,4 +1,4 @@
-"""Contract of a surface element: nodes in a reference domain and the monomials its shape functions are made of."""
+"""The contract of a surface element: nodes in a reference domain and monomials that span the shape functions."""
 
 from abc import ABC, abstractmethod
 from functools import lru_cache
@@ -12,21 +12,23 @@ Reference = Literal["quadrilateral", "triangle"]
 
 
 class SurfaceElement(ABC):
-    """An isoparametric Lagrange element. Shape functions follow from nodes and exponents alone.
+    """An isoparametric Lagrange element, whose shape functions follow from its nodes and exponents.
 
-    Reference domains: quadrilateral [-1, 1]^2; triangle with corners (0, 0), (1, 0), (0, 1). Nodes are numbered as in
-    meshio (corners counter-clockwise seen from outside the body, then mid-sides, then the centre).
+    Notes
+    -----
+    The reference domain is the quadrilateral [-1, 1]^2 or the triangle with corners (0, 0), (1, 0) and (0, 1). Nodes
+    are numbered as in meshio: corners counter-clockwise seen from outside the body, then mid-sides, then the centre.
     """
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Short name, as in case files: 'quad4'."""
+        """Short name, as in case files, for example 'quad4'."""
 
     @property
     @abstractmethod
     def meshio_type(self) -> str:
-        """meshio's name of the cell: 'quad'."""
+        """Name of the cell type in meshio, for example 'quad'."""
 
     @property
     @abstractmethod
@@ -36,7 +38,7 @@ class SurfaceElement(ABC):
     @property
     @abstractmethod
     def order(self) -> int:
-        """Highest complete polynomial degree; the theoretical L2 order of convergence is order + 1."""
+        """Highest complete polynomial degree; the theoretical order of convergence in L2 is order + 1."""
 
     @property
     @abstractmethod
@@ -46,12 +48,18 @@ class SurfaceElement(ABC):
     @property
     @abstractmethod
     def exponents(self) -> Array:
-        """Exponents (i, j) of the monomials xi^i eta^j that span the shape functions, (n, 2), whole numbers."""
+        """Exponents (i, j) of the monomials xi^i eta^j that span the shape functions, (n, 2), integers."""
 
 
 @lru_cache(maxsize=64)
 def shape_coefficients(element: SurfaceElement) -> Array:
-    """Return the coefficients a_nk with N_n(xi) = sum_k a_nk xi^i_k eta^j_k, (n, n), from N_n(node m) = delta_nm."""
+    """Return the coefficients of the shape functions in the monomials.
+
+    Returns
+    -------
+    Array
+        Coefficients a_nk with N_n = sum_k a_nk xi^i_k eta^j_k, (n, n), read-only, from N_n(node m) = delta_nm.
+    """
     vandermonde = _monomials(element, element.nodes)
     coefficients: Array = np.ascontiguousarray(np.linalg.inv(vandermonde).T)
     coefficients.setflags(write=False)
@@ -59,13 +67,39 @@ def shape_coefficients(element: SurfaceElement) -> Array:
 
 
 def shape_functions(element: SurfaceElement, xi: Array) -> Array:
-    """Return the values N_n at reference points xi (m, 2): (m, n)."""
+    """Return the values of the shape functions.
+
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    xi : Array
+        Reference points, (m, 2).
+
+    Returns
+    -------
+    Array
+        Values N_n, (m, n).
+    """
     values: Array = _monomials(element, np.asarray(xi, float)) @ shape_coefficients(element).T
     return values
 
 
 def shape_derivatives(element: SurfaceElement, xi: Array) -> Array:
-    """Return the derivatives dN_n/dxi_k at reference points xi (m, 2): (m, n, 2)."""
+    """Return the derivatives of the shape functions.
+
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    xi : Array
+        Reference points, (m, 2).
+
+    Returns
+    -------
+    Array
+        Derivatives dN_n/dxi_k, (m, n, 2).
+    """
     x, y = np.asarray(xi, float).T[:, :, None]
     i, j = element.exponents.T[:, None, :]
     along_x = i * x ** np.maximum(i - 1, 0) * y**j

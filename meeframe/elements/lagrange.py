@@ -1,4 +1,4 @@
-"""The five Lagrange elements: nodes and monomials, nothing else."""
+"""The five Lagrange elements, defined by nodes and monomials."""
 
 from dataclasses import dataclass
 from typing import Final, final
@@ -9,7 +9,7 @@ from meeframe.elements.base import Reference, SurfaceElement
 from meeframe.fields import Array
 
 
-def _frozen(rows: list[tuple[float, float]]) -> Array:
+def _read_only(rows: list[tuple[float, float]]) -> Array:
     array = np.array(rows, dtype=np.float64)
     array.setflags(write=False)
     return array
@@ -20,22 +20,22 @@ _QUAD_MIDSIDES: Final = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
 _TRI_CORNERS: Final = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
 _TRI_MIDSIDES: Final = [(0.5, 0.0), (0.5, 0.5), (0.0, 0.5)]
 
-_QUAD4_NODES: Final = _frozen(_QUAD_CORNERS)
-_QUAD8_NODES: Final = _frozen(_QUAD_CORNERS + _QUAD_MIDSIDES)
-_QUAD9_NODES: Final = _frozen([*_QUAD_CORNERS, *_QUAD_MIDSIDES, (0.0, 0.0)])
-_TRI3_NODES: Final = _frozen(_TRI_CORNERS)
-_TRI6_NODES: Final = _frozen(_TRI_CORNERS + _TRI_MIDSIDES)
+_QUAD4_NODES: Final = _read_only(_QUAD_CORNERS)
+_QUAD8_NODES: Final = _read_only(_QUAD_CORNERS + _QUAD_MIDSIDES)
+_QUAD9_NODES: Final = _read_only([*_QUAD_CORNERS, *_QUAD_MIDSIDES, (0.0, 0.0)])
+_TRI3_NODES: Final = _read_only(_TRI_CORNERS)
+_TRI6_NODES: Final = _read_only(_TRI_CORNERS + _TRI_MIDSIDES)
 
 _QUADRILATERAL: Final[Reference] = "quadrilateral"
 _TRIANGLE: Final[Reference] = "triangle"
 
 _LINEAR: Final = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
 _QUADRATIC: Final = [*_LINEAR, (2.0, 0.0), (1.0, 1.0), (0.0, 2.0)]
-_QUAD4_EXPONENTS: Final = _frozen([*_LINEAR, (1.0, 1.0)])
-_QUAD8_EXPONENTS: Final = _frozen([*_QUADRATIC, (2.0, 1.0), (1.0, 2.0)])
-_QUAD9_EXPONENTS: Final = _frozen([*_QUADRATIC, (2.0, 1.0), (1.0, 2.0), (2.0, 2.0)])
-_TRI3_EXPONENTS: Final = _frozen(_LINEAR)
-_TRI6_EXPONENTS: Final = _frozen(_QUADRATIC)
+_QUAD4_EXPONENTS: Final = _read_only([*_LINEAR, (1.0, 1.0)])
+_QUAD8_EXPONENTS: Final = _read_only([*_QUADRATIC, (2.0, 1.0), (1.0, 2.0)])
+_QUAD9_EXPONENTS: Final = _read_only([*_QUADRATIC, (2.0, 1.0), (1.0, 2.0), (2.0, 2.0)])
+_TRI3_EXPONENTS: Final = _read_only(_LINEAR)
+_TRI6_EXPONENTS: Final = _read_only(_QUADRATIC)
 
 
 @final
@@ -54,7 +54,7 @@ class Quad4(SurfaceElement):
 @final
 @dataclass(frozen=True)
 class Quad8(SurfaceElement):
-    """Serendipity quadrilateral: corners and mid-sides."""
+    """Serendipity quadrilateral with nodes at corners and mid-sides."""
 
     name = "quad8"
     meshio_type = "quad8"
@@ -67,7 +67,7 @@ class Quad8(SurfaceElement):
 @final
 @dataclass(frozen=True)
 class Quad9(SurfaceElement):
-    """Biquadratic quadrilateral: corners, mid-sides and centre."""
+    """Biquadratic quadrilateral with nodes at corners, mid-sides and the centre."""
 
     name = "quad9"
     meshio_type = "quad9"
@@ -93,7 +93,7 @@ class Tri3(SurfaceElement):
 @final
 @dataclass(frozen=True)
 class Tri6(SurfaceElement):
-    """Quadratic triangle: corners and mid-sides."""
+    """Quadratic triangle with nodes at corners and mid-sides."""
 
     name = "tri6"
     meshio_type = "triangle6"

@@ -1,4 +1,4 @@
-"""Quadrature rules over one element as records: the Python face of meeframe.elements._kernels.quadrature."""
+"""Quadrature rules over one element, computed by meeframe.elements._kernels.quadrature."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,12 +12,13 @@ from meeframe.elements._kernels.shape import ShapeTable, map_rule
 from meeframe.elements.base import SurfaceElement, shape_coefficients
 from meeframe.fields import Array, Indices
 
-MOST_GAUSS_POINTS = 24
+MAX_GAUSS_POINTS = 24
+"""Largest number of Gauss points per direction."""
 
 
 @lru_cache(maxsize=64)
 def shape_table(element: SurfaceElement) -> ShapeTable:
-    """Return the element as plain, read-only arrays for the kernels."""
+    """Return the element type as read-only arrays for the kernels."""
     arrays = (element.exponents.astype(np.int64), shape_coefficients(element).copy(), element.nodes.copy())
     for array in arrays:
         array.setflags(write=False)
@@ -26,10 +27,10 @@ def shape_table(element: SurfaceElement) -> ShapeTable:
 
 @lru_cache(maxsize=1)
 def gauss_table() -> kernels.GaussTable:
-    """Return the Gauss-Legendre rules with 1 to MOST_GAUSS_POINTS points, read-only."""
-    points = np.zeros((MOST_GAUSS_POINTS + 1, MOST_GAUSS_POINTS))
+    """Return the Gauss-Legendre rules with 1 to MAX_GAUSS_POINTS points, read-only."""
+    points = np.zeros((MAX_GAUSS_POINTS + 1, MAX_GAUSS_POINTS))
     weights = np.zeros_like(points)
-    for n in range(1, MOST_GAUSS_POINTS + 1):
+    for n in range(1, MAX_GAUSS_POINTS + 1):
         points[n, :n], weights[n, :n] = np.polynomial.legendre.leggauss(n)
     points.setflags(write=False)
     weights.setflags(write=False)
@@ -40,8 +41,20 @@ def gauss_table() -> kernels.GaussTable:
 class ElementRule:
     """A quadrature rule on one element.
 
-    points: (m, 2) reference coordinates; weights: (m,) in the reference domain; positions: (m, 3); normals: (m, 3)
-    unit, outward; measures: (m,) weights times the area ratio [length^2]; shapes: (m, n) shape functions.
+    Attributes
+    ----------
+    points : Array
+        Reference coordinates, (m, 2).
+    weights : Array
+        Weights in the reference domain, (m,).
+    positions : Array
+        Positions, (m, 3).
+    normals : Array
+        Outward unit normals, (m, 3).
+    measures : Array
+        Weights times the ratio of areas, (m,) [length^2].
+    shapes : Array
+        Shape functions, (m, n).
     """
 
     points: Array
@@ -52,54 +65,82 @@ class ElementRule:
     shapes: Array
 
 
-def pair_rule(
+def element_rule(
     element: SurfaceElement,
     nodes: Array,
     source: Array,
     tolerance: float,
-    own_xi: Array | None = None,
+    source_xi: Array | None = None,
     anisotropy: float = MODERATE_ANISOTROPY,
 ) -> ElementRule:
-    """Return the rule for kernels 1/r and 1/r^2 times shape functions on an element with nodes (n, 3), seen from
-    source (3,).
+    """Return the rule for kernels 1/r and 1/r^2 times shape functions, seen from a source.
 
-    own_xi: (2,) reference coordinates of the source where the element holds it: kernels 1/r, and 1/r^2 times functions
-    that vanish at the source; tolerance: relative to the integral of the absolute value; anisotropy: of the medium,
-    see meeframe.elements.anisotropy. Raises MeshError if own_xi is not given and yet the source lies on the element.
-    See meeframe.elements._kernels.quadrature for the method.
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    nodes : Array
+        Positions of the nodes, (n, 3).
+    source : Array
+        Position of the source, (3,).
+    tolerance : float
+        Error relative to the integral of the absolute value.
+    source_xi : Array, optional
+        Reference coordinates, (2,), of a source on the element. The rule then integrates kernels 1/r, and kernels 1/r^2
+        times functions that vanish at the source.
+    anisotropy : float
+        Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+
+    Raises
+    ------
+    MeshError
+        If the source lies on the element and `source_xi` is None.
+
+    Notes
+    -----
+    See `meeframe.elements._kernels.quadrature` for the method.
     """
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     source = np.ascontiguousarray(source, dtype=np.float64)
-    own = np.full(2, np.nan) if own_xi is None else np.array(own_xi, dtype=np.float64)
+    xi = np.full(2, np.nan) if source_xi is None else np.array(source_xi, dtype=np.float64)
     capacity = 4096
     while True:
         points, weights = np.empty((capacity, 2)), np.empty(capacity)
-        count = kernels.pair_rule(
-            source, nodes, shape_table(element), own, tolerance, gauss_table(), points, weights, anisotropy
+        count = kernels.element_rule(
+            source, nodes, shape_table(element), xi, tolerance, gauss_table(), points, weights, anisotropy
         )
         if count == kernels.SOURCE_ON_ELEMENT:
             raise MeshError(
-                f"the source {source} lies on an element of type {element.name} that does not hold it; "
+                f"the source {source} lies on a {element.name} element of which it is not a node; "
                 "meshes must be conforming, without hanging nodes"
             )
         if count != kernels.BUFFER_TOO_SMALL:
-            return mapped(element, nodes, points[:count], weights[:count])
+            return map_to_element(element, nodes, points[:count], weights[:count])
         capacity *= 4
 
 
 def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: int | None = None) -> ElementRule:
-    """Return the tensor Gauss rule with order points per direction, 1 to MOST_GAUSS_POINTS, for smooth integrands.
+    """Return a tensor Gauss rule for smooth integrands.
 
-    order_eta: points along eta if they are not as many as along xi.
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+    nodes : Array
+        Positions of the nodes, (n, 3).
+    order : int
+        Points per direction, 1 to MAX_GAUSS_POINTS.
+    order_eta : int, optional
+        Points along eta; by default as many as along xi.
     """
     count = order * (order_eta or order)
     points, weights = np.empty((count, 2)), np.empty(count)
     kernels.rectangular_rule(order, order_eta or order, element.reference == "triangle", gauss_table(), points, weights)
-    return mapped(element, nodes, points, weights)
+    return map_to_element(element, nodes, points, weights)
 
 
-def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
-    """Return a rule of the reference domain, points (m, 2) and weights (m,), on an element with nodes (n, 3)."""
+def map_to_element(element: SurfaceElement, nodes: Array, points: Array, weights: Array) -> ElementRule:
+    """Map a rule of the reference domain, points (m, 2) and weights (m,), to an element with nodes (n, 3)."""
     m, n = len(weights), len(element.nodes)
     positions, normals = np.empty((m, 3)), np.empty((m, 3))
     measures, shapes = np.empty(m), np.empty((m, n))
@@ -110,24 +151,27 @@ def mapped(element: SurfaceElement, nodes: Array, points: Array, weights: Array)
 
 @dataclass(frozen=True, eq=False)
 class ElementExtents:
-    """What the order of a rule on a whole element depends on, for required_orders of
-    meeframe.elements._kernels.quadrature_order.
+    """Sizes of elements, which determine the orders of tensor rules.
 
-    centres: (e, 3); sizes: (e, 2) lengths along xi and eta, enlarged for skew and curvature; least_orders: (e,) points
-    per direction that shape functions and the turning of the normal ask for at any distance.
+    Attributes
+    ----------
+    centres : Array
+        Centres, (e, 3).
+    sizes : Array
+        Lengths along xi and eta, enlarged for skew and curvature, (e, 2).
+    min_orders : Indices
+        Points per direction, (e,), that shape functions and the change of the normal require at any distance.
     """
 
     centres: Array
     sizes: Array
-    least_orders: Indices
+    min_orders: Indices
 
 
 def element_extents(element: SurfaceElement, nodes: Array, tolerance: float) -> ElementExtents:
-    """Return the extents of elements with nodes (e, n, 3), for rules of a relative tolerance."""
+    """Return the extents of elements with nodes (e, n, 3), for rules of a given relative tolerance."""
     nodes = np.ascontiguousarray(nodes, dtype=np.float64)
     count = len(nodes)
     extents = ElementExtents(np.empty((count, 3)), np.empty((count, 2)), np.empty(count, np.int64))
-    kernels.element_extents(
-        shape_table(element), nodes, tolerance, extents.centres, extents.sizes, extents.least_orders
-    )
+    kernels.element_extents(shape_table(element), nodes, tolerance, extents.centres, extents.sizes, extents.min_orders)
     return extents

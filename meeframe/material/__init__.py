@@ -1,4 +1,4 @@
-"""Magneto-electro-elastic materials: extended stiffness, rotation, admissibility and a cited library."""
+"""Magneto-electro-elastic materials: extended stiffness, rotation, admissibility and a library with sources."""
 
 from meeframe.material.components import material_from_components
 from meeframe.material.library import LibraryEntry, library, library_material, material_from_table, orthotropic_mee

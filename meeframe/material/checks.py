@@ -1,4 +1,4 @@
-"""Checks of material constants: finite, symmetric (eq. 8), positive definite."""
+"""Checks of material constants: finite, symmetric (eq. 8) and positive definite."""
 
 import numpy as np
 
@@ -14,21 +14,21 @@ _SYMMETRIES = {
     "lambda": (("lambda_kl = lambda_lk", (1, 0)),),
     "mu": (("mu_kl = mu_lk", (1, 0)),),
 }
-_SEMIDEFINITE = 1e-12  # relative to the largest eigenvalue: positive, but for round-off
-_SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below any table's last digit
+_MIN_EIGENVALUE = 1e-12  # relative to the largest eigenvalue; smaller ones may be zero but for round-off
+_SYMMETRY_TOLERANCE = 1e-8  # relative to the largest entry: far above round-off, far below the last digit of any table
 
 
-def called(material: str) -> str:
-    """Return a noun phrase for a material, with its name if it has one."""
+def material_phrase(material: str) -> str:
+    """Return a noun phrase for messages about a material, with its name if it has one."""
     return f"material {material!r}" if material else "the material"
 
 
 def component_name(symbol: str, index: tuple[int, ...]) -> str:
-    """Return the paper's name of a component from 0-based indices: ('c', (0, 0, 1, 1)) is 'c_1122'."""
+    """Return the name of a component from 0-based indices, as in the paper: ('c', (0, 0, 1, 1)) is 'c_1122'."""
     return f"{symbol}_{''.join(str(i + 1) for i in index)}"
 
 
-def checked_tensor(material: str, symbol: str, values: Array) -> Array:
+def validate_tensor(material: str, symbol: str, values: Array) -> Array:
     """Return a read-only tensor with the exact symmetries of eq. (8).
 
     Parameters
@@ -40,6 +40,11 @@ def checked_tensor(material: str, symbol: str, values: Array) -> Array:
     values : Array
         Components in SI units.
 
+    Returns
+    -------
+    Array
+        The mean of the tensor and its transposes that eq. (8) makes equal.
+
     Raises
     ------
     MaterialError
@@ -49,16 +54,34 @@ def checked_tensor(material: str, symbol: str, values: Array) -> Array:
     tensor = np.array(values, dtype=float)
     dimensions = len(_SYMMETRIES[symbol][0][1])
     if tensor.shape != (3,) * dimensions:
-        raise MaterialError(f"{called(material)}: {symbol} has shape {tensor.shape}, needs {(3,) * dimensions}")
+        raise MaterialError(
+            f"{material_phrase(material)}: {symbol} has shape {tensor.shape}, must have shape {(3,) * dimensions}"
+        )
     if not np.isfinite(tensor).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(tensor))[0])
         raise MaterialError(
-            f"{called(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
+            f"{material_phrase(material)}: {component_name(symbol, index)} is {tensor[index]}, must be a finite number"
         )
     for law, axes in _SYMMETRIES[symbol]:
         _check_symmetry(material, symbol, tensor, law, axes)
     for _, axes in _SYMMETRIES[symbol]:
         tensor = (tensor + tensor.transpose(axes)) / 2.0
+    tensor.setflags(write=False)
+    return tensor
+
+
+def validate_coefficient(material: str, name: str, values: Array) -> Array:
+    """Return the coefficient (3, 3) of a decoupled scalar field, read-only and exactly symmetric.
+
+    Raises MaterialError if the shape is wrong, an entry is not finite, or it is not symmetric and positive definite.
+    """
+    tensor: Array = np.array(values, dtype=float)
+    if tensor.shape != (3, 3) or not np.isfinite(tensor).all():
+        raise MaterialError(f"{material_phrase(material)}: {name} must be finite numbers of shape (3, 3)")
+    _check_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
+    tensor = (tensor + tensor.T) / 2.0
+    if not _lowest_eigenvalue(tensor)[1]:
+        raise MaterialError(f"{material_phrase(material)} is not admissible: {name} must be positive definite")
     tensor.setflags(write=False)
     return tensor
 
@@ -71,34 +94,59 @@ def _check_symmetry(material: str, symbol: str, tensor: Array, law: str, axes: t
     index = tuple(int(i) for i in np.unravel_index(difference.argmax(), tensor.shape))
     partner = tuple(index[axis] for axis in axes)
     raise MaterialError(
-        f"{called(material)}: {symbol} must satisfy {law} (eq. 8), but {component_name(symbol, index)} = "
+        f"{material_phrase(material)}: {symbol} must satisfy {law} (eq. 8), but {component_name(symbol, index)} = "
         f"{tensor[index]:g} and {component_name(symbol, partner)} = {tensor[partner]:g}"
     )
 
 
 def check_elastic(material: str, elastic: Array) -> None:
-    """Refuse an elastic stiffness c_ijkl [Pa] that is not positive definite; the error gives its eigenvalue."""
+    """Check that an elastic stiffness is positive definite.
+
+    Parameters
+    ----------
+    material : str
+        Name of the material, for messages.
+    elastic : Array
+        c_ijkl, (3, 3, 3, 3) [Pa].
+
+    Raises
+    ------
+    MaterialError
+        If it is not; the message gives the smallest eigenvalue.
+    """
     lowest, definite = _lowest_eigenvalue(mandel_matrix(elastic))
     if not definite:
         raise MaterialError(
-            f"{called(material)} is not admissible: the elastic stiffness c must be positive definite, "
+            f"{material_phrase(material)} is not admissible: the elastic stiffness c must be positive definite, "
             f"but its smallest eigenvalue is {lowest:.6g} Pa"
         )
 
 
 def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) -> None:
-    """Refuse a block [[eps, lambda], [lambda, mu]] that is not positive definite.
+    """Check that the block [[eps, lambda], [lambda, mu]] is positive definite.
+
+    Parameters
+    ----------
+    material : str
+        Name of the material, for messages.
+    eps, lambda_, mu : Array
+        Permittivity [F/m], magneto-electric coupling [s/m] and permeability [N s^2/C^2], (3, 3) each.
+
+    Raises
+    ------
+    MaterialError
+        If it is not; the message gives the smallest eigenvalue, scaled and in SI units, and the components that cause
+        it.
 
     Notes
     -----
-    The eigenvalues are taken with eps and mu scaled to order one, since in SI units they lie ten decades apart. The
-    error gives the eigenvalue, scaled and in SI, and the components at fault.
+    The eigenvalues are computed with eps and mu scaled to order one, since they differ by ten decades in SI units.
     """
     for symbol, tensor, unit in (("eps", eps, "F/m"), ("mu", mu, "N s^2/C^2")):
         lowest, definite = _lowest_eigenvalue(tensor)
         if not definite:
             raise MaterialError(
-                f"{called(material)} is not admissible: {symbol} must be positive definite, "
+                f"{material_phrase(material)} is not admissible: {symbol} must be positive definite, "
                 f"but its smallest eigenvalue is {lowest:.6g} {unit}"
             )
     block = np.block([[eps, lambda_], [lambda_, mu]])
@@ -106,7 +154,7 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
     lowest, definite = _lowest_eigenvalue(scale[:, None] * scale[None, :] * block)
     if not definite:
         raise MaterialError(
-            f"{called(material)} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
+            f"{material_phrase(material)} is not admissible: the block [[eps, lambda], [lambda, mu]] must be positive "
             f"definite, but its smallest eigenvalue is {lowest:.6g} with eps and mu scaled to order one "
             f"({np.linalg.eigvalsh(block)[0]:.6g} in SI units){_coupling_hint(eps, lambda_, mu)}"
         )
@@ -114,17 +162,17 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
 
 def _lowest_eigenvalue(matrix: Array) -> tuple[float, bool]:
     eigenvalues = np.linalg.eigvalsh(matrix)
-    return float(eigenvalues[0]), bool(eigenvalues[0] > _SEMIDEFINITE * np.abs(eigenvalues).max())
+    return float(eigenvalues[0]), bool(eigenvalues[0] > _MIN_EIGENVALUE * np.abs(eigenvalues).max())
 
 
 def _coupling_hint(eps: Array, lambda_: Array, mu: Array) -> str:
-    limits = np.sqrt(np.outer(np.diag(eps), np.diag(mu)))
-    excess = [(i, j) for i in range(3) for j in range(3) if abs(lambda_[i, j]) >= limits[i, j]]
+    bounds = np.sqrt(np.outer(np.diag(eps), np.diag(mu)))
+    excess = [(i, j) for i in range(3) for j in range(3) if abs(lambda_[i, j]) >= bounds[i, j]]
     if not excess:
         return "; the components of lambda are jointly too large"
-    named = (
+    violations = (
         f"|{component_name('lambda', (i, j))}| = {abs(lambda_[i, j]):.4g} must be less than "
-        f"sqrt({component_name('eps', (i, i))} {component_name('mu', (j, j))}) = {limits[i, j]:.4g} s/m"
+        f"sqrt({component_name('eps', (i, i))} {component_name('mu', (j, j))}) = {bounds[i, j]:.4g} s/m"
         for i, j in excess
     )
-    return "; " + ", ".join(named)
+    return "; " + ", ".join(violations)

@@ -8,24 +8,33 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import Array
-from meeframe.material.checks import called
+from meeframe.material.checks import material_phrase
 from meeframe.material.material import SYMBOLS, VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY, Material
 from meeframe.material.symmetry import Component, symmetry_class
-from meeframe.material.voigt import PAIRS, coupling_matrix, elastic_matrix, voigt_index
+from meeframe.material.voigt import INDEX_PAIRS, coupling_matrix, elastic_matrix, voigt_index
 
 UNITS: Final = {"c": "Pa", "e": "C/m^2", "q": "N/(A*m)", "eps": "F/m", "lambda": "s/m", "mu": "N*s^2/C^2"}
 """SI units of the components, by symbol."""
 
 _NAME: Final = re.compile(r"(c|epsilon|eps|e|q|lambda|mu)_?([0-9]+)")
 _VACUUM: Final = {"eps": VACUUM_PERMITTIVITY, "mu": VACUUM_PERMEABILITY}
-_AGREEMENT: Final = 1e-12  # two names of one component may differ by the rounding of a change of units
+_TOLERANCE: Final = 1e-12  # relative; values of the same component may differ by the rounding of a unit conversion
 
 
 def parse_component(name: str) -> Component:
     """Return the component that a name stands for.
 
-    Indices may come in any order that eq. (8) makes equivalent: full ones (c_1122, e_113 with the electric or magnetic
-    index first, eps_13) or Voigt ones (c_12, e_15), with or without the underscore.
+    Parameters
+    ----------
+    name : str
+        Symbol and indices, with or without an underscore between them. The indices are full (c_1122, e_113 with the
+        electric or magnetic index first, eps_13) or Voigt indices (c_12, e_15), in any order that eq. (8) makes
+        equivalent.
+
+    Returns
+    -------
+    Component
+        Symbol and two 1-based indices, in canonical order.
 
     Raises
     ------
@@ -48,12 +57,12 @@ def parse_component(name: str) -> Component:
 
 
 def component_label(component: Component) -> str:
-    """Return the name of a component with full indices, as the paper prints it."""
+    """Return the name of a component with full indices, as printed in the paper."""
     symbol, first, second = component
     if symbol not in ("c", "e", "q"):
         return f"{symbol}_{first}{second}"
-    head = _pair(first) if symbol == "c" else str(first)
-    return f"{symbol}_{head}{_pair(second)}"
+    head = _full_indices(first) if symbol == "c" else str(first)
+    return f"{symbol}_{head}{_full_indices(second)}"
 
 
 def material_from_components(
@@ -68,16 +77,16 @@ def material_from_components(
     components : mapping of str to float
         Components by name (see `parse_component`), in SI units.
     symmetry : {'triclinic', 'orthotropic', 'transversely-isotropic', 'cubic', 'isotropic'}
-        Symmetry class. With 'triclinic', components that are not given are zero. The others (orthotropic is class mm2,
-        transversely isotropic class 6mm about x3) supply the dependent components, need all independent elastic ones,
-        and refuse components that do not exist in them.
+        Symmetry class. With 'triclinic', absent components are zero. The other classes (orthotropic is class mm2,
+        transversely isotropic class 6mm about x3) supply the dependent components, require all independent elastic
+        components, and reject components that do not exist in them.
     source : str
         Where the constants come from.
 
     Returns
     -------
     Material
-        The material. If no component of eps, or of mu, is given, that of vacuum is used.
+        The material. If no component of eps, or of mu, is present, that of vacuum is used.
 
     Raises
     ------
@@ -85,19 +94,25 @@ def material_from_components(
         For unknown names, contradictions, missing components and inadmissible materials.
     """
     try:
-        given = _collect(components)
+        independent = _collect(components)
         for symbol, value in _VACUUM.items():
-            if not any(component[0] == symbol for component in given):
-                given |= {(symbol, i, i): value for i in (1, 2, 3)}
-        values = symmetry_class(symmetry).complete(given, component_label)
+            if not any(component[0] == symbol for component in independent):
+                independent |= {(symbol, i, i): value for i in (1, 2, 3)}
+        values = symmetry_class(symmetry).complete(independent, component_label)
     except MaterialError as error:
-        raise MaterialError(f"{called(name)}: {error}") from None
+        raise MaterialError(f"{material_phrase(name)}: {error}") from None
     c, e, q, eps, lambda_, mu = (_matrix(symbol, values) for symbol in SYMBOLS.values())
     return Material.from_voigt(name, c, e, q, eps, lambda_, mu, source)
 
 
 def material_components(material: Material) -> dict[str, float]:
-    """Return the components of a material that are not zero, by name, in SI units, each once."""
+    """Return the components of a material that are not zero.
+
+    Returns
+    -------
+    dict of str to float
+        Values in SI units by name (see `component_label`), each component once.
+    """
     matrices = {
         "c": elastic_matrix(material.elastic),
         "e": coupling_matrix(material.piezoelectric),
@@ -106,12 +121,12 @@ def material_components(material: Material) -> dict[str, float]:
         "lambda": material.magnetoelectric,
         "mu": material.permeability,
     }
-    found: dict[str, float] = {}
+    components: dict[str, float] = {}
     for symbol, matrix in matrices.items():
         for row, column in zip(*np.nonzero(matrix), strict=True):
             component = _canonical(symbol, int(row) + 1, int(column) + 1)
-            found[component_label(component)] = float(matrix[row, column])
-    return found
+            components[component_label(component)] = float(matrix[row, column])
+    return components
 
 
 def _collect(components: Mapping[str, float]) -> dict[Component, float]:
@@ -121,7 +136,7 @@ def _collect(components: Mapping[str, float]) -> dict[Component, float]:
         component = parse_component(name)
         if not np.isfinite(value):
             raise MaterialError(f"{name} is {value}, must be a finite number")
-        if component in values and abs(values[component] - value) > _AGREEMENT * abs(value):
+        if component in values and abs(values[component] - value) > _TOLERANCE * abs(value):
             raise MaterialError(
                 f"{names[component]} = {values[component]:g} and {name} = {value:g} are the same component (eq. 8) "
                 "but differ"
@@ -133,8 +148,8 @@ def _collect(components: Mapping[str, float]) -> dict[Component, float]:
 
 def _matrix(symbol: str, values: Mapping[Component, float]) -> Array:
     matrix = np.zeros({"c": (6, 6), "e": (3, 6), "q": (3, 6)}.get(symbol, (3, 3)))
-    for (owner, first, second), value in values.items():
-        if owner == symbol:
+    for (head, first, second), value in values.items():
+        if head == symbol:
             matrix[first - 1, second - 1] = value
             if symbol not in ("e", "q"):
                 matrix[second - 1, first - 1] = value
@@ -147,10 +162,10 @@ def _canonical(symbol: str, first: int, second: int) -> Component:
     return symbol, first, second
 
 
-def _pair(voigt: int) -> str:
-    return "".join(str(i + 1) for i in PAIRS[voigt - 1])
+def _full_indices(voigt: int) -> str:
+    return "".join(str(i + 1) for i in INDEX_PAIRS[voigt - 1])
 
 
 def _bad_name(name: str) -> MaterialError:
     examples: Iterable[str] = ("c_1122 or c_12", "e_311 or e_31", "q_113 or q_15", "eps_11", "lambda_11", "mu_11")
-    return MaterialError(f"unknown component {name!r}; allowed are names such as {', '.join(examples)}")
+    return MaterialError(f"unknown component {name!r}; allowed: names such as {', '.join(examples)}")

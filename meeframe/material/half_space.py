@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meeframe.common.errors import MaterialError
-from meeframe.fields import Array, FieldScaling
+from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, FieldScaling
 
-_FIRST_POINTS, _MOST_POINTS = 32, 4096
-_CONVERGED = 1e-12  # of the coarser of two rules; the error falls geometrically, so the finer is at round-off
-_LOST = 2e-6  # round-off beyond is too much; the error is some tenth of what is allowed for it
-_AXISYMMETRIC = 1e-9  # relative, in scaled fields
+_MIN_POINTS, _MAX_POINTS = 32, 4096
+_MAX_CHANGE = 1e-12  # between two rules; the error falls geometrically, so that of the finer one is round-off
+_MAX_ROUND_OFF = 2e-6  # the actual error is about a tenth of this estimate
+_MAX_ANISOTROPY = 1e-9  # relative change of the response with the direction, in scaled fields
 
 
 def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLike) -> NDArray[np.complex128]:
@@ -26,44 +26,48 @@ def surface_compliance(stiffness: Array, normal: ArrayLike, directions: ArrayLik
     Parameters
     ----------
     stiffness : Array
-        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
     normal : array_like
         Outward normal, (3,).
     directions : array_like
-        Wave directions, (n, 3), of which the component in the surface counts.
+        Wave directions, (n, 3); their components normal to the surface are ignored.
 
     Returns
     -------
     ndarray of complex
-        Y(m), (n, 5, 5), Hermitian, in SI units and global axes.
+        Y(m), (n, fields, fields), Hermitian, in SI units and global axes.
 
     Raises
     ------
     MaterialError
-        If a vector is zero or a direction is normal to the surface, if the integrals do not converge (a material on the
-        verge of inadmissibility), or if too many digits are lost to round-off (a nearly incompressible material).
+        If a vector is zero or a direction is normal to the surface, if the integrals do not converge (nearly
+        inadmissible materials), or if too many digits are lost to round-off (nearly incompressible materials).
     """
     nu, tangents = _frame(normal, directions)
     scaling = FieldScaling.of(stiffness)
     scaled = scaling.scale_stiffness(stiffness)
-    points, coarse = _FIRST_POINTS, _barnett_lothe(scaled, -nu, tangents, _FIRST_POINTS)
-    while points < _MOST_POINTS:
+    points, coarse = _MIN_POINTS, _barnett_lothe(scaled, -nu, tangents, _MIN_POINTS)
+    while points < _MAX_POINTS:
         points *= 2
         s, fine = _barnett_lothe(scaled, -nu, tangents, points)
         inverse_l = np.linalg.inv(fine)
-        # what is stiff against compression and soft in shear, such as rubber, loses digits where its stiffness cancels
-        allowed = max(_CONVERGED, np.finfo(float).eps * np.abs(inverse_l).max())
-        # of S what it is beside one: that is how it enters the compliance, and in rubber next to nothing is left of it
+        # a nearly incompressible material, such as rubber, loses digits where its bulk stiffness cancels
+        allowed = max(_MAX_CHANGE, np.finfo(float).eps * np.abs(inverse_l).max())
+        # S enters the compliance next to the identity, so that its change is measured relative to one at least
         if all(
-            np.abs(new - old).max() <= allowed * max(least, np.abs(new).max())
-            for new, old, least in ((s, coarse[0], 1.0), (fine, coarse[1], 0.0))
+            np.abs(new - old).max() <= allowed * max(scale, np.abs(new).max())
+            for new, old, scale in ((s, coarse[0], 1.0), (fine, coarse[1], 0.0))
         ):
             break
         coarse = s, fine
     else:
-        raise MaterialError(f"the surface compliance did not converge with {_MOST_POINTS} points: nearly inadmissible")
-    if allowed > _LOST:
-        raise MaterialError(f"the surface compliance has a round-off of {allowed:.0e}: nearly incompressible")
+        raise MaterialError(
+            f"the surface compliance did not converge with {_MAX_POINTS} points: the material is nearly inadmissible"
+        )
+    if allowed > _MAX_ROUND_OFF:
+        raise MaterialError(
+            f"the surface compliance has a round-off error of {allowed:.0e}: the material is nearly incompressible"
+        )
     compliance = inverse_l - 1j * (s @ inverse_l)
     compliance = (compliance + np.conj(np.swapaxes(compliance, -1, -2))) / 2.0
     factors = scaling.factors
@@ -79,14 +83,14 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
     Parameters
     ----------
     stiffness : Array
-        Extended stiffness C_iJKm, (3, 5, 5, 3), in SI units.
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
     normal : array_like
         Outward normal, (3,).
 
     Returns
     -------
     Array
-        xi, (3, 3).
+        xi, (1 + scalars, 1 + scalars).
 
     Raises
     ------
@@ -98,14 +102,14 @@ def axisymmetric_compliance(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0
     e1 = np.cross(nu, helper)
     angles = np.linspace(0.0, np.pi, 7, endpoint=False)
     directions = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), np.cross(nu, e1))
-    rows = np.zeros((3, 5))
-    rows[0, :3] = nu
-    rows[1, 3] = rows[2, 4] = 1.0
+    n_fields = stiffness.shape[1]
+    rows = np.eye(n_fields)[N_MECHANICAL - 1 :]
+    rows[0, MECHANICAL] = nu
     blocks = rows @ surface_compliance(stiffness, nu, directions) @ rows.T / (2.0 * np.pi)
-    factors = FieldScaling.of(stiffness).factors[2:]
-    # an antisymmetric imaginary part, or one that turns with the direction, has no 1/r response
+    factors = FieldScaling.of(stiffness).factors[N_MECHANICAL - 1 :]
+    # an antisymmetric imaginary part, or a dependence on the direction, rules out a pure 1/r response
     spread = np.abs((blocks - blocks[0].real) / np.outer(factors, factors)).max()
-    if spread > _AXISYMMETRIC * np.abs(blocks[0] / np.outer(factors, factors)).max():
+    if spread > _MAX_ANISOTROPY * np.abs(blocks[0] / np.outer(factors, factors)).max():
         raise MaterialError(
             f"the surface with normal {nu.tolist()} is not axisymmetric: its response depends on direction"
         )
@@ -117,21 +121,21 @@ def _unit(normal: ArrayLike) -> Array:
     nu = np.asarray(normal, dtype=float)
     length = np.linalg.norm(nu)
     if nu.shape != (3,) or not np.isfinite(length) or length == 0.0:
-        raise MaterialError(f"the normal of a half space is a finite non-zero vector (3,), got {nu.tolist()}")
+        raise MaterialError(f"the normal of a half space must be a finite non-zero vector (3,), got {nu.tolist()}")
     return np.asarray(nu / length)
 
 
 def _frame(normal: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
-    nu, ways = _unit(normal), np.atleast_2d(np.asarray(directions, dtype=float))
-    tangents = ways - np.outer(ways @ nu, nu)
+    nu, vectors = _unit(normal), np.atleast_2d(np.asarray(directions, dtype=float))
+    tangents = vectors - np.outer(vectors @ nu, nu)
     lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
-    if not (lengths > 1e-9 * np.linalg.norm(ways, axis=1, keepdims=True)).all():
+    if not (lengths > 1e-9 * np.linalg.norm(vectors, axis=1, keepdims=True)).all():
         raise MaterialError("a direction in the surface must be finite, non-zero and not along the normal")
     return nu, tangents / lengths
 
 
 def _barnett_lothe(scaled: Array, inward: Array, tangents: Array, points: int) -> tuple[Array, Array]:
-    """Return S and L, (n, 5, 5) each, for planes of tangent and inward normal, by the trapezoidal rule over pi."""
+    """Return S and L, (n, fields, fields) each, for planes of tangent and inward normal, by the trapezoidal rule."""
     theta = np.arange(points) * (np.pi / points)
     cos, sin = np.cos(theta)[:, None, None], np.sin(theta)[:, None, None]
     m, n = tangents[None], inward[None, None]

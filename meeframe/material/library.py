@@ -1,4 +1,4 @@
-"""The cited library of materials, and the entry point for the [material] table of a case file."""
+"""The library of materials with sources, and the reader of the [material] table of a case file."""
 
 import difflib
 from collections.abc import Callable, Mapping
@@ -12,6 +12,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.common.toml import toml_tables
+from meeframe.fields import OPTIONAL_FIELDS, Array, ScalarField
 from meeframe.material.material import Material
 from meeframe.material.tables import check_keys, inline_material, quantity, read_material, rotate_by_table
 
@@ -22,10 +23,14 @@ class LibraryEntry:
 
     Attributes
     ----------
+    name, summary, source : str
+        Name in case files, one line of description, and the source of the constants.
     make : callable
         Function that takes the options in SI units and returns the material.
-    options : mapping
-        Names and units of the options. All but the required ones have defaults.
+    options : mapping of str to str
+        Units of the options by name.
+    required : tuple of str
+        Names of the options that have no default.
     """
 
     name: str
@@ -47,12 +52,12 @@ def orthotropic_mee(magnetoelectric_scale: float = 1e-8) -> Material:
     Raises
     ------
     MaterialError
-        From 2.69e-8 s/m on, where the block [[eps, lambda], [lambda, mu]] ceases to be positive definite.
+        If the factor is 2.69e-8 s/m or more: the block [[eps, lambda], [lambda, mu]] is then not positive definite.
 
     Notes
     -----
-    The printed unit would make the material inadmissible; the power of ten is lost, and 1e-8 s/m agrees best with the
-    paper's results (docs/theory.md, Half space).
+    The printed unit would make the material inadmissible: a power of ten is missing. A factor of 1e-8 s/m agrees best
+    with the results of the paper (docs/theory.md, Half space).
     """
     printed = np.diag([0.60, 0.80, 0.10])
     return replace(_from_data("orthotropic-mee"), magnetoelectric=magnetoelectric_scale * printed)
@@ -64,7 +69,14 @@ def library() -> tuple[LibraryEntry, ...]:
 
 
 def library_material(name: str, **options: float) -> Material:
-    """Return a material of the library by name, with its options in SI units.
+    """Return a material of the library.
+
+    Parameters
+    ----------
+    name : str
+        Name of the entry.
+    **options : float
+        Options of the entry in SI units.
 
     Raises
     ------
@@ -79,25 +91,40 @@ def library_material(name: str, **options: float) -> Material:
     return entry.make(**options)
 
 
-def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> Material:
-    """Return the material of a case file's [material] table.
+def material_from_table(
+    table: Mapping[str, Any], directory: Path = Path(), scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
+) -> Material:
+    """Return the material of a [material] table of a case file.
 
-    The table is one of
+    Parameters
+    ----------
+    table : mapping
+        One of the following, each with an optional rotation = {...}. Quantities are texts such as '226 GPa' or SI
+        numbers.
 
-    - {name = "...", its options}: a material of the library;
-    - {components = {...}, symmetry, name, source}: see meeframe.material.tables.inline_material;
-    - {file = "..."}: a material file, its path relative to `directory`;
-
-    each with an optional rotation = {...}. Quantities are texts such as '226 GPa' or SI numbers.
+        - {name = "...", options}: a material of the library;
+        - {components = {...}, symmetry, name, source}: see `meeframe.material.tables.inline_material`;
+        - {file = "..."}: a material file.
+    directory : Path
+        Directory to which the path of a material file is relative.
+    scalar_fields : tuple of ScalarField
+        Further scalar fields whose coefficients a table may have: one number, or three rows of three.
 
     Raises
     ------
     MaterialError
-        If the table is not acceptable; the message names key, value and what is allowed.
+        If the table is not valid; the message names key, value and what is allowed.
     """  # fmt: skip
+    given = {field: table[field.coefficient] for field in scalar_fields if field.coefficient in table}
+    if given:
+        rest = {key: value for key, value in table.items() if key not in {field.coefficient for field in given}}
+        material = material_from_table({key: value for key, value in rest.items() if key != "rotation"}, directory, ())
+        for field, value in given.items():
+            material = material.with_field(field, _coefficient(field, value))
+        return rotate_by_table(material, rest)
     forms = table.keys() & {"components", "file"} or table.keys() & {"name"}
     if len(forms) != 1:
-        raise MaterialError("a material needs one of name (from the library), components or file")
+        raise MaterialError("a material needs exactly one of the keys name (from the library), components or file")
     if "components" in table:
         return inline_material(table)
     if "file" in table:
@@ -111,6 +138,15 @@ def material_from_table(table: Mapping[str, Any], directory: Path = Path()) -> M
         if key in table
     }
     return rotate_by_table(library_material(entry.name, **options), table)
+
+
+def _coefficient(field: ScalarField, value: Any) -> Array | float:
+    """Return the coefficient of a scalar field that a table gives: one number or three rows of three, SI units."""
+    if not isinstance(value, list | tuple):
+        return quantity(field.coefficient, value, field.coefficient_unit)
+    if len(value) != 3 or any(not isinstance(row, list | tuple) or len(row) != 3 for row in value):
+        raise MaterialError(f"{field.coefficient} is {value!r}, must be one number or three rows of three")
+    return np.array([[quantity(field.coefficient, entry, field.coefficient_unit) for entry in row] for row in value])
 
 
 def _entry(name: Any) -> LibraryEntry:
@@ -144,7 +180,7 @@ def _data_entry(name: str) -> LibraryEntry:
 _DATA = ("batio3", "batio3-cofe2o4", "cofe2o4", "orthotropic-mee", "pvdf", "pzt-4")
 _ISOTROPIC = LibraryEntry(
     "isotropic",
-    "isotropic elastic, no coupling; permittivity and permeability of vacuum unless given",
+    "isotropic elastic, no coupling; permittivity and permeability of vacuum by default",
     "Hooke's law",
     Material.isotropic,
     {"young_modulus": "Pa", "poisson_ratio": "", "permittivity": "F/m", "permeability": "N*s^2/C^2"},

@@ -1,7 +1,7 @@
-"""Rotations of a material's frame."""
+"""Rotation matrices for the axes of a material."""
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules load on first use
 from numpy.typing import ArrayLike
 
 from meeframe.common.errors import MaterialError
@@ -10,11 +10,22 @@ from meeframe.fields import Array
 _TOLERANCE = 1e-8
 
 
-def checked_rotation(matrix: ArrayLike) -> Array:
-    """Return the matrix (3, 3) if it is proper orthogonal; raise MaterialError that says what is wrong if it is not."""
+def validate_rotation(matrix: ArrayLike) -> Array:
+    """Return a rotation matrix after checking it.
+
+    Parameters
+    ----------
+    matrix : array_like
+        Matrix, (3, 3).
+
+    Raises
+    ------
+    MaterialError
+        If the matrix is not finite and proper orthogonal; the message says which.
+    """
     rotation = np.asarray(matrix, dtype=float)
     if rotation.shape != (3, 3) or not np.isfinite(rotation).all():
-        raise MaterialError(f"a rotation is a finite (3, 3) matrix, got {rotation.tolist()}")
+        raise MaterialError(f"a rotation must be a finite (3, 3) matrix, got {rotation.tolist()}")
     defect = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if defect > _TOLERANCE:
         raise MaterialError(f"rotation is not orthogonal: R R^T differs from the identity by {defect:.3g}")
@@ -24,12 +35,19 @@ def checked_rotation(matrix: ArrayLike) -> Array:
 
 
 def rotation_about(axis: ArrayLike, angle: float) -> Array:
-    """Return the right-handed rotation matrix (3, 3) about an axis (3,) by an angle [rad].
+    """Return the matrix (3, 3) of a right-handed rotation about an axis.
+
+    Parameters
+    ----------
+    axis : array_like
+        Direction of the axis, (3,), of any length but zero.
+    angle : float
+        Angle [rad].
 
     Raises
     ------
     MaterialError
-        If either is not finite, or the axis is zero.
+        If the axis or the angle is not finite, or the axis is zero.
     """
     direction = np.asarray(axis, dtype=float)
     length = np.linalg.norm(direction)
@@ -50,7 +68,7 @@ def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
     angles : array_like
         Euler angles, (3,) [rad].
     sequence : str
-        Axes as in scipy: capitals for rotating axes, small letters for fixed ones: 'ZXZ' (Bunge), 'xyz'.
+        Axes as in SciPy: 'ZXZ' (Bunge) with capitals for rotating axes, 'xyz' with small letters for fixed axes.
 
     Raises
     ------
@@ -61,7 +79,7 @@ def rotation_from_euler(angles: ArrayLike, sequence: str = "ZXZ") -> Array:
     valid = len(sequence) == 3 and (set(sequence) <= set("XYZ") or set(sequence) <= set("xyz"))
     if values.shape != (3,) or not np.isfinite(values).all() or not valid:
         raise MaterialError(
-            f"Euler angles are three finite numbers and a sequence such as 'ZXZ' or 'xyz'; "
+            f"Euler angles must be three finite numbers with a sequence such as 'ZXZ' or 'xyz'; "
             f"got {values.tolist()}, {sequence!r}"
         )
     try:

@@ -1,4 +1,4 @@
-"""Material symmetry classes: existing, equal and dependent components."""
+"""Symmetry classes of materials: their independent, equal and dependent components."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ Component = tuple[str, int, int]
 
 Label = Callable[[Component], str]
 
-_AGREEMENT: Final = 1e-9  # relative; tied components may differ by the rounding of a change of units
+_TOLERANCE: Final = 1e-9  # relative; equal components may differ by the rounding of a unit conversion
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,15 @@ class SymmetryClass:
 
     Attributes
     ----------
+    name : str
+        Name of the class in case files.
     elastic, coupling, second_order : tuple of str
-        Groups of equal components of c; of e and q; of eps, lambda and mu. A group is a text of index pairs, '11 22'.
+        Groups of equal components of c; of e and q; of eps, lambda and mu. A group is a text
+        of Voigt or plain indices such as '11 22'.
     shear : str
         Elastic component that equals (c_11 - c_12)/2, if any.
     complete_tables : bool
-        If true, every independent component of c, eps and mu must be given; if false, those not given are zero.
+        True if every independent component of c, eps and mu is required, false if absent components are zero.
     """
 
     name: str
@@ -35,27 +38,34 @@ class SymmetryClass:
     shear: str | None = None
     complete_tables: bool = True
 
-    def complete(self, given: dict[Component, float], label: Label) -> dict[Component, float]:
-        """Return all components, from the independent ones.
+    def complete(self, components: dict[Component, float], label: Label) -> dict[Component, float]:
+        """Return all components that are not zero, from the independent ones.
+
+        Parameters
+        ----------
+        components : dict of Component to float
+            Values by component. Dependent components may be among them if they agree.
+        label : callable
+            Function that returns the name of a component, for messages.
 
         Raises
         ------
         MaterialError
             If components contradict the class, do not exist in it, or are missing.
         """
-        values = {component: value for component, value in given.items() if value != 0.0}
-        known = {component for group in self._groups() for component in group}
+        values = {component: value for component, value in components.items() if value != 0.0}
+        existing = {component for group in self._groups() for component in group}
         for component in values:
-            if component not in known:
+            if component not in existing:
                 raise MaterialError(
                     f"{label(component)} does not exist in symmetry {self.name!r}, must be zero or absent"
                 )
         for group in self._groups():
-            self._tie(group, given, values, label)
+            self._tie(group, components, values, label)
         if self.shear is not None:
             self._relate(values, label)
-        wanted = [group[0] for group in self._groups() if group[0][0] in ("c", "eps", "mu")]
-        missing = [label(component) for component in wanted if component not in values]
+        required = [group[0] for group in self._groups() if group[0][0] in ("c", "eps", "mu")]
+        missing = [label(component) for component in required if component not in values]
         if missing and self.complete_tables:
             raise MaterialError(f"symmetry {self.name!r} needs {', '.join(missing)}")
         return values
@@ -67,31 +77,35 @@ class SymmetryClass:
                 yield tuple(_component(symbol, pair) for pair in text.split())
 
     def _tie(
-        self, group: tuple[Component, ...], given: dict[Component, float], values: dict[Component, float], label: Label
+        self,
+        group: tuple[Component, ...],
+        components: dict[Component, float],
+        values: dict[Component, float],
+        label: Label,
     ) -> None:
-        present = [component for component in group if component in given]
+        present = [component for component in group if component in components]
         if not present:
             return
         first = present[0]
         for other in present[1:]:
-            if abs(given[other] - given[first]) > _AGREEMENT * abs(given[first]):
+            if abs(components[other] - components[first]) > _TOLERANCE * abs(components[first]):
                 raise MaterialError(
-                    f"{label(first)} = {given[first]:g} and {label(other)} = {given[other]:g} must be equal in "
-                    f"symmetry {self.name!r}"
+                    f"{label(first)} = {components[first]:g} and {label(other)} = {components[other]:g} must be equal "
+                    f"in symmetry {self.name!r}"
                 )
-        values.update(dict.fromkeys(group, given[first]))
+        values.update(dict.fromkeys(group, components[first]))
 
     def _relate(self, values: dict[Component, float], label: Label) -> None:
-        """Fill in whichever of c_11, c_12 and the shear stiffness is missing; check them if none is."""
+        """Compute the missing one of c_11, c_12 and the shear stiffness, or check them if none is missing."""
         groups = {group[0]: group for group in self._groups() if group[0][0] == "c"}
         tied = {member: group for group in groups.values() for member in group}
         axial, cross, shear = ("c", 1, 1), ("c", 1, 2), _component("c", self.shear or "")
-        absent = [component for component in (axial, cross, shear) if component not in values]
-        if len(absent) > 1:
+        unknown = [component for component in (axial, cross, shear) if component not in values]
+        if len(unknown) > 1:
             return
-        if not absent:
+        if not unknown:
             expected = (values[axial] - values[cross]) / 2.0
-            if abs(values[shear] - expected) > _AGREEMENT * values[axial]:
+            if abs(values[shear] - expected) > _TOLERANCE * values[axial]:
                 raise MaterialError(
                     f"{label(shear)} = {values[shear]:g} must be (c_1111 - c_1122)/2 = {expected:g} in symmetry "
                     f"{self.name!r}"
@@ -101,16 +115,22 @@ class SymmetryClass:
             shear: lambda: (values[axial] - values[cross]) / 2.0,
             cross: lambda: values[axial] - 2.0 * values[shear],
             axial: lambda: values[cross] + 2.0 * values[shear],
-        }[absent[0]]()
-        values.update(dict.fromkeys(tied[absent[0]], solved))
+        }[unknown[0]]()
+        values.update(dict.fromkeys(tied[unknown[0]], solved))
 
 
-def _pairs(rows: int, columns: int, symmetric: bool) -> tuple[str, ...]:
+def _index_pairs(rows: int, columns: int, symmetric: bool) -> tuple[str, ...]:
     return tuple(f"{i}{j}" for i in range(1, rows + 1) for j in range(1, columns + 1) if i <= j or not symmetric)
 
 
 _CLASSES: Final = (
-    SymmetryClass("triclinic", _pairs(6, 6, True), _pairs(3, 6, False), _pairs(3, 3, True), complete_tables=False),
+    SymmetryClass(
+        "triclinic",
+        _index_pairs(6, 6, True),
+        _index_pairs(3, 6, False),
+        _index_pairs(3, 3, True),
+        complete_tables=False,
+    ),
     SymmetryClass(
         "orthotropic",
         ("11", "12", "13", "22", "23", "33", "44", "55", "66"),
@@ -130,7 +150,13 @@ _CLASSES: Final = (
 
 
 def symmetry_class(name: str) -> SymmetryClass:
-    """Return a symmetry class by name; raise MaterialError that lists the names if there is none."""
+    """Return a symmetry class by name.
+
+    Raises
+    ------
+    MaterialError
+        For an unknown name; the message lists the names that exist.
+    """
     for candidate in _CLASSES:
         if candidate.name == name:
             return candidate

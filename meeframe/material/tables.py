@@ -1,4 +1,4 @@
-"""Materials as TOML tables: in case files, material files and the library."""
+"""Materials as TOML tables, in case files, in material files and in the library."""
 
 import difflib
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from meeframe.common.errors import CaseError, MaterialError
 from meeframe.common.toml import read_toml, toml_text
 from meeframe.fields import Array
 from meeframe.fields.units import Quantity
-from meeframe.material.checks import called
+from meeframe.material.checks import material_phrase
 from meeframe.material.components import UNITS, material_components, material_from_components, parse_component
 from meeframe.material.material import Material
 from meeframe.material.rotation import rotation_about, rotation_from_euler
@@ -22,24 +22,27 @@ _INLINE_KEYS = {"name", "source", "symmetry", "components", "rotation"}
 def inline_material(table: Mapping[str, Any]) -> Material:
     """Make a material from a table of components.
 
-    The keys are `components` (a table of named components, texts with units such as '226 GPa' or SI numbers) and,
-    optionally, `name`, `source`, `symmetry` (see `material_from_components`) and `rotation` (see
-    `rotation_from_table`).
+    Parameters
+    ----------
+    table : mapping
+        The keys are `components` (a table of named components, texts with units such as '226 GPa' or SI numbers) and,
+        optionally, `name`, `source`, `symmetry` (see `material_from_components`) and `rotation` (see
+        `rotation_from_table`).
 
     Raises
     ------
     MaterialError
-        If the table is not acceptable; the message names key, value and what is allowed.
+        If the table is not valid; the message names key, value and what is allowed.
     """
     check_keys(table, _INLINE_KEYS, "material")
     name = _text(table, "name", "")
     components = table.get("components")
     if not isinstance(components, Mapping) or not components:
         raise MaterialError(
-            f"{called(name)}: components is {components!r}, must be a table such as {{c_1111 = '226 GPa'}}"
+            f"{material_phrase(name)}: components is {components!r}, must be a table such as {{c_1111 = '226 GPa'}}"
         )
     values = {
-        key: quantity(f"{called(name)}: components.{key}", value, UNITS[parse_component(key)[0]])
+        key: quantity(f"{material_phrase(name)}: components.{key}", value, UNITS[parse_component(key)[0]])
         for key, value in components.items()
     }
     material = material_from_components(name, values, _text(table, "symmetry", "triclinic"), _text(table, "source", ""))
@@ -47,7 +50,10 @@ def inline_material(table: Mapping[str, Any]) -> Material:
 
 
 def material_table(material: Material) -> dict[str, Any]:
-    """Return the table of a material in SI numbers: inline_material(material_table(m)) equals m to the last digit."""
+    """Return the table of a material, with numbers in SI units.
+
+    `inline_material` makes the same material from the table, to the last digit.
+    """
     head = {"name": material.name, "source": material.source, "symmetry": "triclinic"}
     return {**head, "components": material_components(material)}
 
@@ -58,7 +64,7 @@ def read_material(path: Path) -> Material:
     Raises
     ------
     MaterialError
-        If the file cannot be read or its table is not acceptable; the message names the file.
+        If the file cannot be read or its table is not valid; the message names the file.
     """
     try:
         _, table = read_toml(path)
@@ -71,7 +77,13 @@ def read_material(path: Path) -> Material:
 
 
 def write_material(material: Material, path: Path) -> None:
-    """Write a material file; raise MaterialError if it exists or cannot be written."""
+    """Write a material to a new TOML file.
+
+    Raises
+    ------
+    MaterialError
+        If the file exists or cannot be written.
+    """
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(toml_text(material_table(material)))
@@ -80,16 +92,19 @@ def write_material(material: Material, path: Path) -> None:
 
 
 def rotate_by_table(material: Material, table: Mapping[str, Any]) -> Material:
-    """Return the material rotated by the table's entry 'rotation', if it has one."""
+    """Return the material rotated by the entry `rotation` of a table, if there is one."""
     if "rotation" not in table:
         return material
     return material.rotated(rotation_from_table(table["rotation"]))
 
 
 def rotation_from_table(table: Any) -> Array:
-    """Return the rotation matrix (3, 3) of {axis, angle}, {euler, sequence} or {matrix}.
+    """Return the rotation matrix (3, 3) of a table.
 
-    Angles are texts such as '30 deg' or radians.
+    Parameters
+    ----------
+    table : mapping
+        One of {axis, angle}, {euler, sequence} and {matrix}. Angles are texts such as '30 deg' or radians.
 
     Raises
     ------
@@ -97,9 +112,9 @@ def rotation_from_table(table: Any) -> Array:
         If the table is none of these.
     """
     forms = {"axis": {"axis", "angle"}, "euler": {"euler", "sequence"}, "matrix": {"matrix"}}
-    if not isinstance(table, Mapping) or len(found := forms.keys() & table.keys()) != 1:
+    if not isinstance(table, Mapping) or len(matches := forms.keys() & table.keys()) != 1:
         raise MaterialError(f"rotation is {table!r}, must be {{axis, angle}}, {{euler, sequence}} or {{matrix}}")
-    form = found.pop()
+    form = matches.pop()
     check_keys(table, forms[form], "rotation")
     if form == "axis":
         angle = quantity("rotation.angle", table.get("angle"), "rad")
@@ -112,20 +127,50 @@ def rotation_from_table(table: Any) -> Array:
 
 
 def quantity(key: str, value: Any, unit: str) -> float:
-    """Return a number in a unit, from a text such as '226 GPa' or an SI number; raise MaterialError naming the key."""
+    """Convert a text such as '226 GPa', or a number in SI units, to a number in SI units.
+
+    Parameters
+    ----------
+    key : str
+        Key of the value, for messages.
+    value : str or float
+        The quantity.
+    unit : str
+        SI unit of the quantity.
+
+    Raises
+    ------
+    MaterialError
+        If the value is not such a quantity; the message names the key.
+    """
     try:
         return float(Quantity(unit).convert(value))
     except ValueError as error:
         raise MaterialError(f"{key} = {value!r}: {error}") from None
 
 
-def check_keys(table: Mapping[str, Any], allowed: set[str], what: str) -> None:
-    """Refuse unknown keys with a MaterialError that lists the allowed ones."""
+def check_keys(table: Mapping[str, Any], allowed: set[str], name: str) -> None:
+    """Check that a table has no unknown keys.
+
+    Parameters
+    ----------
+    table : mapping
+        The table.
+    allowed : set of str
+        Allowed keys.
+    name : str
+        Name of the table, for messages.
+
+    Raises
+    ------
+    MaterialError
+        For an unknown key; the message lists the allowed ones.
+    """
     unknown = sorted(table.keys() - allowed)
     if unknown:
         near = difflib.get_close_matches(str(unknown[0]), sorted(allowed), n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise MaterialError(f"unknown key {unknown[0]!r} in {what}; {hint}allowed: {', '.join(sorted(allowed))}")
+        raise MaterialError(f"unknown key {unknown[0]!r} in {name}; {hint}allowed: {', '.join(sorted(allowed))}")
 
 
 def _text(table: Mapping[str, Any], key: str, default: str) -> str:

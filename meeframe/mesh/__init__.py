@@ -1,4 +1,4 @@
-"""Meshes, their generators, readers and checks, and the contact zone."""
+"""Surface meshes, their generators, readers and checks, and the contact zone."""
 
 from meeframe.mesh.axes import FrictionAxes
 from meeframe.mesh.checks import check_mesh, merge_points, orient_outward
@@ -6,7 +6,7 @@ from meeframe.mesh.generators import Grading, block_mesh, box_mesh, half_space_m
 from meeframe.mesh.measures import area, volume
 from meeframe.mesh.reader import read_mesh
 from meeframe.mesh.supports import check_supports
-from meeframe.mesh.zone import ContactZone, check_contact_zone, frames_of, zone_frames
+from meeframe.mesh.zone import ContactZone, check_contact_zone, find_contact_zone, local_frames
 
 __all__ = [
     "ContactZone",
@@ -18,12 +18,12 @@ __all__ = [
     "check_contact_zone",
     "check_mesh",
     "check_supports",
-    "frames_of",
+    "find_contact_zone",
     "half_space_mesh",
+    "local_frames",
     "merge_points",
     "orient_outward",
     "read_mesh",
     "sphere_mesh",
     "volume",
-    "zone_frames",
 ]

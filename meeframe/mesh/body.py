@@ -1,4 +1,4 @@
-"""The boundary value problem of one body: what a formulation is given."""
+"""The boundary value problem of one body, the input of a formulation."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,16 +6,26 @@ from typing import Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import FLUX_NAMES, N_FIELDS, VALUE_NAMES, Array
+from meeframe.fields import MEE, Array, FieldSet
 from meeframe.mesh.surface import SurfaceMesh
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryCondition:
-    """One field prescribed on one face group: its value (displacement, potential) or its flux (traction, D.nu, B.nu).
+    """One field prescribed on one face group, by its value or by its flux.
 
-    group: face group; field: 0..4 in global axes; kind: what is prescribed; data: SI units, one number or one per point
-    of mesh.group_points(group). Groups and fields without a condition have zero flux. Sign: outward normal.
+    Groups and fields without a condition have zero flux.
+
+    Attributes
+    ----------
+    group : str
+        Name of the face group.
+    field : int
+        Column of the field, in global axes.
+    kind : {'value', 'flux'}
+        Whether the value (displacement, potential) or the flux (traction, D.nu, B.nu, outward normal) is prescribed.
+    data : float or Array
+        One number, or one for each point of mesh.group_points(group), in SI units.
     """
 
     group: str
@@ -28,44 +38,62 @@ class BoundaryCondition:
 class Body:
     """A body, its boundary conditions and its potential contact zone.
 
-    stiffness: extended stiffness C_iJKm, (3, 5, 5, 3) [SI]; contact_group: the face group that may come into contact
-    (None: no contact zone, a plain boundary value problem). No condition may name the contact group.
+    Attributes
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, fields, fields, 3), in SI units.
+    mesh : SurfaceMesh
+        Boundary of the body.
+    conditions : tuple of BoundaryCondition
+        Boundary conditions, none of them on the contact group.
+    contact_group : str or None
+        Face group that may come into contact, None for a boundary value problem without contact.
+    fields : FieldSet
+        Names of the columns.
     """
 
     stiffness: Array
     mesh: SurfaceMesh
     conditions: tuple[BoundaryCondition, ...]
     contact_group: str | None
+    fields: FieldSet = MEE
 
 
 def check_conditions(body: Body) -> None:
     """Check that conditions are complete, outside the contact zone, and do not repeat each other.
 
-    Raises MeshError for an unknown face group, else CaseError.
+    Raises
+    ------
+    MeshError
+        For an unknown face group.
+    CaseError
+        If a condition is not valid, names the contact zone or repeats another one.
     """
     seen: set[tuple[str, int]] = set()
     for condition in body.conditions:
-        _check_condition(condition, len(body.mesh.group_points(condition.group)))
+        _check_condition(condition, len(body.mesh.group_points(condition.group)), body.fields.size)
         if condition.group == body.contact_group:
             others = ", ".join(name for name in body.mesh.group_names if name != body.contact_group)
             raise CaseError(
-                f"boundary condition on {condition.group!r}: it is the contact zone, whose tractions and fluxes follow "
-                f"from contact; name one of {others}"
+                f"boundary condition on {condition.group!r}: it is the contact zone, where contact determines "
+                f"tractions and fluxes; allowed: {others}"
             )
         key = (condition.group, condition.field)
         if key in seen:
-            name = f"{VALUE_NAMES[condition.field]} or {FLUX_NAMES[condition.field]}"
+            name = f"{body.fields.value_names[condition.field]} or {body.fields.flux_names[condition.field]}"
             raise CaseError(f"boundary conditions on {condition.group!r} prescribe {name} twice")
         seen.add(key)
 
 
-def _check_condition(condition: BoundaryCondition, n_points: int) -> None:
+def _check_condition(condition: BoundaryCondition, n_points: int, n_fields: int) -> None:
     name = f"boundary condition on {condition.group!r}"
     if condition.kind not in ("value", "flux"):
         raise CaseError(f"{name}: kind = {condition.kind!r}; allowed: 'value', 'flux'")
-    if condition.field not in range(N_FIELDS):
-        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {N_FIELDS - 1}")
+    if condition.field not in range(n_fields):
+        raise CaseError(f"{name}: field = {condition.field!r}; allowed: 0 to {n_fields - 1}")
     if np.shape(condition.data) not in ((), (n_points,)):
-        raise CaseError(f"{name}: data of shape {np.shape(condition.data)}; allowed: one number or ({n_points},)")
+        raise CaseError(
+            f"{name}: data has shape {np.shape(condition.data)}; allowed: one number or shape ({n_points},)"
+        )
     if not np.isfinite(condition.data).all():
-        raise CaseError(f"{name}: its data must be finite numbers")
+        raise CaseError(f"{name}: data must be finite numbers")

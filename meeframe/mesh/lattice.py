@@ -1,4 +1,4 @@
-"""Meshes of any element type from surfaces of straight four-sided cells."""
+"""Meshes of any element type from surfaces of straight quadrilateral cells."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -16,10 +16,20 @@ Entry = TypeVar("Entry", np.float64, np.int64)
 
 @dataclass(frozen=True, eq=False)
 class QuadSurface:
-    """A surface of four-sided cells, before an element type is chosen.
+    """A surface of quadrilateral cells, before an element type is chosen.
 
-    points: (p, 3); quads: (e, 4) corner numbers, counter-clockwise from outside; groups: (e,) index into group_names;
-    parity: (e,) 0 or 1, chequered so that neighbours differ: the diagonal along which a cell is split into triangles.
+    Attributes
+    ----------
+    points : Array
+        Positions of the corners, (p, 3).
+    quads : Indices
+        Corner numbers of the cells, (e, 4), counter-clockwise seen from outside.
+    groups : Indices
+        Index of each cell into group_names, (e,).
+    parity : Indices
+        0 or 1 for each cell, (e,), different for neighbours: the diagonal along which a cell is split into triangles.
+    group_names : tuple of str
+        Names of the face groups.
     """
 
     points: Array
@@ -29,23 +39,23 @@ class QuadSurface:
     group_names: tuple[str, ...]
 
 
-def with_element(surface: QuadSurface, element: SurfaceElement) -> SurfaceMesh:
-    """Return the mesh of one element type on a surface of cells.
+def place_nodes(surface: QuadSurface, element: SurfaceElement) -> SurfaceMesh:
+    """Return the mesh of one element type on the cells of a surface.
 
-    Corner points keep their numbers; further nodes follow, placed by bilinear (quadrilateral) or linear (triangle)
-    interpolation of the corners and shared between neighbours. Triangles split each cell along alternating diagonals,
-    so that an even number of divisions gives a mesh as symmetric as the cells are.
+    Corner points keep their numbers. Further nodes follow, at bilinear (quadrilateral) or linear (triangle)
+    interpolations of the corners, and are shared between neighbours. Triangles split the cells along alternating
+    diagonals, so that an even number of divisions gives a mesh with the symmetry of the cells.
     """
     corners, groups = surface.quads, surface.groups
     if element.reference == "triangle":
         corners, groups = _split(corners, surface.parity), np.repeat(groups, 2)
     weights = corner_weights(element)
-    points, connectivity = _place_nodes(surface.points, corners, weights)
+    points, connectivity = _number_nodes(surface.points, corners, weights)
     return SurfaceMesh(points, (ElementBlock(element, connectivity, groups),), surface.group_names)
 
 
 def corner_weights(element: SurfaceElement) -> Array:
-    """Return the weights of the corners in the straight position of each node, (n, corners), rows sum to one."""
+    """Return the weights (n, corners) of the corners in the position of each node of a straight-sided element."""
     x, y = np.asarray(element.nodes, float).T
     if element.reference == "triangle":
         return np.stack([1 - x - y, x, y], axis=1)
@@ -61,9 +71,8 @@ def _split(quads: Indices, parity: Indices) -> Indices:
     return np.where((parity == 0)[:, None, None], straight, crossed).reshape(-1, 3)
 
 
-def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array, Indices]:
-    """Return the points (corners first) and connectivity; nodes with the same weights on the same corners are one
-    point."""
+def _number_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array, Indices]:
+    """Return points, corners first, and connectivity; nodes with equal weights on the same corners share a point."""
     if np.array_equal(weights, np.eye(corners.shape[1])):
         return points, corners
     connectivity = np.empty((len(corners), len(weights)), np.int64)
@@ -72,7 +81,7 @@ def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array
     between = weights[~at_corner]
     if len(between) == 0:
         return points, connectivity
-    # a key names the corners that carry weight, in rising order, each with its weight in units of 1e-9
+    # the key of a node: its corners with non-zero weight, in rising order, and these weights in units of 1e-9
     involved = np.where(np.abs(between) > 1e-12, corners[:, None, :], -1)
     shares = np.broadcast_to(np.rint(between * 1e9).astype(np.int64), involved.shape)
     rising = np.argsort(involved, axis=-1)
@@ -84,7 +93,7 @@ def _place_nodes(points: Array, corners: Indices, weights: Array) -> tuple[Array
 
 
 def symmetric_spacing(half_width: float, divisions: int) -> Array:
-    """Return the equal spacing of [-half_width, half_width], (divisions + 1,), antisymmetric to the last bit."""
+    """Return equally spaced points of [-half_width, half_width], (divisions + 1,), antisymmetric to the last bit."""
     steps: Array = half_width * (np.arange(-divisions, divisions + 1, 2) / divisions)
     return steps
 
@@ -95,54 +104,71 @@ def grid_points(half_widths: tuple[float, float], divisions: tuple[int, int], he
     return np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).astype(float)
 
 
-def border(grid: NDArray[Entry]) -> NDArray[Entry]:
-    """Return the entries on the border of a grid (nx + 1, ny + 1, ...), (2 nx + 2 ny, ...), counter-clockwise from [0,
-    0]."""
+def border_entries(grid: NDArray[Entry]) -> NDArray[Entry]:
+    """Return the border (2 nx + 2 ny, ...) of a grid (nx + 1, ny + 1, ...), counter-clockwise from entry [0, 0]."""
     return np.concatenate([grid[:-1, 0], grid[-1, :-1], grid[:0:-1, -1], grid[0, :0:-1]])
 
 
-def prism(
+def prism_surface(
     top: Array, loops: Array, base: Array, groups: tuple[int, Indices, int], names: tuple[str, ...]
 ) -> QuadSurface:
     """Return the closed surface of a top grid, strips of cells between successive loops around it, and a base grid.
 
-    top, base: (nx + 1, ny + 1, 3) seen from above; loops: (k, 2 nx + 2 ny, 3) counter-clockwise from above, the last
-    of which is the border of the base; groups: of the top, of the strips (k, 2 nx + 2 ny), of the base.
+    Parameters
+    ----------
+    top, base : Array
+        Points of the grids, (nx + 1, ny + 1, 3), seen from above.
+    loops : Array
+        Points of the loops, (k, 2 nx + 2 ny, 3), counter-clockwise from above; the last one is the border of the base.
+    groups : tuple
+        Group of the top, groups of the cells of the strips (k, 2 nx + 2 ny), and group of the base.
+    names : tuple of str
+        Names of the groups.
     """
     shape = top.shape[:2]
     top_numbers = np.arange(shape[0] * shape[1]).reshape(shape)
     count = loops.shape[1]
     loop_numbers = _loop_numbers(top_numbers, loops)
     base_numbers = np.empty(shape, np.int64)
-    base_numbers.flat[border(top_numbers)] = loop_numbers[-1]
+    base_numbers.flat[border_entries(top_numbers)] = loop_numbers[-1]
     inner = base_numbers[1:-1, 1:-1]
     inner[...] = top_numbers.size + loop_numbers.size + np.arange(inner.size).reshape(inner.shape)
 
-    strips = _strips(np.concatenate([border(top_numbers)[None], loop_numbers]))
-    cells = _cells(top_numbers)
-    chequer = _chequer(shape[0] - 1, shape[1] - 1)
+    strips = _strip_cells(np.concatenate([border_entries(top_numbers)[None], loop_numbers]))
+    cells = _grid_cells(top_numbers)
+    chequer = _checkerboard(shape[0] - 1, shape[1] - 1)
     return QuadSurface(
         points=np.concatenate([part.reshape(-1, 3) for part in (top, loops, base[1:-1, 1:-1])]),
-        quads=np.concatenate([cells, strips, _cells(base_numbers)[:, ::-1]]),
+        quads=np.concatenate([cells, strips, _grid_cells(base_numbers)[:, ::-1]]),
         groups=np.concatenate([np.full(len(cells), groups[0]), groups[1].ravel(), np.full(len(cells), groups[2])]),
-        parity=np.concatenate([chequer, _chequer(len(loops), count), chequer]),
+        parity=np.concatenate([chequer, _checkerboard(len(loops), count), chequer]),
         group_names=names,
     )
 
 
-def framed(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurface:
-    """Open surface of a grid (nx + 1, ny + 1, 3), seen from above, and strips of cells between loops around it.
+def frame_surface(grid: Array, loops: Array, names: tuple[str, str]) -> QuadSurface:
+    """Return the open surface of a grid and of strips of cells between successive loops around it.
 
-    loops: (k, 2 nx + 2 ny, 3) counter-clockwise from above; names: of the grid's group and of that of the strips.
+    Parameters
+    ----------
+    grid : Array
+        Points of the grid, (nx + 1, ny + 1, 3), seen from above.
+    loops : Array
+        Points of the loops, (k, 2 nx + 2 ny, 3), counter-clockwise from above.
+    names : tuple of str
+        Names of the group of the grid and of the group of the strips.
     """
     shape, count = grid.shape[:2], loops.shape[1]
     numbers = np.arange(shape[0] * shape[1]).reshape(shape)
-    cells, strips = _cells(numbers), _strips(np.concatenate([border(numbers)[None], _loop_numbers(numbers, loops)]))
+    cells, strips = (
+        _grid_cells(numbers),
+        _strip_cells(np.concatenate([border_entries(numbers)[None], _loop_numbers(numbers, loops)])),
+    )
     return QuadSurface(
         points=np.concatenate([grid.reshape(-1, 3), loops.reshape(-1, 3)]),
         quads=np.concatenate([cells, strips]),
         groups=np.repeat([0, 1], [len(cells), len(strips)]),
-        parity=np.concatenate([_chequer(shape[0] - 1, shape[1] - 1), _chequer(len(loops), count)]),
+        parity=np.concatenate([_checkerboard(shape[0] - 1, shape[1] - 1), _checkerboard(len(loops), count)]),
         group_names=names,
     )
 
@@ -152,19 +178,21 @@ def _loop_numbers(numbers: Indices, loops: Array) -> Indices:
     return numbers.size + np.arange(len(loops) * loops.shape[1]).reshape(-1, loops.shape[1])
 
 
-def _strips(loops: Indices) -> Indices:
+def _strip_cells(loops: Indices) -> Indices:
     """Return the cells between successive loops (k + 1, m) of point numbers, (k m, 4)."""
-    here, there = loops[:-1], loops[1:]
-    return np.stack([here, there, np.roll(there, -1, 1), np.roll(here, -1, 1)], axis=-1).reshape(-1, 4)
+    inner_loops, outer_loops = loops[:-1], loops[1:]
+    return np.stack(
+        [inner_loops, outer_loops, np.roll(outer_loops, -1, 1), np.roll(inner_loops, -1, 1)], axis=-1
+    ).reshape(-1, 4)
 
 
-def _chequer(rows: int, columns: int) -> Indices:
-    """Return the parities of rows x columns cells, one row after another."""
+def _checkerboard(rows: int, columns: int) -> Indices:
+    """Return the parities of rows x columns cells, row by row."""
     parity: Indices = np.add.outer(np.arange(rows), np.arange(columns)).ravel() % 2
     return parity
 
 
-def _cells(numbers: Indices) -> Indices:
+def _grid_cells(numbers: Indices) -> Indices:
     """Return the cells of a grid of point numbers, counter-clockwise from above, (nx ny, 4)."""
     cells = np.empty((numbers.shape[0] - 1, numbers.shape[1] - 1, 4), np.int64)
     for k, corner in enumerate((numbers[:-1, :-1], numbers[1:, :-1], numbers[1:, 1:], numbers[:-1, 1:])):
@@ -172,16 +200,22 @@ def _cells(numbers: Indices) -> Indices:
     return cells.reshape(-1, 4)
 
 
-def side_of_border(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -> Indices:
-    """Return the value for each cell of a strip: sides are those of y-, x+, y+, x-, in the order of `border`."""
+def border_sides(divisions: tuple[int, int], sides: tuple[int, int, int, int]) -> Indices:
+    """Return one value for each cell of a strip, from values for y-, x+, y+ and x-, in the order of the border."""
     nx, ny = divisions
     return np.repeat(np.asarray(sides), [nx, ny, nx, ny])
 
 
-def require(name: str, values: tuple[float, ...], *, at_least: float | None = None) -> None:
-    """Raise MeshError unless all values are finite and positive (or whole numbers of at least `at_least`)."""
+def check_values(name: str, values: tuple[float, ...], *, at_least: float | None = None) -> None:
+    """Check that all values are finite and positive, or integers of at least `at_least`.
+
+    Raises
+    ------
+    MeshError
+        If a value is not; the message names it.
+    """
     for value in values:
         if at_least is None and not (np.isfinite(value) and value > 0):
             raise MeshError(f"{name} = {value!r}: must be a finite positive number")
         if at_least is not None and (int(value) != value or value < at_least):
-            raise MeshError(f"{name} = {value!r}: must be a whole number of at least {at_least:g}")
+            raise MeshError(f"{name} = {value!r}: must be an integer of at least {at_least:g}")

@@ -10,15 +10,28 @@ from meeframe.elements.base import Reference, SurfaceElement, shape_derivatives,
 from meeframe.fields import Array, Indices
 from meeframe.mesh.surface import SurfaceMesh
 
-AFFINE = 1e-11
-ORDER = 6  # Gauss points per direction: exact for the volume under any element up to degree 3 in each direction
+AFFINE_TOLERANCE = 1e-11  # of the size of an element
+VOLUME_ORDER = 6  # Gauss points per direction: exact for the volume under any element up to degree 3 in each direction
 
 
 @lru_cache(maxsize=32)
 def gauss_rule(reference: Reference, n: int) -> tuple[Array, Array]:
-    """Return the points (n^2, 2) and weights (n^2,) of the product Gauss rule on a reference domain.
+    """Return the product Gauss rule on a reference domain.
 
-    Quadrilateral: exact to degree 2n - 1 in each direction. Triangle (collapsed square): exact to total degree 2n - 2.
+    Parameters
+    ----------
+    reference : {'quadrilateral', 'triangle'}
+        Reference domain.
+    n : int
+        Points per direction. The rule is exact to degree 2n - 1 in each direction on the quadrilateral, and to total
+        degree 2n - 2 on the triangle, a collapsed square.
+
+    Returns
+    -------
+    Array
+        Points, (n^2, 2), read-only.
+    Array
+        Weights, (n^2,), read-only.
     """
     nodes, weights = np.polynomial.legendre.leggauss(n)
     x, y = (a.ravel() for a in np.meshgrid(nodes, nodes, indexing="ij"))
@@ -33,7 +46,24 @@ def gauss_rule(reference: Reference, n: int) -> tuple[Array, Array]:
 
 
 def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices, xi: Array) -> Array:
-    """Return the normals at reference points xi (m, 2) of each element, as long as the surface Jacobian: (e, m, 3)."""
+    """Return the outward normals of elements, as long as the surface Jacobian.
+
+    Parameters
+    ----------
+    points : Array
+        Points of the mesh, (p, 3).
+    element : SurfaceElement
+        Element type.
+    connectivity : Indices
+        Point numbers of the elements, (e, n).
+    xi : Array
+        Reference points, (m, 2).
+
+    Returns
+    -------
+    Array
+        Normals, (e, m, 3).
+    """
     tangents = np.tensordot(points[connectivity], shape_derivatives(element, xi), axes=(1, 1))  # (e, 3, m, 2)
     along, across = tangents[..., 0], tangents[..., 1]
     normals = np.empty((len(connectivity), len(xi), 3))
@@ -44,37 +74,45 @@ def normal_vectors(points: Array, element: SurfaceElement, connectivity: Indices
 
 
 def affine(points: Array, element: SurfaceElement, connectivity: Indices) -> NDArray[np.bool_]:
-    """Return the elements (e,) that are affine images of the reference domain, to AFFINE of their size."""
+    """Return which elements (e,) are affine images of the reference domain, to AFFINE_TOLERANCE of their size."""
     basis = np.column_stack([np.ones(len(element.nodes)), element.nodes])
     bending = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
     nodes = points[connectivity]
     bent = np.abs(np.tensordot(nodes, bending, axes=(1, 1))).max(axis=(1, 2))
-    return np.asarray(bent <= AFFINE * np.ptp(nodes, axis=1).max(axis=1))
+    return np.asarray(bent <= AFFINE_TOLERANCE * np.ptp(nodes, axis=1).max(axis=1))
 
 
 def area(mesh: SurfaceMesh, group: str | None = None) -> float:
-    """Return the area [m^2] of the mesh or of one face group. Raises MeshError if there is no such group."""
+    """Return the area [m^2] of a mesh or of one face group.
+
+    Raises
+    ------
+    MeshError
+        If the mesh has no such group.
+    """
     index = None if group is None else mesh.group(group)
     total = 0.0
     for block in mesh.blocks:
         chosen = block.connectivity if index is None else block.connectivity[block.groups == index]
-        xi, weights = gauss_rule(block.element.reference, ORDER)
+        xi, weights = gauss_rule(block.element.reference, VOLUME_ORDER)
         normals = normal_vectors(mesh.points, block.element, chosen, xi)
         total += float(np.sum(np.linalg.norm(normals, axis=-1) @ weights))
     return total
 
 
 def volume(mesh: SurfaceMesh) -> float:
-    """Return the enclosed volume [m^3] by the divergence theorem, int x.n dS / 3; negative if the mesh is inside
-    out."""
+    """Return the enclosed volume [m^3] by the divergence theorem, int x.n dS / 3.
+
+    It is negative if the mesh is inside out.
+    """
     return float(volume_shares(mesh, mesh.points.mean(axis=0)).sum())
 
 
 def volume_shares(mesh: SurfaceMesh, origin: Array) -> Array:
-    """Return int (x - origin).n dS / 3 of each element, (n_elements,) [m^3], block after block."""
+    """Return int (x - origin).n dS / 3 over each element, (n_elements,) [m^3], block after block."""
     shares = [np.empty(0)]
     for block in mesh.blocks:
-        xi, weights = gauss_rule(block.element.reference, ORDER)
+        xi, weights = gauss_rule(block.element.reference, VOLUME_ORDER)
         normals = normal_vectors(mesh.points, block.element, block.connectivity, xi)
         nodes = mesh.points[block.connectivity] - origin
         positions = np.einsum("mn,end->emd", shape_functions(block.element, xi), nodes)
@@ -83,13 +121,15 @@ def volume_shares(mesh: SurfaceMesh, origin: Array) -> Array:
 
 
 def corners(cells: Sequence[tuple[str, Indices]]) -> list[Indices]:
-    """Return the corner nodes of cells (meshio's types, as in Zone), (e, 3 or 4) for each block."""
+    """Return the corner nodes, (e, 3 or 4), of each block of cells of a contact zone."""
     return [nodes[:, : 3 if name.startswith("triangle") else 4] for name, nodes in cells]
 
 
 def vector_areas(points: Array) -> Array:
-    """Return the integrals of the normal (e, 3) over polygons of straight sides between points (e, m, 3), plane or
-    not."""
+    """Return the integrals of the normal, (e, 3), over polygons with straight sides between points (e, m, 3).
+
+    The polygons need not be plane.
+    """
     centred = points - points.mean(axis=1, keepdims=True)
     areas: Array = np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1) / 2.0
     return areas

@@ -7,34 +7,47 @@ import numpy as np
 from meeframe.fields import Array, Indices
 
 _RATIO: Final = 0.7548776662466927
-"""Root of x^3 + x^2 = 1: multiples of 1, x and x^2 by small whole numbers, or by their roots, do not cancel."""
-_ASKEW: Final = np.array([1.0, _RATIO, _RATIO**2]) / np.sqrt(1.0 + _RATIO**2 + _RATIO**4)
-"""A unit vector along which points of the usual lattices do not line up."""
-_PASSES: Final = 50
-"""Neighbours along it that are looked at; a tree is quicker than more of them."""
+"""Root of x^3 + x^2 = 1: multiples of 1, x and x^2 by small integers, or by their roots, do not cancel."""
+_SORT_DIRECTION: Final = np.array([1.0, _RATIO, _RATIO**2]) / np.sqrt(1.0 + _RATIO**2 + _RATIO**4)
+"""Unit vector on which points of common lattices have distinct projections."""
+_MAX_PASSES: Final = 50
+"""Number of neighbours along that vector that are compared; a tree is faster than more of them."""
 
 
-def close_pairs(points: Array, distance: float) -> Indices:
-    """Return the pairs of points (p, 3) not farther apart than a distance [m], which few are: (k, 2), the lower number
-    first.
+def close_point_pairs(points: Array, distance: float) -> Indices:
+    """Return the pairs of points that are not farther apart than a distance, of which there should be few.
 
-    They are close along any direction too: sorted along one, candidates are next to each other. Quicker than a tree,
-    and than loading one, unless many points line up across it.
+    Parameters
+    ----------
+    points : Array
+        Positions, (p, 3) [m].
+    distance : float
+        Largest distance [m].
+
+    Returns
+    -------
+    Indices
+        Point numbers, (k, 2), the lower one first.
+
+    Notes
+    -----
+    Close points have close projections on any direction, so that candidates are neighbours in the order of these
+    projections. This is faster than a tree, and than importing one, unless many points have the same projection.
     """
-    along = points @ _ASKEW
+    along = points @ _SORT_DIRECTION
     order = np.argsort(along)
     along = along[order]
-    found = [np.empty((0, 2), np.int64)]
-    for apart in range(1, len(points)):
-        candidates = np.flatnonzero(along[apart:] - along[:-apart] <= distance)
+    blocks = [np.empty((0, 2), np.int64)]
+    for offset in range(1, len(points)):
+        candidates = np.flatnonzero(along[offset:] - along[:-offset] <= distance)
         if candidates.size == 0:
             break
-        if apart > _PASSES:
+        if offset > _MAX_PASSES:
             return _by_tree(points, distance)
-        pairs = np.stack([order[candidates], order[candidates + apart]], axis=1)
+        pairs = np.stack([order[candidates], order[candidates + offset]], axis=1)
         near = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1) <= distance
-        found.append(np.sort(pairs[near], axis=1))
-    return np.concatenate(found)
+        blocks.append(np.sort(pairs[near], axis=1))
+    return np.concatenate(blocks)
 
 
 def _by_tree(points: Array, distance: float) -> Indices:

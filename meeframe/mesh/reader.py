@@ -1,4 +1,4 @@
-"""Surface meshes from files, by meshio."""
+"""Surface meshes from files that meshio reads."""
 
 import contextlib
 import io
@@ -13,17 +13,17 @@ import numpy as np
 from meeframe.common.errors import MeshError
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Indices
-from meeframe.mesh.checks import check_mesh, drop_unused, merge_points, orient_outward
+from meeframe.mesh.checks import check_mesh, merge_points, orient_outward, remove_unused_points
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
-UNNAMED = "surface"
-# how names of meshio's cells begin that are not surfaces
-_LOWER = ("vertex", "line", "VTK_LAGRANGE_CURVE")
-_SOLID = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
-_PATIENCE = 1000
-"""How often a file is read beyond its end before that is taken for an endless search for what is missing."""
-_READING: Final = Lock()
-"""Threads read one after the other: they share where they print, and meshio's modules."""
+DEFAULT_GROUP = "surface"
+# prefixes of the meshio names of cells that are not surfaces
+_LOWER_DIMENSIONS = ("vertex", "line", "VTK_LAGRANGE_CURVE")
+_VOLUME_CELLS = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron")
+_MAX_READS_AT_END = 1000
+"""Number of reads at the end of a file after which a reader is taken to search for missing data without end."""
+_READ_LOCK: Final = Lock()
+"""Lock of the reader: redirecting output and replacing a function of meshio affect all threads."""
 
 
 def read_mesh(
@@ -35,20 +35,43 @@ def read_mesh(
     group_data: str | None = None,
     reorient: bool = False,
 ) -> SurfaceMesh:
-    """Return the checked surface mesh in any file that meshio reads; formats with mixed element types too.
+    """Read and check the surface mesh in a file.
 
-    elements: the element types to choose from, by their meshio_type. length_unit: metres per unit of the file.
-    merge_tolerance: merge points closer than this [m]; None refuses coinciding points. group_data: name of a cell array
-    of whole numbers that makes face groups NAME_1, NAME_2, ...; by default groups are the file's cell sets or gmsh's
-    physical groups, and elements without any form the group 'surface'. reorient: flip surfaces that are inside out.
-    Points, lines and volume cells are passed over. Raises MeshError, which names the file.
+    All formats of meshio are supported, and files with several element types. Points, lines and volume cells are
+    ignored.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    elements : iterable of SurfaceElement
+        Element types to choose from, by their `meshio_type`.
+    length_unit : float
+        Metres per unit of length of the file.
+    merge_tolerance : float, optional
+        Merge points closer than this [m]. By default coinciding points are an error.
+    group_data : str, optional
+        Name of a cell array of integers that defines face groups NAME_1, NAME_2, .... By default, face groups are the
+        cell sets or the physical groups (gmsh) of the file; elements in no group form the group 'surface'.
+    reorient : bool
+        Flip surfaces that are inside out.
+
+    Returns
+    -------
+    SurfaceMesh
+        The mesh.
+
+    Raises
+    ------
+    MeshError
+        If the file cannot be read or its mesh is not valid; the message names the file.
     """
     file = Path(path)
     try:
         if not (np.isfinite(length_unit) and length_unit > 0):
             raise MeshError(f"length_unit = {length_unit!r}: must be a positive number of metres")
         data = read_any(file)
-        mesh = drop_unused(_convert(data, elements, length_unit, group_data))
+        mesh = remove_unused_points(_convert(data, elements, length_unit, group_data))
         if merge_tolerance is not None:
             mesh = merge_points(mesh, merge_tolerance)
         if reorient:
@@ -60,46 +83,57 @@ def read_mesh(
 
 
 def read_any(file: Path) -> Any:
-    """Return meshio's mesh of a file; its printing and its exits become errors. Raises MeshError."""
-    import meshio  # a quarter of a second to start: only for those who read files
+    """Read a file by meshio.
+
+    Returns
+    -------
+    meshio.Mesh
+        All points and cells of the file.
+
+    Raises
+    ------
+    MeshError
+        If meshio cannot read the file, prints an error or exits.
+    """
+    import meshio  # slow to import (0.25 s), so that only those who read files wait
 
     try:
         if not file.is_file():
             raise MeshError("no such file")
     except PermissionError as error:
         raise MeshError(f"cannot be read: {error.strerror}") from None
-    said = io.StringIO()
+    output = io.StringIO()
     try:
-        with _READING, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), _ends(meshio):
+        with _READ_LOCK, contextlib.redirect_stdout(output), contextlib.redirect_stderr(output), _finite_files(meshio):
             return meshio.read(file)
     except (Exception, SystemExit) as error:
-        text = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
+        text = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         raise MeshError(f"meshio cannot read it: {text}") from None
 
 
-class _Source(io.FileIO):
-    """A file that is not read beyond its end for ever, as readers of meshio do where a file is cut off."""
+class _FiniteFile(io.FileIO):
+    """A file that raises an error when a reader of meshio loops at the end of a truncated file."""
 
-    beyond = 0
+    reads_at_end = 0
 
     def readinto(self, buffer: Any, /) -> int | None:
-        """Read as from any file; raise EOFError after too many reads at the end of the file."""
+        """Read into a buffer; raise EOFError after too many reads at the end of the file."""
         count = super().readinto(buffer)
-        self.beyond = 0 if count else self.beyond + 1
-        if self.beyond > _PATIENCE:
+        self.reads_at_end = 0 if count else self.reads_at_end + 1
+        if self.reads_at_end > _MAX_READS_AT_END:
             raise EOFError("the file ends too early")
         return count
 
 
 def _open(path: str, mode: str = "r") -> IO[Any]:
-    """Open a file for reading, in place of the built-in function."""
-    source = io.BufferedReader(_Source(path))
+    """Open a file for reading, instead of the built-in function."""
+    source = io.BufferedReader(_FiniteFile(path))
     return source if "b" in mode else io.TextIOWrapper(source)
 
 
 @contextlib.contextmanager
-def _ends(meshio: Any) -> Iterator[None]:
-    """Return meshio opens files that end."""
+def _finite_files(meshio: Any) -> Iterator[None]:
+    """Let meshio open files by `_open` within this context."""
     meshio._files.open = _open
     try:
         yield
@@ -110,52 +144,56 @@ def _ends(meshio: Any) -> Iterator[None]:
 def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, group_data: str | None) -> SurfaceMesh:
     points = np.asarray(data.points, float)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise MeshError("its points are not three-dimensional")
-    known = {element.meshio_type: element for element in elements}
-    kept = [k for k, cells in enumerate(data.cells) if _is_surface(cells.type, known)]
-    if not kept or sum(len(data.cells[k].data) for k in kept) == 0:
-        found = ", ".join(sorted({cells.type for cells in data.cells})) or "none"
-        raise MeshError(f"no surface elements; cells in the file: {found}; wanted: {', '.join(known)}")
-    labels = _labels(data, kept, group_data)
-    names = tuple(sorted({name for part in labels for name in part}))
+        raise MeshError("points are not three-dimensional")
+    element_types = {element.meshio_type: element for element in elements}
+    selected = [k for k, cells in enumerate(data.cells) if _is_surface(cells.type, element_types)]
+    if not selected or sum(len(data.cells[k].data) for k in selected) == 0:
+        available = ", ".join(sorted({cells.type for cells in data.cells})) or "none"
+        raise MeshError(f"no surface elements; cells in the file: {available}; allowed: {', '.join(element_types)}")
+    labels = _labels(data, selected, group_data)
+    names = tuple(sorted({name for block in labels for name in block}))
     blocks = tuple(
-        ElementBlock(known[data.cells[k].type], np.asarray(data.cells[k].data, np.int64), _numbers(part, names))
-        for k, part in zip(kept, labels, strict=True)
+        ElementBlock(
+            element_types[data.cells[k].type], np.asarray(data.cells[k].data, np.int64), _numbers(block, names)
+        )
+        for k, block in zip(selected, labels, strict=True)
     )
     return SurfaceMesh(points * length_unit, blocks, names)
 
 
-def _is_surface(cell_type: str, known: dict[str, SurfaceElement]) -> bool:
-    if cell_type in known:
+def _is_surface(cell_type: str, element_types: dict[str, SurfaceElement]) -> bool:
+    if cell_type in element_types:
         return True
-    if cell_type.startswith(_LOWER) or cell_type.lower().removeprefix("vtk_lagrange_").startswith(_SOLID):
+    if cell_type.startswith(_LOWER_DIMENSIONS) or cell_type.lower().removeprefix("vtk_lagrange_").startswith(
+        _VOLUME_CELLS
+    ):
         return False
-    raise MeshError(f"cells of type {cell_type!r} are not among the element types: {', '.join(known)}")
+    raise MeshError(f"cells of type {cell_type!r} are not supported; allowed: {', '.join(element_types)}")
 
 
 def _numbers(labels: list[str], names: tuple[str, ...]) -> Indices:
     return np.array([names.index(name) for name in labels], np.int64)
 
 
-def _labels(data: Any, kept: list[int], group_data: str | None) -> list[list[str]]:
-    """Return the face group of each element of the kept cell blocks."""
+def _labels(data: Any, selected: list[int], group_data: str | None) -> list[list[str]]:
+    """Return the face group of each element of the selected cell blocks."""
     if group_data is not None:
         if group_data not in data.cell_data:
-            found = ", ".join(data.cell_data) or "none"
-            raise MeshError(f"group_data = {group_data!r}: no such cell array in the file; it has: {found}")
-        numbers = [np.ravel(data.cell_data[group_data][k]) for k in kept]
-        odd = next((v for block in numbers for v in block if not float(v).is_integer()), None)
-        if odd is not None:
-            raise MeshError(f"group_data = {group_data!r}: {odd:g} in it; allowed: whole numbers")
+            available = ", ".join(data.cell_data) or "none"
+            raise MeshError(f"group_data = {group_data!r}: no such cell array in the file; it has: {available}")
+        numbers = [np.ravel(data.cell_data[group_data][k]) for k in selected]
+        fraction = next((v for block in numbers for v in block if not float(v).is_integer()), None)
+        if fraction is not None:
+            raise MeshError(f"group_data = {group_data!r}: it contains {fraction:g}; allowed: integers")
         return [[f"{group_data}_{int(v)}" for v in block] for block in numbers]
     sets = {name: members for name, members in data.cell_sets.items() if not name.startswith("gmsh:")}
     if sets:
-        return [_labels_from_sets(sets, k, len(data.cells[k].data)) for k in kept]
+        return [_labels_from_sets(sets, k, len(data.cells[k].data)) for k in selected]
     if "gmsh:physical" in data.cell_data:
         tags = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 2}
-        tags[0] = UNNAMED  # gmsh's way of saying: in no physical group
-        return [[tags.get(int(v), f"physical_{int(v)}") for v in data.cell_data["gmsh:physical"][k]] for k in kept]
-    return [[UNNAMED] * len(data.cells[k].data) for k in kept]
+        tags[0] = DEFAULT_GROUP  # gmsh: in no physical group
+        return [[tags.get(int(v), f"physical_{int(v)}") for v in data.cell_data["gmsh:physical"][k]] for k in selected]
+    return [[DEFAULT_GROUP] * len(data.cells[k].data) for k in selected]
 
 
 def _labels_from_sets(sets: dict[str, Any], block: int, count: int) -> list[str]:
@@ -165,4 +203,4 @@ def _labels_from_sets(sets: dict[str, Any], block: int, count: int) -> list[str]
             if labels[element]:
                 raise MeshError(f"an element is in two face groups, {labels[element]!r} and {name!r}")
             labels[element] = name
-    return [label or UNNAMED for label in labels]
+    return [label or DEFAULT_GROUP for label in labels]

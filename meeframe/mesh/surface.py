@@ -1,4 +1,4 @@
-"""The frozen record of a surface mesh with named face groups. Generators, readers and checks are its neighbours."""
+"""The record of a surface mesh with named face groups."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,8 +14,14 @@ from meeframe.fields import Array, Indices
 class ElementBlock:
     """Elements of one type.
 
-    element: their type; connectivity: (e, n) point numbers, counter-clockwise seen from outside the body;
-    groups: (e,) index into SurfaceMesh.group_names.
+    Attributes
+    ----------
+    element : SurfaceElement
+        Their type.
+    connectivity : Indices
+        Point numbers, (e, n), counter-clockwise seen from outside the body.
+    groups : Indices
+        Index of each element into SurfaceMesh.group_names, (e,).
     """
 
     element: SurfaceElement
@@ -25,9 +31,18 @@ class ElementBlock:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """Boundary of a body. points: (p, 3) [m]; blocks: its elements; group_names: names of the face groups.
+    """The boundary of a body.
 
-    semi_infinite: the mesh is a part of the plane that bounds a half space, whose fields vanish at infinity.
+    Attributes
+    ----------
+    points : Array
+        Positions, (p, 3) [m].
+    blocks : tuple of ElementBlock
+        Elements, block by block.
+    group_names : tuple of str
+        Names of the face groups.
+    semi_infinite : bool
+        True if the mesh lies in the plane that bounds a half space, whose fields vanish at infinity.
     """
 
     points: Array
@@ -41,13 +56,19 @@ class SurfaceMesh:
         return sum(len(block.connectivity) for block in self.blocks)
 
     def group(self, name: str) -> int:
-        """Return the index of a face group; raises MeshError that lists the groups if there is none of that name."""
+        """Return the index of a face group.
+
+        Raises
+        ------
+        MeshError
+            If there is no such group; the message lists those that exist.
+        """
         if name not in self.group_names:
             raise MeshError(f"no face group {name!r} in the mesh; it has {', '.join(self.group_names)}")
         return self.group_names.index(name)
 
     def group_points(self, name: str) -> Indices:
-        """Return the sorted numbers of the points that elements of a face group touch."""
+        """Return the sorted numbers of the points of the elements of a face group."""
         index = self.group(name)
-        touched = [block.connectivity[block.groups == index].ravel() for block in self.blocks]
-        return np.unique(np.concatenate(touched))
+        numbers = [block.connectivity[block.groups == index].ravel() for block in self.blocks]
+        return np.unique(np.concatenate(numbers))

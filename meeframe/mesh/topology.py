@@ -1,4 +1,4 @@
-"""Mesh edges that elements share."""
+"""Edges of the elements of a mesh, and which of them are shared."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,11 +13,18 @@ from meeframe.mesh.surface import SurfaceMesh
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Mesh edges of all elements, one row per element and edge, block after block.
+    """Edges of all elements, one entry for each element and edge, block after block.
 
-    ends: (k, 2) corner numbers in the element's sense; between: (k, m) point numbers inside the edge in the sense from
-    the smaller to the larger end, padded with -1; elements: (k,) element numbers over all blocks; number: (k,) the same
-    for rows with the same two ends, counting from 0.
+    Attributes
+    ----------
+    ends : Indices
+        Corner numbers, (k, 2), in the sense of the element.
+    between : Indices
+        Point numbers inside the edge, (k, m), in the sense from the smaller to the larger end, padded with -1.
+    elements : Indices
+        Element numbers over all blocks, (k,).
+    number : Indices
+        Number of the mesh edge, (k,), counted from 0; the same for entries with the same two ends.
     """
 
     ends: Indices
@@ -27,7 +34,7 @@ class Edges:
 
 
 def corner_count(element: SurfaceElement) -> int:
-    """Return the corners of an element; they come first among its nodes."""
+    """Return the number of corners of an element, which are its first nodes."""
     return 3 if element.reference == "triangle" else 4
 
 
@@ -46,38 +53,37 @@ def edge_nodes(element: SurfaceElement) -> list[Indices]:
 
 @memoize_by_identity
 def find_edges(mesh: SurfaceMesh) -> Edges:
-    """Return the mesh edges of a mesh whose connectivity is in range."""
+    """Return the edges of a mesh whose connectivity is in range."""
     ends, between, elements, first = [np.empty((0, 2), np.int64)], [], [np.empty(0, np.int64)], 0
     for block in mesh.blocks:
         numbers = first + np.arange(len(block.connectivity))
         first += len(numbers)
         for local in edge_nodes(block.element):
-            row = block.connectivity[:, local]
-            ends.append(row[:, [0, -1]])
-            between.append(np.where((row[:, 0] < row[:, -1])[:, None], row, row[:, ::-1])[:, 1:-1])
+            nodes = block.connectivity[:, local]
+            ends.append(nodes[:, [0, -1]])
+            between.append(np.where((nodes[:, 0] < nodes[:, -1])[:, None], nodes, nodes[:, ::-1])[:, 1:-1])
             elements.append(numbers)
-    most = max((part.shape[1] for part in between), default=0)
-    padded = [np.pad(part, ((0, 0), (0, most - part.shape[1])), constant_values=-1) for part in between]
+    width = max((inner.shape[1] for inner in between), default=0)
+    padded = [np.pad(inner, ((0, 0), (0, width - inner.shape[1])), constant_values=-1) for inner in between]
     all_ends = np.concatenate(ends)
     inside = np.concatenate(padded) if padded else np.empty((0, 0), np.int64)
     _, number = np.unique(np.sort(all_ends, axis=1), axis=0, return_inverse=True)
-    found = Edges(all_ends, inside, np.concatenate(elements), number.ravel())
-    for part in (found.ends, found.between, found.elements, found.number):
-        part.setflags(write=False)
-    return found
+    edges = Edges(all_ends, inside, np.concatenate(elements), number.ravel())
+    for array in (edges.ends, edges.between, edges.elements, edges.number):
+        array.setflags(write=False)
+    return edges
 
 
 def reflection(element: SurfaceElement) -> Indices:
-    """Return the node order of the element seen from its other side, (n,): connectivity[:, reflection] is flipped."""
+    """Return the node order (n,) of an element seen from its other side: connectivity[:, order] is flipped."""
     swapped = np.asarray(element.nodes, float)[:, ::-1]
     distance = np.abs(swapped[:, None, :] - element.nodes[None, :, :]).sum(axis=-1)
     order: Indices = distance.argmin(axis=1).astype(np.int64)
     return order
 
 
-def outer_polygon(mesh: SurfaceMesh) -> Indices:
-    """Return the sides (k, 2) of a mesh's open edges: point numbers in the sense of their elements, from node to
-    node."""
+def boundary_polygon(mesh: SurfaceMesh) -> Indices:
+    """Return the segments (k, 2) of the boundary of an open mesh, as point numbers in the sense of the elements."""
     edges = find_edges(mesh)
     open_edges = np.flatnonzero(np.bincount(edges.number)[edges.number] == 1)
     sides = []

@@ -1,4 +1,4 @@
-"""The contact zone: its points, local frames, integration weights."""
+"""The contact zone: its points, local frames and integration weights."""
 
 from dataclasses import dataclass
 
@@ -8,20 +8,29 @@ from meeframe.common.errors import MeshError
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements.base import shape_functions
 from meeframe.fields import Array, Indices
-from meeframe.mesh.measures import ORDER, affine, gauss_rule, normal_vectors
+from meeframe.mesh.measures import VOLUME_ORDER, affine, gauss_rule, normal_vectors
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 
-STEEPEST = np.cos(np.pi / 4)  # an element's normal stays within 45 degrees of the zone's normal at its nodes
-SHORTEST_E1 = 0.1  # e1 follows the second axis where the normal is within 6 degrees of the first
+MIN_NORMAL_COSINE = np.cos(np.pi / 4)  # of an element's normal with the zone's normal at its nodes: 45 degrees
+MIN_E1_LENGTH = 0.1  # e1 follows the second axis where the normal is within 6 degrees of the first
 
 
 @dataclass(frozen=True, eq=False)
 class ContactZone:
-    """Geometry of the contact zone as a ReducedSystem hands it on.
+    """Geometry of a contact zone. The arrays are read-only, since a zone is shared by all users of its mesh.
 
-    points: (n, 3) [m]; frames: (n, 3, 3), rows e1, e2, nu, right-handed, nu outward; weights: (n,) [m^2], the integral
-    of each shape function over the zone; cells: (meshio cell type, connectivity into points) pairs; numbers: (n,)
-    numbers of the points in the mesh, rising. The arrays are read-only: a zone is found once for its mesh.
+    Attributes
+    ----------
+    points : Array
+        Positions, (n, 3) [m].
+    frames : Array
+        Local frames, (n, 3, 3), right-handed, with rows e1, e2 and the outward normal nu.
+    weights : Array
+        Integral of each shape function over the zone, (n,) [m^2].
+    cells : tuple of tuple
+        meshio cell type and connectivity into `points` of each block.
+    numbers : Indices
+        Numbers of the points in the mesh, (n,), rising.
     """
 
     points: Array
@@ -31,26 +40,30 @@ class ContactZone:
     numbers: Indices
 
 
-def zone_frames(mesh: SurfaceMesh, group: str) -> ContactZone:
+def find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     """Return the contact zone of a face group.
 
-    Normals at points are means over the zone's elements alone, weighted by their areas. Raises MeshError if there is no
-    such group, it has no elements, or it turns a sharp edge.
+    Normals at points are means over the elements of the zone alone, weighted by their areas.
+
+    Raises
+    ------
+    MeshError
+        If there is no such group, it has no elements, or it has a sharp mesh edge.
     """
-    return _zone(mesh, group)
+    return _find_contact_zone(mesh, group)
 
 
 @memoize_by_identity
-def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
+def _find_contact_zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     blocks = _zone_blocks(mesh, group)
     used = np.zeros(len(mesh.points), bool)
     for block in blocks:
         used[block.connectivity] = True
-    numbers, places = np.flatnonzero(used), np.cumsum(used) - 1
+    numbers, local_number = np.flatnonzero(used), np.cumsum(used) - 1
     weights, normals = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
     cells, corners = [], []
     for block in blocks:
-        local = places[block.connectivity]
+        local = local_number[block.connectivity]
         cells.append((block.element.meshio_type, local))
         corners.append(_unit_normals(mesh, block))
         integrals = _shape_integrals(mesh, block)
@@ -59,7 +72,7 @@ def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if not (lengths > 0).all():
         raise MeshError(f"contact zone {group!r}: no normal at {mesh.points[numbers[np.argmin(lengths)]]} [m]")
-    zone = ContactZone(mesh.points[numbers], frames_of(normals / lengths), weights, tuple(cells), numbers)
+    zone = ContactZone(mesh.points[numbers], local_frames(normals / lengths), weights, tuple(cells), numbers)
     _check_smooth(corners, zone, group)
     for array in (zone.points, zone.frames, zone.weights, zone.numbers, *(local for _, local in cells)):
         array.setflags(write=False)
@@ -67,21 +80,37 @@ def _zone(mesh: SurfaceMesh, group: str) -> ContactZone:
 
 
 def check_contact_zone(mesh: SurfaceMesh, group: str) -> None:
-    """Raise MeshError unless the group exists, has elements, leaves some of the surface free and is smooth."""
-    zone_frames(mesh, group)
+    """Check that a face group can be a contact zone.
+
+    Raises
+    ------
+    MeshError
+        If there is no such group, it has no elements or a sharp mesh edge, or it is the whole surface.
+    """
+    find_contact_zone(mesh, group)
     if sum(len(block.connectivity) for block in _zone_blocks(mesh, group)) == mesh.n_elements:
-        raise MeshError(f"contact zone {group!r}: it is the whole surface, so that nothing holds the body")
+        raise MeshError(f"contact zone {group!r}: it is the whole surface, so that the body has no supports")
 
 
-def frames_of(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
-    """Return the right-handed orthonormal frames (n, 3, 3), rows e1, e2, nu, for unit normals (n, 3).
+def local_frames(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Array:
+    """Return right-handed orthonormal frames for unit normals.
 
-    e1 is as close to first_axis as the tangent plane allows; where the normal is nearly parallel to that axis it
-    follows the next axis in cyclic order instead.
+    Parameters
+    ----------
+    normals : Array
+        Unit normals nu, (n, 3).
+    first_axis : tuple of float
+        Unit vector whose projection on the tangent plane gives e1. Where the normal is nearly parallel to it, the next
+        axis in cyclic order is used.
+
+    Returns
+    -------
+    Array
+        Frames, (n, 3, 3), with rows e1, e2, nu.
     """
     axis = np.asarray(first_axis, float)
     e1 = axis - (normals @ axis)[:, None] * normals
-    parallel = np.linalg.norm(e1, axis=1) < SHORTEST_E1
+    parallel = np.linalg.norm(e1, axis=1) < MIN_E1_LENGTH
     second = np.roll(axis, 1)
     e1[parallel] = second - (normals[parallel] @ second)[:, None] * normals[parallel]
     e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
@@ -91,16 +120,19 @@ def frames_of(normals: Array, first_axis: tuple[float, float, float] = (1.0, 0.0
 def _zone_blocks(mesh: SurfaceMesh, group: str) -> list[ElementBlock]:
     index = mesh.group(group)
     chosen = [(block, block.groups == index) for block in mesh.blocks]
-    blocks = [ElementBlock(b.element, b.connectivity[own], b.groups[own]) for b, own in chosen if own.any()]
+    blocks = [
+        ElementBlock(b.element, b.connectivity[selected], b.groups[selected])
+        for b, selected in chosen
+        if selected.any()
+    ]
     if not blocks:
         raise MeshError(f"contact zone {group!r}: the face group has no elements")
     return blocks
 
 
 def _shape_integrals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
-    """Return int N_a dS over each element, (e, n): the Jacobian of an element without curvature and warp is
-    constant."""
-    xi, weights = gauss_rule(block.element.reference, ORDER)
+    """Return int N_a dS over each element, (e, n); the Jacobian of affine elements is constant."""
+    xi, weights = gauss_rule(block.element.reference, VOLUME_ORDER)
     shapes = shape_functions(block.element, xi)
     jacobians = np.linalg.norm(normal_vectors(mesh.points, block.element, block.connectivity, xi[:1]), axis=-1)
     integrals: Array = jacobians * (weights @ shapes)
@@ -118,12 +150,12 @@ def _unit_normals(mesh: SurfaceMesh, block: ElementBlock) -> Array:
 
 
 def _check_smooth(normals: list[Array], zone: ContactZone, group: str) -> None:
-    """Refuse a zone with sharp mesh edges; normals: (e, n, 3) at the nodes of the elements of each block."""
-    for own, (_, local) in zip(normals, zone.cells, strict=True):
-        cosines = np.einsum("eni,eni->en", own, zone.frames[local, 2])
-        sharp = np.unique(local[cosines < STEEPEST])
+    """Raise MeshError for sharp mesh edges in a zone; normals: (e, n, 3) at the nodes of each block of elements."""
+    for element_normals, (_, local) in zip(normals, zone.cells, strict=True):
+        cosines = np.einsum("eni,eni->en", element_normals, zone.frames[local, 2])
+        sharp = np.unique(local[cosines < MIN_NORMAL_COSINE])
         if sharp.size:
             raise MeshError(
-                f"contact zone {group!r}: it turns by more than 45 degrees at {sharp.size} points, the first at "
-                f"{zone.points[sharp[0]]} [m]; a contact zone is a smooth surface"
+                f"contact zone {group!r}: it bends by more than 45 degrees at {sharp.size} points, the first at "
+                f"{zone.points[sharp[0]]} [m]; a contact zone must be smooth"
             )

@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from meeframe.common.errors import CaseError
+from meeframe.fields import FieldSet
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
-from meeframe.mesh import check_contact_zone, zone_frames
+from meeframe.mesh import check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.plugin.sources import faults_of_plugins
@@ -38,13 +39,20 @@ class SecondBody:
     @property
     def body(self) -> Body:
         """The boundary value problem for the formulation."""
-        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone)
+        return Body(self.material.stiffness, self.mesh, self.conditions, self.zone, self.material.fields)
+
+
+def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
+    """Raise CaseError unless the material of the second body, if there is one, has the fields of the first."""
+    if second_body is not None and second_body.material.fields != fields:
+        theirs, ours = ", ".join(second_body.material.fields.names), ", ".join(fields.names)
+        raise CaseError(f"the second body has the scalar fields {theirs}, the first {ours}; allowed: the same fields")
 
 
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
     """Raises MeshError unless the contact zone of the second body, if there is one, fits that of the first body."""
     if second_body is not None:
-        match_nodes(zone_frames(mesh, zone), zone_frames(second_body.mesh, second_body.zone))
+        match_nodes(find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone))
 
 
 def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:

@@ -10,15 +10,17 @@ import numba
 import numpy as np
 
 from meeframe.common.errors import TooLargeError
+from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactSolution, ContactState, Status, indenter_position
 from meeframe.fields import Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
+from meeframe.laws.base import is_pure_projection
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
-from meeframe.model.history import Converged, ramped
+from meeframe.model.history import Converged, extrapolate, ramped
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.systems import checked
@@ -85,7 +87,7 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
     """The reduced system of one body. Raises as reduce."""
     try:
         with faults_of_plugins():
-            return checked(formulation, formulation.reduce(body, progress))
+            return checked(formulation, formulation.reduce(body, progress), body.fields.size)
     except MemoryError as error:
         raise TooLargeError(
             f"mesh: {body.mesh.n_elements} elements with {len(body.mesh.points)} nodes need more memory than there is "
@@ -104,7 +106,7 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
             arrays = stored_arrays(formulation, system)
             if arrays is None or not isinstance(formulation, PersistentFormulation):
                 return system
-            return checked(formulation, formulation.from_arrays(body, arrays))
+            return checked(formulation, formulation.from_arrays(body, arrays), body.fields.size)
     return replace(system, recovery=recovery_of(formulation, body, progress))
 
 
@@ -138,7 +140,7 @@ def solve_steps(
         onsets = ContactOnsets.of(case.restart.step.gap, case.restart.step.touching)
     count = 0
     for number, step in enumerate(case.steps, 1):
-        begin, before = here, controls
+        begin, before, last = here, controls, None
         onsets = ContactOnsets.of(onsets.gap, onsets.touching)
         for increment in range(1, step.increments + 1):
             ends = increment == step.increments
@@ -147,7 +149,9 @@ def solve_steps(
             share("contact", 0.0)
             with faults_of_plugins():
                 planned = kinematics.increment(controls, here, step.increment_duration)
-                here, result = _solve(kinematics, planned, here, (number, increment), share)
+                start = _start(planned, last, here)
+                reached, result = _solve(kinematics, planned, here, start, (number, increment), share)
+                last, here = here if reached is not here else None, reached
                 share("diagnostics", 1.0)
                 onsets = onsets.after(result)
                 warns = boundary and ends and number == 1
@@ -171,15 +175,42 @@ def _share(clock: Progress, done: int, planned: int, stage: str, fraction: float
     clock(stage, (done + fraction) / planned)
 
 
+def _start(increment: Increment, last: Converged | None, here: Converged) -> ContactState | None:
+    """Return the initial guess of an increment: the converged state, or its continuation.
+
+    Where surfaces attract each other or conduct, or friction depends on the slip, several solutions may exist: the one
+    near the converged state is sought.
+
+    Parameters
+    ----------
+    increment
+        To be solved.
+    last
+        Converged state one increment of the same load step before `here`; None if there is none.
+    here
+        Converged state at the beginning of the increment.
+    """
+    problem = increment.problem
+    if last is not None and is_pure_projection(problem.contact_law) and not conducting(problem):
+        predicted = extrapolate(problem.contact_law, last, here)
+        if predicted is not None and len(predicted.motion) == len(increment.free):
+            return predicted
+    # free motions count from the converged state
+    return here.state and replace(here.state, motion=np.zeros(len(increment.free)))
+
+
 def _solve(
-    kinematics: IndenterKinematics, increment: Increment, here: Converged, numbers: tuple[int, int], progress: Progress
+    kinematics: IndenterKinematics,
+    increment: Increment,
+    here: Converged,
+    start: ContactState | None,
+    numbers: tuple[int, int],
+    progress: Progress,
 ) -> tuple[Converged, StepResult]:
     """The state after an increment, or the one before if it does not converge, and its result.
 
-    numbers: of the step and the increment.
+    start: initial guess of the solver; numbers: of the step and the increment.
     """
-    # free motions count from the converged state
-    start = here.state and replace(here.state, motion=np.zeros(len(increment.free)))
     case = kinematics.case
     rim = partial(kinematics.rim, increment)
     solution, problem = solve_to_edges(increment.problem, case.solver, case.limits, start, progress, rim)

@@ -4,8 +4,8 @@
 formulations that assemble the same integrals in another way; kernels are compiled functions for compiled callers.
 """
 
-from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, pair_rule, rectangular_rule, shape_degree
-from meeframe.elements._kernels.quadrature_order import most_points, order_for, required_orders
+from meeframe.elements._kernels.quadrature import BUFFER_TOO_SMALL, element_rule, rectangular_rule, shape_degree
+from meeframe.elements._kernels.quadrature_order import max_points_per_direction, order_for, required_orders
 from meeframe.elements._kernels.shape import map_rule
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -28,13 +28,13 @@ __all__ = [
     "boundary_fields",
     "characteristic_length",
     "collocate",
+    "element_rule",
     "exterior_terms",
     "find_patches",
     "lay_out",
     "map_rule",
-    "most_points",
+    "max_points_per_direction",
     "order_for",
-    "pair_rule",
     "rectangular_rule",
     "required_orders",
     "shape_degree",

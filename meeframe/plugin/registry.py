@@ -13,6 +13,7 @@ import pluggy
 from meeframe.common.errors import PluginError
 from meeframe.contact.problem import Solver
 from meeframe.elements.base import SurfaceElement
+from meeframe.fields import OPTIONAL_FIELDS, ScalarField
 from meeframe.formulations.base import Formulation
 from meeframe.greens.base import FundamentalSolution
 from meeframe.indenters.base import Indenter
@@ -79,12 +80,15 @@ class Registry:
         Folder that relative paths in tables refer to.
     unit
         Units of keys whose dimension depends on their use, separated by blanks.
+    scalar_fields
+        Further scalar fields that materials may have.
     """
 
     entries: tuple[Entry, ...]
     broken: tuple[Broken, ...] = ()
     folder: Path = Path()
     unit: str = ""
+    scalar_fields: tuple[ScalarField, ...] = OPTIONAL_FIELDS
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":

@@ -1,4 +1,4 @@
-"""Whether the reactions of a body balance what its contact and its boundary data put on it."""
+"""Balance of a body: its reactions against the loads of its contact and of its boundary data."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ _BY_TYPE: Final = {element.meshio_type: element for element in ELEMENTS.values()
 _ORDER: Final = 3
 """Gauss points per direction: exact for quadratic fields on plane elements."""
 _CLOSED: Final = 1e-6
-"""Of its area, at most, is the integral of the normal over a closed surface."""
+"""Fraction of its area up to which the integral of the normal over a closed surface may differ from zero."""
 _ROUNDING: Final = 1e-10
-"""Of the largest work of fields: less is of a field that is none."""
+"""Fraction of the largest work of a field: a field of less work is zero but for rounding."""
 NOTICED: Final = 0.02
 """Relative unbalance above which a reader should know of it."""
 
@@ -39,8 +39,11 @@ class Unbalance:
 
 
 def unbalance(boundary: NodalFields | None) -> Unbalance | None:
-    """That of the fields on a boundary; None without any, of elements of plugins, and of boundaries that are not
-    closed, as those of half spaces, which bear the rest at infinity."""
+    """Return the unbalance of the fields on a boundary.
+
+    None without fields, for elements of plugins, and for boundaries that are not closed, as those of half spaces, which
+    bear the rest at infinity.
+    """
     if boundary is None or any(name not in _BY_TYPE for name, _ in boundary.cells):
         return None
     if not _closed(boundary):

@@ -21,7 +21,7 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.contact.problem import Status
-from meeframe.fields import FLUX_UNITS, MECHANICAL, N_FIELDS, VALUE_UNITS, Array, Indices
+from meeframe.fields import MEE, N_FIELDS, Array, Indices
 from meeframe.indenters.base import COLUMNS, MOTIONS, N_MOTIONS, UNITS, motion_modes
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, numbers_of, table_of, text_of
@@ -38,8 +38,8 @@ _LOADING_UNITS: Final = {name: UNITS[name] for name in MOTIONS} | {"reference": 
 _SHAPES: Final = {key: (columns.stop - columns.start,) for key, columns in COLUMNS.items()}
 _BOUNDARY_UNITS: Final = {
     "points": "m",
-    "values": ", ".join(VALUE_UNITS),
-    "fluxes": ", ".join(FLUX_UNITS),
+    "values": ", ".join(MEE.value_units),
+    "fluxes": ", ".join(MEE.flux_units),
 }
 _SMALL: Final = 4096
 """Arrays of fewer bytes are not compressed."""
@@ -139,7 +139,10 @@ def _name(number: int) -> str:
 
 
 def read_result(folder: str | Path) -> Result:
-    """Return the result in an output folder; raises ResultError if there is none or it cannot be read."""
+    """Return the result in an output folder, of a run that is finished, goes on or was stopped.
+
+    Raises ResultError if there is none or it cannot be read.
+    """
     folder = Path(folder)
     path = folder / RESULT_FILE
     try:
@@ -162,7 +165,7 @@ def read_result(folder: str | Path) -> Result:
 
 
 def _put_head(file: Any, result: Result) -> None:
-    """What is known before the first increment."""
+    """Write what is known before the first increment."""
     file.attrs["format"] = FORMAT
     file.attrs["title"] = result.provenance.title
     file.attrs["case"] = result.provenance.case_text
@@ -176,7 +179,7 @@ def _put_head(file: Any, result: Result) -> None:
 
 
 def _put_end(file: Any, result: Result) -> None:
-    """What is known after the last increment."""
+    """Write what is known after the last increment."""
     file.attrs["status"] = str(result.status)
     file.attrs["timings"] = json.dumps(dict(result.timings))
     file.attrs["peak_memory_mb"] = result.peak_memory_mb
@@ -227,7 +230,7 @@ def _column(array: Array, row: NodalField) -> Array:
 
 
 def _put_fields(group: Any, rows: Sequence[NodalField], values: Mapping[str, Any]) -> None:
-    """Write nodal fields; of those that are zero throughout the name alone."""
+    """Write nodal fields; only the names of those that are zero at all nodes."""
     zero = [row.name for row in rows if not values[row.name].any()]
     group.attrs["zero"] = " ".join(zero)
     _put_all(group, {row.name: row.unit for row in rows if row.name not in zero}, values)
@@ -239,7 +242,7 @@ def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) ->
 
 
 def _put(group: Any, name: str, values: Any) -> Any:
-    """Return a dataset, compressed if that serves; one chunk for the whole array compresses best."""
+    """Write an array, compressed unless it is small; one chunk for the whole array compresses best."""
     array = np.asarray(values)
     if array.nbytes < _SMALL:
         return group.create_dataset(name, data=array)
@@ -280,7 +283,7 @@ def _read(file: Any) -> Result:
 
 
 def _get_steps(file: Any, zone: Zone) -> Iterator[StepResult]:
-    """Return the finished increments, with slips that the file does not hold."""
+    """Yield the finished increments, with slips that the file does not hold."""
     steps = file["steps"]
     start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
     for name in sorted(steps, key=int):
@@ -358,7 +361,7 @@ def _get_fields(group: Any, rows: Sequence[NodalField], n: int) -> dict[str, Any
         if row.column is None:
             arrays[row.attribute] = values
         else:
-            arrays.setdefault(row.attribute, np.empty((n, N_FIELDS - MECHANICAL.stop)))[:, row.column] = values
+            arrays.setdefault(row.attribute, np.empty((n, len(schema.SCALARS))))[:, row.column] = values
     return arrays
 
 
@@ -373,7 +376,7 @@ def _get_loading(group: Any) -> Loading:
 
 
 def _get_cells(group: Any, n: int) -> tuple[tuple[str, Indices], ...]:
-    """Of n points."""
+    """Return the cells of a group, whose numbers refer to n points."""
     cells = []
     for name in sorted(group["cells"], key=int):
         own = group["cells"][name]

@@ -82,7 +82,7 @@ def _lock(folder: Path) -> int:
         except BlockingIOError:
             os.close(file)
             raise ResultError(
-                f"folder {folder} is in use: another run writes there; wait until it ends or name another folder"
+                f"folder {folder} is in use: another process writes there; wait until it ends or name another folder"
             ) from None
         except OSError:  # a file system without locks
             return file
@@ -125,7 +125,7 @@ def check_output(folder: Path, overwrite: bool) -> None:
 
 
 def check_place(file: Path) -> None:
-    """See that a file can be written in its folder, which has to be there; nothing is left. Raises ResultError."""
+    """Check that a file can be written in its folder, which must exist; leaves nothing. Raises ResultError."""
     try:
         if file.is_dir():
             raise IsADirectoryError("is a folder")
@@ -173,8 +173,11 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def _of_files(error: OSError | RuntimeError) -> str | None:
-    """Return what an error of a file says, in words; None if it is not one. HDF5 writes the number of what the system
-    said into its text, and what it meets on closing h5py raises as a RuntimeError."""
+    """Return the words of an error of a file, None if it is not one.
+
+    HDF5 writes the number of what the system said into its text, and what it meets on closing h5py raises as a
+    RuntimeError.
+    """
     number = re.search(r"errno = (\d+)", str(error))
     if number:
         return os.strerror(int(number[1]))

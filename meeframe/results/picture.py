@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
-from meeframe.mesh import frames_of
+from meeframe.mesh import local_frames
 from meeframe.results.canvas import MAP_COLOURS, prefixed
 from meeframe.results.records import Zone
 
@@ -56,7 +56,7 @@ class Picture:
         quads = np.concatenate(parts) if parts else np.empty((0, 4), np.int64)
         middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
         normal = zone.frames[:, 2].mean(axis=0)
-        axes = frames_of(normal[None] / np.linalg.norm(normal))[0, :2]
+        axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
         points = (zone.points - middle) @ axes.T / factor
         flat = _with_centres(points, quads)
         triangles = _triangles(zone.cells, len(points)) if zone.cells else None

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.results import schema
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import LOCK_FILE, check_output, locked, replacing
 from meeframe.results.sweep_records import INCREMENT, SweepResult
@@ -54,9 +55,10 @@ def dataset(sweep: SweepResult) -> Any:
     }
     for name, values in sweep.quantities.items():
         dimensions = names if values.ndim == len(names) else [*names, INCREMENT]
-        variables[name] = dimensions, values, {"units": sweep.units[name]}
+        variables[name] = dimensions, values, _attributes(sweep.units[name], schema.label_of(name))
     for name, values in sweep.fields.items():
-        variables[name] = [*names, NODE], values, {"units": sweep.units[name]}
+        label = schema.label_of(name.removeprefix("zone_"))
+        variables[name] = [*names, NODE], values, _attributes(sweep.units[name], label)
     coordinates: dict[str, Any] = {}
     for axis in sweep.axes:
         values = np.array(axis.labels, object) if axis.values is None else axis.values
@@ -64,6 +66,11 @@ def dataset(sweep: SweepResult) -> Any:
     for name, place in sweep.nodes.items():
         coordinates[name] = [NODE] if place.ndim == 1 else [*names, NODE], place, {"units": "m"}
     return xarray.Dataset(variables, coordinates, {"format": FORMAT, "title": sweep.title, **sweep.notes})
+
+
+def _attributes(unit: str, label: str) -> dict[str, str]:
+    """Return attributes as xarray's plots read them."""
+    return {"units": unit, "long_name": label}
 
 
 @contextmanager
@@ -119,7 +126,7 @@ def drop_systems(folder: Path, keys: Collection[str]) -> None:
 
 
 def _begun(folder: Path) -> bool:
-    """Return whether a folder holds nothing but what a sweep makes in it before sweep.json: it was killed there."""
+    """Return whether a folder holds only what a sweep makes before sweep.json, as one does that was killed there."""
     try:
         return all(
             path.name == LOCK_FILE

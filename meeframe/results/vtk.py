@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
-from meeframe.mesh.nearby import close_pairs
+from meeframe.mesh.nearby import close_point_pairs
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, replacing
 from meeframe.results.records import Result, StepResult, Zone
@@ -70,7 +70,9 @@ def _matched(zone: Zone, boundary: NodalFields) -> tuple[Indices, Indices]:
     By elements: at the edge of the zone a point that is repeated there may belong to the surface outside.
     """
     n = len(zone.points)
-    pairs = close_pairs(np.concatenate([zone.points, boundary.points]), _SAME_PLACE * np.ptp(zone.points, axis=0).max())
+    pairs = close_point_pairs(
+        np.concatenate([zone.points, boundary.points]), _SAME_PLACE * np.ptp(zone.points, axis=0).max()
+    )
     pairs = pairs[(pairs[:, 0] < n) & (pairs[:, 1] >= n)]
     nearest = np.full(len(boundary.points), -1)
     nearest[pairs[:, 1] - n] = pairs[:, 0]

@@ -13,7 +13,7 @@ from meeframe.solvers.cg.frictionless import takes
 from meeframe.solvers.cg.projected_cg import ProjectedCG
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein, Nesterov
 from meeframe.solvers.gradient.uzawa import Uzawa
-from meeframe.solvers.newton.method import SemismoothNewton
+from meeframe.solvers.newton.method import SemismoothNewton, estimated_residual
 from meeframe.system.capabilities import EdgeResolution
 
 FALL: Final = 0.9
@@ -130,6 +130,7 @@ def _begun(problem: ContactProblem, stages: tuple[_Stage, ...], start: ContactSt
 
 def _residual(problem: ContactProblem, iterate: Iterate, scales: Scales) -> float:
     """Of the laws, by the solver itself if it knows."""
-    if iterate.estimate is not None:
-        return iterate.estimate
+    known = iterate.estimate if iterate.estimate is not None else estimated_residual(iterate)
+    if known is not None:
+        return known
     return law_residual(problem, evaluate(problem, iterate), scales)

@@ -9,7 +9,7 @@ from typing import Final
 from meeframe.common.errors import MeeframeError
 from meeframe.common.toml import read_toml
 from meeframe.formulations.base import Formulation
-from meeframe.mesh import zone_frames
+from meeframe.mesh import find_contact_zone
 from meeframe.mesh.body import Body
 from meeframe.model.cache import distinct_bodies, system_key
 from meeframe.model.case import Case, Warn, ignore, warnings_of
@@ -17,7 +17,7 @@ from meeframe.model.solve import bodies_of, joined, provenance, reduce_for_conta
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Registry
 from meeframe.results.figures import save_figure
-from meeframe.results.output import check_output, replacing, rewriting
+from meeframe.results.output import open_output, replacing, rewriting
 from meeframe.results.records import Zone, zone_of
 from meeframe.study.choices import Combination, combinations, read_choices
 from meeframe.study.reports.compare import ComparedRun, Comparison, comparison_figure, comparison_json
@@ -76,13 +76,20 @@ def compare(
     registry = registry or plugins.load()
     text, tables = read_toml(file)
     chosen = combinations(file, tables, read_choices(options), registry)
-    check_output(out, overwrite)
+    with open_output(out, overwrite):
+        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn)
+
+
+def _run_all(
+    chosen: Sequence[Combination], title: str, text: str, out: Path, progress: Progress, warn: Warn
+) -> Comparison:
+    """Run all combinations of a case into a locked output folder."""
     cases = [combination.case for combination in chosen if combination.case is not None]
-    preflight = dict.fromkeys(text for case in cases for text in case.preflight)
+    preflight = dict.fromkeys(warning for case in cases for warning in case.preflight)
     for warning in (*warnings_of(distinct_bodies(cases).values()), *preflight):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
-    comparison = Comparison(str(tables.get("title", "")), text, versions)
+    comparison = Comparison(title, text, versions)
     with rewriting(out / NUMBERS_FILE) as write:
         for runs in _solve(chosen, cases[0], progress):
             comparison = replace(comparison, runs=runs)
@@ -99,8 +106,8 @@ def _solve(chosen: Sequence[Combination], model: Case, progress: Progress) -> It
     """Yield the runs so far after every increment and every run; `model` is any case, for zone and steps."""
     done: tuple[ComparedRun, ...] = ()
     cache = _SystemCache({})
-    frames = zone_frames(model.mesh, model.zone)
-    zone = Zone(frames.points, frames.frames, frames.weights, frames.cells)
+    contact_zone = find_contact_zone(model.mesh, model.zone)
+    zone = Zone(contact_zone.points, contact_zone.frames, contact_zone.weights, contact_zone.cells)
     for number, combination in enumerate(chosen):
         case = combination.case
         run = ComparedRun(combination.labels, zone, model.n_increments, refusal=combination.refusal)

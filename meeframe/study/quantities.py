@@ -33,6 +33,6 @@ _TRACTIONS: Final = ("traction_x", "traction_y", "tangential_traction")
 
 
 def largest(quantity: str, zone: Zone, step: StepResult) -> float:
-    """Return the scale of a nodal quantity: its signed value of largest modulus, for tractions the largest pressure."""
+    """Return the value of largest modulus of a nodal quantity, with sign; of tractions the largest pressure."""
     values = nodal("pressure" if quantity in _TRACTIONS else quantity, zone, step)
     return float(values[np.abs(values).argmax()])

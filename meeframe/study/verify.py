@@ -22,7 +22,7 @@ from meeframe.model.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.results.figures import save_figure
-from meeframe.results.output import check_output, replacing, rewriting
+from meeframe.results.output import open_output, replacing, rewriting
 from meeframe.results.records import StepResult, Zone, resultants, zone_of
 from meeframe.study.choices import Choice, enter
 from meeframe.study.quantities import TOTALS
@@ -166,19 +166,32 @@ def verify(
     if len({run.formulation for run in planned}) < 2:
         reasons = "".join(f"\n{name}: {text}" for name, text in refusals.items())
         raise CaseError(f"{file}: a verification needs at least two formulations that accept the case{reasons}")
-    check_output(out, overwrite)
-    out.mkdir(parents=True, exist_ok=True)
-    for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.preflight):
-        warn(text)
-    versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
-    verification = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
-    reducer = (
-        partial(reduce, progress=progress) if cache is None else partial(cached_reduce, folder=cache, progress=progress)
-    )
+    with open_output(out, overwrite):
+        for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.preflight):
+            warn(text)
+        versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
+        verification = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
+        reducer = (
+            partial(reduce, progress=progress)
+            if cache is None
+            else partial(cached_reduce, folder=cache, progress=progress)
+        )
+        solve = partial(_solve, every_step=every_step, reducer=reducer)
+        return _run_all(verification, planned, solve, out, progress)
+
+
+def _run_all(
+    verification: Verification,
+    planned: Sequence[Planned],
+    solve: Callable[[Planned], VerifiedRun],
+    out: Path,
+    progress: Progress,
+) -> Verification:
+    """Solve the planned runs and write the verification into a locked output folder."""
     with rewriting(out / NUMBERS_FILE) as write:
         for number, run in enumerate(planned):
             progress("runs", number / len(planned))
-            verification = replace(verification, runs=(*verification.runs, _solve(run, every_step, reducer)))
+            verification = replace(verification, runs=(*verification.runs, solve(run)))
             write(verification_json(verification))
     progress("runs", 1.0)
     figure = verification_figure(verification)

@@ -97,7 +97,7 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
         Motions that become unknown, of 'approach', 'translation' and 'potentials'.
     """
     system, zero = problem.system, np.zeros_like(problem.potentials)
-    force, charge, flux = resultant(system, state.load)
+    force, (charge, flux) = resultant(system, state.load)
     prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
     if "approach" in given:

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.fields import N_FIELDS, Array
+from meeframe.fields import Array
 from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
@@ -13,8 +13,8 @@ LOADS: Final = 6
 
 
 def typical_load(system: ReducedSystem) -> Array:
-    """Return the magnitudes (5,) of loads whose displacements do similar work."""
-    responses: Array = diagonal(system, range(N_FIELDS)).mean(axis=0)
+    """Return the magnitudes (fields,) of loads whose displacements do similar work."""
+    responses: Array = diagonal(system, range(system.n_fields)).mean(axis=0)
     return 1.0 / np.sqrt(np.abs(responses))
 
 

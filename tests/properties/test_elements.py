@@ -9,7 +9,7 @@ from meeframe.elements import ELEMENTS, Quad4, Quad9, Tri3, Tri6
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.elements.base import shape_functions
 from meeframe.elements.principal_value import free_term, tangent_facet, traction_principal_value
-from meeframe.elements.quadrature import pair_rule
+from meeframe.elements.quadrature import element_rule
 from meeframe.greens import LineIntegral
 from meeframe.mesh import box_mesh, sphere_mesh
 from meeframe.testing.element import check_element, reference_points
@@ -52,7 +52,7 @@ def test_layers_of_flat_elements(flat, seed, exponent, direction, tolerance):
     direction = direction[0] + np.copysign(0.5, direction[0] @ normal) * normal
     place = shape_functions(element, reference_points(element, 1, seed)) @ nodes
     source = place[0] + 10**exponent * size * direction / np.linalg.norm(direction)
-    rule = pair_rule(element, nodes, source, tolerance)
+    rule = element_rule(element, nodes, source, tolerance)
     offset = rule.positions - source
     distance = np.linalg.norm(offset, axis=1)
     double = rule.measures @ ((offset * rule.normals).sum(axis=1) / distance**3)
@@ -66,7 +66,7 @@ def test_weakly_singular_on_flat_elements(flat, seed, inside):
     element, nodes, corners = flat
     own = reference_points(element, 1, seed)[0] if inside else element.nodes[seed % len(nodes)]
     source = shape_functions(element, own[None])[0] @ nodes
-    rule = pair_rule(element, nodes, source, 1e-9, own)
+    rule = element_rule(element, nodes, source, 1e-9, own)
     distance = np.linalg.norm(rule.positions - source, axis=1)
     assert rule.measures @ (1 / distance) == pytest.approx(single_layer(corners, source), rel=1e-9)
 
@@ -98,7 +98,7 @@ def test_unit_flux_through_a_closed_surface_from_nearby(stiffness, number, seed,
     flux = np.zeros((5, 5))
     size = 0.0
     for each in nodes:
-        rule = pair_rule(element, each, source, 1e-6, anisotropy=medium)
+        rule = element_rule(element, each, source, 1e-6, anisotropy=medium)
         traction = kernel.evaluate(rule.positions - source, rule.normals)[1]
         flux += np.einsum("m,mjk->jk", rule.measures, traction)
         size += np.einsum("m,mjk->jk", rule.measures, np.abs(traction)).max()
@@ -123,6 +123,6 @@ def test_free_term_and_principal_value_of_constant_fields(stiffness, seed, curve
             facets.append(tangent_facet(element, each, local))
             total += traction_principal_value(kernel, element, each, local, 1e-8, medium).sum(axis=0)
         else:
-            rule = pair_rule(element, each, source, 1e-8, anisotropy=medium)
+            rule = element_rule(element, each, source, 1e-8, anisotropy=medium)
             total += np.einsum("m,mjk->jk", rule.measures, kernel.evaluate(rule.positions - source, rule.normals)[1])
     assert np.abs(total + free_term(kernel, np.array(facets))).max() < 1e-6

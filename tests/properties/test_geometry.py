@@ -14,12 +14,12 @@ from meeframe.mesh import (
     box_mesh,
     check_contact_zone,
     check_mesh,
-    frames_of,
+    find_contact_zone,
+    local_frames,
     merge_points,
     orient_outward,
     sphere_mesh,
     volume,
-    zone_frames,
 )
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.mesh.topology import find_edges, reflection
@@ -113,7 +113,7 @@ def test_renumbering_and_splitting_change_nothing(element, radius, divisions, se
 @given(normal=directions)
 def test_frames_are_right_handed_and_orthonormal(normal) -> None:  # type: ignore[no-untyped-def]
     unit = np.array(normal) / np.linalg.norm(normal)
-    frame = frames_of(unit[None])[0]
+    frame = local_frames(unit[None])[0]
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(frame) == pytest.approx(1.0)
     np.testing.assert_array_equal(frame[2], unit)
@@ -126,7 +126,7 @@ shapes = st.one_of(
     st.floats(0.01, 0.5).map(Cone),
     st.tuples(st.floats(0.05, 1), st.floats(-3, 3)).map(lambda v: Cylinder(*v)),
 )
-ZONE = zone_frames(block_mesh(0.05, 0.1, 0.01, 6, 2, 2, ELEMENTS["quad9"]), "contact")
+ZONE = find_contact_zone(block_mesh(0.05, 0.1, 0.01, 6, 2, 2, ELEMENTS["quad9"]), "contact")
 
 
 @few
@@ -143,8 +143,8 @@ def test_points_at_the_gap_lie_on_the_indenter(shape, x, y, rotation, tilts, app
     gap = initial_gap(shape, ZONE, placement, approach)
     assume(np.isfinite(gap).all())
     meeting = ZONE.points + gap[:, None] * ZONE.frames[:, 2]
-    local = (meeting - [x, y, -approach]) @ placement.turn
+    local = (meeting - [x, y, -approach]) @ placement.rotation_matrix
     np.testing.assert_allclose(shape.height(local[:, 0], local[:, 1]), local[:, 2], atol=1e-12)
-    np.testing.assert_allclose(placement.turn @ placement.turn.T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(placement.rotation_matrix @ placement.rotation_matrix.T, np.eye(3), atol=1e-15)
     # moving the indenter along its axis moves the gap of a flat zone by as much
     np.testing.assert_allclose(initial_gap(shape, ZONE, placement), gap + approach, atol=1e-12)

@@ -88,6 +88,7 @@ MU = st.floats(0.05, 5.0)
 KAPPA = st.sampled_from([0.0, 1e-2, 1.0, 1e2, np.inf])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(SEEDS, st.tuples(MU, MU), st.tuples(KAPPA, KAPPA), st.integers(-15, 15))
@@ -98,6 +99,7 @@ def test_on_half_spaces_without_round_off(
     assert_scales(random_problem(seed, mu, kappa), solver, 4.0**power)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize("factor", [1e-9, 1e-3, 1e9])
 @pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])

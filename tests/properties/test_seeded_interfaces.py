@@ -221,6 +221,7 @@ class Tangents(Law):
         return first, second
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("law", "message"),
     [
@@ -400,6 +401,7 @@ class Rested(Aged):
         return replace(self, path=slip_path / (1.0 + self.healing * duration))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("law", "reference", "message"),
     [

@@ -26,6 +26,7 @@ PARTS = (
     "half_space",
     "half_space_friction",
     "five_fields",
+    "histories",
     "hierarchical",
     "references",
     "solvers",

@@ -1,12 +1,12 @@
-"""Quadrature over an element seen from a source point: one adaptive rule for distant, near and own elements.
+"""Quadrature over an element seen from a source: one adaptive rule for distant, near and singular elements.
 
 A domain of integration is one or more bilinear *patches* (u, v) in [-1, 1]^2 of the reference domain; triangles are
 patches with a collapsed edge. Each direction of a cell of a patch gets the order that quadrature_order finds; a cell
 that would need too many points is halved across its longer side.
 
-Own elements are split at the source into triangles with the collapsed edge (u = -1) at the source (Duffy). With
-offset = rho g, rho = (1 + u) / 2, the singularities that remain are those of 1/|g|, so that the same estimate, with g
-in place of the offset, gives orders and halvings for elongated and curved elements alike.
+Singular elements, which contain the source, are split there into triangles with the collapsed edge (u = -1) at the
+source (Duffy). With offset = rho g, rho = (1 + u) / 2, the remaining singularities are those of 1/|g|. The same
+estimate, with g in place of the offset, therefore gives orders and halvings, for elongated and curved elements too.
 """
 
 from typing import NamedTuple
@@ -18,11 +18,11 @@ from meeframe.elements._kernels.quadrature_order import (
     MODERATE_ANISOTROPY,
     cell_spreads,
     lengths_and_bulge,
-    most_points,
+    max_points_per_direction,
+    normal_spread,
     order_for,
-    reaches,
     required_orders,
-    turning_spread,
+    skew_lengths,
 )
 from meeframe.elements._kernels.shape import geometry_polynomial, normal_at, position_at, tangent_at
 
@@ -31,7 +31,7 @@ __all__ = [
     "SOURCE_ON_ELEMENT",
     "GaussTable",
     "element_extents",
-    "pair_rule",
+    "element_rule",
     "rectangular_rule",
     "required_orders",
     "shape_degree",
@@ -40,8 +40,8 @@ __all__ = [
 BUFFER_TOO_SMALL = -1
 SOURCE_ON_ELEMENT = -2
 
-_STACK = 128
-_SMALLEST_CELL = 1e-13
+_STACK_SIZE = 128
+_MIN_CELL_SIZE = 1e-13
 
 
 class GaussTable(NamedTuple):
@@ -53,7 +53,7 @@ class GaussTable(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _reference_corners(triangle, out):
-    """Fill out (4, 2) with the corners of the reference domain; a triangle repeats its third. Returns their number."""
+    """Fill out (4, 2) with the corners of the reference domain and return their number; triangles repeat the third."""
     if triangle:
         out[0, 0], out[0, 1], out[1, 0], out[1, 1] = 0.0, 0.0, 1.0, 0.0
         out[2, 0], out[2, 1], out[3, 0], out[3, 1] = 0.0, 1.0, 0.0, 1.0
@@ -85,27 +85,26 @@ def _bilinear_area(corners, u, v):
 
 
 @njit(cache=True, nogil=True)
-def _offset(table, polynomial, source, corners, own, u, v):
-    """Return the offset from the source at (u, v); on own elements divided by the distance 0..1 from the collapsed
-    edge."""
+def _offset(table, polynomial, source, corners, singular, u, v):
+    """Return the offset from the source at (u, v), on singular elements over the distance from the collapsed edge."""
     xi, eta = _bilinear(corners, u, v)
-    if own and u <= -1.0:
+    if singular and u <= -1.0:
         a, b = _bilinear(corners, 1.0, v)
         return tangent_at(table, polynomial, xi, eta, a - corners[0, 0], b - corners[0, 1])
     x, y, z = position_at(table, polynomial, xi, eta)
-    scale = 2.0 / (1.0 + u) if own else 1.0
+    scale = 2.0 / (1.0 + u) if singular else 1.0
     return scale * (x - source[0]), scale * (y - source[1]), scale * (z - source[2])
 
 
 @njit(cache=True, nogil=True)
-def _sample(table, polynomial, source, corners, own, cell, offsets, normals):
+def _sample(table, polynomial, source, corners, singular, cell, offsets, normals):
     """Fill offsets (9, 3) on the 3 x 3 grid of a cell (u0, u1, v0, v1) and normals (4, 3) at its corners, v fastest."""
     for a in range(3):
         u = cell[0] + 0.5 * a * (cell[1] - cell[0])
         for b in range(3):
             v = cell[2] + 0.5 * b * (cell[3] - cell[2])
             k = 3 * a + b
-            x, y, z = _offset(table, polynomial, source, corners, own, u, v)
+            x, y, z = _offset(table, polynomial, source, corners, singular, u, v)
             offsets[k, 0], offsets[k, 1], offsets[k, 2] = x, y, z
             if a != 1 and b != 1:
                 k = a + b // 2
@@ -114,15 +113,15 @@ def _sample(table, polynomial, source, corners, own, cell, offsets, normals):
 
 
 @njit(cache=True, nogil=True)
-def _turning_spreads(normals):
-    along_u = min(turning_spread(normals, 0, 2), turning_spread(normals, 1, 3))
-    along_v = min(turning_spread(normals, 0, 1), turning_spread(normals, 2, 3))
+def _normal_spreads(normals):
+    along_u = min(normal_spread(normals, 0, 2), normal_spread(normals, 1, 3))
+    along_v = min(normal_spread(normals, 0, 1), normal_spread(normals, 2, 3))
     return along_u, along_v
 
 
 @njit(cache=True, nogil=True)
 def _emit(corners, cell, order_u, order_v, gauss, points, weights, count):
-    """Append the tensor Gauss rule of a cell; returns the new count or BUFFER_TOO_SMALL."""
+    """Append the tensor Gauss rule of a cell and return the new count, or BUFFER_TOO_SMALL."""
     if count + order_u * order_v > weights.shape[0]:
         return BUFFER_TOO_SMALL
     half_u, half_v = 0.5 * (cell[1] - cell[0]), 0.5 * (cell[3] - cell[2])
@@ -138,10 +137,12 @@ def _emit(corners, cell, order_u, order_v, gauss, points, weights, count):
 
 
 @njit(cache=True, nogil=True)
-def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, anisotropy, gauss, points, weights, count):
-    """Append the adaptive rule of one patch, halving cells that are too close; an explicit stack of cells."""
-    limit = most_points(tolerance, gauss)
-    stack = np.empty((_STACK, 4))
+def _patch_rule(
+    table, polynomial, source, corners, singular, degree, tolerance, anisotropy, gauss, points, weights, count
+):
+    """Append the adaptive rule of one patch, halving cells that are too close, on an explicit stack."""
+    limit = max_points_per_direction(tolerance, gauss)
+    stack = np.empty((_STACK_SIZE, 4))
     offsets, normals = np.empty((9, 3)), np.empty((4, 3))
     cell = np.empty(4)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = -1.0, 1.0, -1.0, 1.0
@@ -149,19 +150,19 @@ def _patch_rule(table, polynomial, source, corners, own, degree, tolerance, anis
     while depth > 0:
         depth -= 1
         cell[:] = stack[depth]
-        _sample(table, polynomial, source, corners, own, cell, offsets, normals)
+        _sample(table, polynomial, source, corners, singular, cell, offsets, normals)
         length_u, length_v, bulge = lengths_and_bulge(offsets)
         spread_u, spread_v = cell_spreads(offsets, length_u, length_v, bulge)
-        turning_u, turning_v = _turning_spreads(normals)
-        order_u = order_for(min(spread_u, turning_u), degree, tolerance, anisotropy)
-        order_v = order_for(min(spread_v, turning_v), degree, tolerance, anisotropy)
+        normal_u, normal_v = _normal_spreads(normals)
+        order_u = order_for(min(spread_u, normal_u), degree, tolerance, anisotropy)
+        order_v = order_for(min(spread_v, normal_v), degree, tolerance, anisotropy)
         if order_u <= limit and order_v <= limit:
             count = _emit(corners, cell, order_u, order_v, gauss, points, weights, count)
             if count < 0:
                 return count
             continue
         low = 0 if length_u >= length_v else 2
-        if cell[low + 1] - cell[low] < _SMALLEST_CELL or depth + 2 > _STACK:
+        if cell[low + 1] - cell[low] < _MIN_CELL_SIZE or depth + 2 > _STACK_SIZE:
             return SOURCE_ON_ELEMENT
         middle = 0.5 * (cell[low] + cell[low + 1])
         stack[depth] = cell
@@ -182,7 +183,7 @@ def _total_degree(table):
 
 @njit(cache=True, nogil=True)
 def shape_degree(table):
-    """Return the degree along u or v of shape functions; on triangles times the area ratio of the collapsed patch."""
+    """Return the degree of shape functions along u or v, on triangles with the area ratio of the collapsed patch."""
     if table.triangle:
         return _total_degree(table) + 1
     degree = 0
@@ -192,21 +193,20 @@ def shape_degree(table):
 
 
 @njit(cache=True, nogil=True)
-def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, anisotropy=MODERATE_ANISOTROPY):
+def element_rule(source, nodes, table, source_xi, tolerance, gauss, points, weights, anisotropy=MODERATE_ANISOTROPY):
     """Return the rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
 
-    own_xi: (2,) reference coordinates of the source if the element holds it, else NaN. Kernels may grow as 1/r and
-    1/r^2; on own elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the
-    integral of the absolute value is below tolerance for densities of the element's degree in a medium of the given
-    anisotropy.
-    Fills points (capacity, 2), weights (capacity,) and returns their number, or BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT
-    if own_xi is NaN and yet the source lies on the element.
+    source_xi: (2,) reference coordinates of a source on the element, else NaN. Kernels may grow as 1/r and 1/r^2; on
+    singular elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the integral
+    of the absolute value is below tolerance for densities of the element's degree in a medium of this anisotropy.
+    Fills points (capacity, 2) and weights (capacity,). Returns their number, or BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT
+    if the source lies on the element and source_xi is NaN.
     """
     polynomial = np.empty((table.exponents.shape[0], 3))
     geometry_polynomial(table, nodes, polynomial)
     corners = np.empty((4, 2))
     n_corners = _reference_corners(table.triangle, corners)
-    if np.isnan(own_xi[0]):
+    if np.isnan(source_xi[0]):
         degree = shape_degree(table)
         return _patch_rule(
             table, polynomial, source, corners, False, degree, tolerance, anisotropy, gauss, points, weights, 0
@@ -215,7 +215,7 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, a
     count = 0
     wedge = np.empty((4, 2))
     for side in range(n_corners):
-        wedge[0] = own_xi
+        wedge[0] = source_xi
         wedge[1] = corners[side]
         wedge[2] = corners[(side + 1) % n_corners]
         wedge[3] = wedge[0]
@@ -231,7 +231,7 @@ def pair_rule(source, nodes, table, own_xi, tolerance, gauss, points, weights, a
 
 @njit(cache=True, nogil=True)
 def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
-    """Fill points (order_xi * order_eta, 2) and weights with the tensor Gauss rule of the whole reference domain."""
+    """Fill points (order_xi * order_eta, 2) and weights with the tensor Gauss rule of the reference domain."""
     corners = np.empty((4, 2))
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])
@@ -239,11 +239,11 @@ def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
 
 
 @njit(cache=True, nogil=True)
-def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
-    """Return the measures of elements with nodes (e, n, 3), for required_orders.
+def element_extents(table, nodes, tolerance, centres, sizes, min_orders):
+    """Compute the sizes of elements with nodes (e, n, 3), for required_orders.
 
-    Fills centres (e, 3), sizes (e, 2) along xi and eta, enlarged for skew and curvature, and least_orders (e,): points
-    per direction that shape functions and the turning of the normal ask for at any distance.
+    Fills centres (e, 3), sizes (e, 2) along xi and eta, enlarged for skew and curvature, and min_orders (e,), points
+    per direction that shape functions and the change of the normal require at any distance.
     """
     polynomial = np.empty((table.exponents.shape[0], 3))
     corners = np.empty((4, 2))
@@ -254,9 +254,9 @@ def element_extents(table, nodes, tolerance, centres, sizes, least_orders):
         geometry_polynomial(table, nodes[e], polynomial)
         _sample(table, polynomial, origin, corners, False, cell, offsets, normals)
         length_u, length_v, bulge = lengths_and_bulge(offsets)
-        reach_u, reach_v = reaches(offsets)
+        skew_u, skew_v = skew_lengths(offsets)
         centres[e] = offsets[4]
-        sizes[e, 0] = max(length_u, reach_v) + 2.0 * bulge
-        sizes[e, 1] = max(length_v, reach_u) + 2.0 * bulge
-        turning_u, turning_v = _turning_spreads(normals)
-        least_orders[e] = order_for(min(turning_u, turning_v), shape_degree(table), tolerance, MODERATE_ANISOTROPY)
+        sizes[e, 0] = max(length_u, skew_v) + 2.0 * bulge
+        sizes[e, 1] = max(length_v, skew_u) + 2.0 * bulge
+        normal_u, normal_v = _normal_spreads(normals)
+        min_orders[e] = order_for(min(normal_u, normal_v), shape_degree(table), tolerance, MODERATE_ANISOTROPY)

@@ -1,10 +1,10 @@
-"""Gauss points that a cell needs, from the kernel's singularities in the complex plane.
+"""Numbers of Gauss points, from the singularities of the kernel in the complex plane.
 
 Along a straight line of length l that is seen from the source with end distances r1, r2, kernels r^-p have their
 singularities on the Bernstein ellipse rho = s + sqrt(s^2 - 1) with s = (r1 + r2) / l, called the spread here; n Gauss
-points leave an error of order rho^-(2n - degree). The turning of the normal has a root of its own, in the area ratio.
-In an anisotropic medium the singularities lie closer: sqrt(s^2 - 1), their distance across the line, is divided by the
-medium's anisotropy (see meeframe.elements.anisotropy); the value set serves the materials of the library.
+points leave an error of order rho^-(2n - degree). A change of the normal adds another root, that of the area ratio. In
+an anisotropic medium the singularities lie closer: sqrt(s^2 - 1), their distance across the line, is divided by the
+anisotropy of the medium (see meeframe.elements.anisotropy). MODERATE_ANISOTROPY suits the materials of the library.
 """
 
 from math import ceil, log, log10, sqrt
@@ -20,7 +20,7 @@ _TINY = 1e-300
 
 @njit(cache=True, nogil=True)
 def order_for(spread, degree, tolerance, anisotropy):
-    """Return the Gauss points for kernels r^-p times a polynomial, at a spread s = (sum of end distances) / length."""
+    """Return the number of Gauss points for kernels r^-p times a polynomial, at a spread (r1 + r2) / length."""
     if spread <= 1.0 + 1e-12:
         return UNREACHABLE_ORDER
     across = sqrt(spread * spread - 1.0) / anisotropy
@@ -31,12 +31,11 @@ def order_for(spread, degree, tolerance, anisotropy):
 
 @njit(cache=True, nogil=True)
 def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
-    """Return the points along xi and along eta of a tensor Gauss rule over a whole element, for a relative error below
-    tolerance.
+    """Return the orders along xi and eta of a tensor Gauss rule over an element, for a relative error of tolerance.
 
-    distance: source to centre; size_xi, size_eta: from element_extents, same unit; degree: from shape_degree. For
-    curved elements the least orders of element_extents apply too. Large, UNREACHABLE_ORDER at worst, where the source
-    is close: pair_rule serves there.
+    distance: from the source to the centre; size_xi, size_eta: from element_extents, in the same unit; degree: from
+    shape_degree. The min_orders of element_extents apply too. If the source is close, the orders are large, at most
+    UNREACHABLE_ORDER, and element_rule is to be used instead.
     """
     along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
     along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
@@ -44,8 +43,8 @@ def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=M
 
 
 @njit(cache=True, nogil=True)
-def most_points(tolerance, gauss):
-    """Return the points per direction beyond which halving a cell is cheaper than a higher order (measured)."""
+def max_points_per_direction(tolerance, gauss):
+    """Return the order beyond which halving a cell is cheaper than a higher order (measured)."""
     return min(gauss.points.shape[1], max(6, ceil(6.0 - 1.1 * log10(tolerance))))
 
 
@@ -84,8 +83,7 @@ def _segment_distance(grid, first, second):
 
 @njit(cache=True, nogil=True)
 def lengths_and_bulge(grid):
-    """Return the lengths along u and v, and departure from a bilinear shape, of a cell sampled on a grid (9, 3), v
-    fastest."""
+    """Return lengths along u and v, and deviation from a bilinear shape, of a cell on a grid (9, 3), v fastest."""
     length_u = max(_distance(grid, 0, 6), max(_distance(grid, 1, 7), _distance(grid, 2, 8)))
     length_v = max(_distance(grid, 0, 2), max(_distance(grid, 3, 5), _distance(grid, 6, 8)))
     bulge = max(_midpoint_distance(grid, 0, 1, 2), _midpoint_distance(grid, 6, 7, 8))
@@ -96,9 +94,10 @@ def lengths_and_bulge(grid):
 
 @njit(cache=True, nogil=True)
 def cell_spreads(grid, length_u, length_v, bulge):
-    """Return the lower bounds of the spreads along u and v of a cell seen from the origin.
+    """Return lower bounds of the spreads along u and v of a cell seen from the origin.
 
-    Each of the two end lines counts with its nearest point, less the bulge of the cell: exact for flat rectangles.
+    The distances of the two end lines are those of their nearest points, less the bulge of the cell. The bounds are
+    exact for plane rectangles.
     """
     ends_u = _segment_distance(grid, 0, 2) + _segment_distance(grid, 6, 8) - 2.0 * bulge
     ends_v = _segment_distance(grid, 0, 6) + _segment_distance(grid, 2, 8) - 2.0 * bulge
@@ -106,8 +105,8 @@ def cell_spreads(grid, length_u, length_v, bulge):
 
 
 @njit(cache=True, nogil=True)
-def reaches(grid):
-    """Return twice the largest distance of the centre from midpoints between the end lines of u, then of v."""
+def skew_lengths(grid):
+    """Return twice the largest distance of the centre from midpoints between the end lines of u, and of v."""
     along_u = along_v = 0.0
     for first in range(0, 3, 2):
         for second in range(0, 3, 2):
@@ -117,8 +116,8 @@ def reaches(grid):
 
 
 @njit(cache=True, nogil=True)
-def turning_spread(normals, first, second):
-    """Spread that belongs to the turning of the vector Jacobian between two of the rows of normals (m, 3)."""
+def normal_spread(normals, first, second):
+    """Return the spread due to the rotation of the vector Jacobian between two of the normals (m, 3)."""
     a = max(norm(normals[first, 0], normals[first, 1], normals[first, 2]), _TINY)
     b = max(norm(normals[second, 0], normals[second, 1], normals[second, 2]), _TINY)
     add = turn = 0.0

@@ -1,4 +1,4 @@
-"""Shape functions and geometry of one element on plain arrays; nothing here allocates per point."""
+"""Shape functions and geometry of one element, without allocations per point."""
 
 from math import sqrt
 from typing import NamedTuple
@@ -10,8 +10,16 @@ from numba import njit
 class ShapeTable(NamedTuple):
     """An element type as arrays.
 
-    exponents: (k, 2) int64 of the monomials; coefficients: (n, k) of the shape functions in them; nodes: (n, 2)
-    reference coordinates; triangle: reference domain with corners (0, 0), (1, 0), (0, 1), else [-1, 1]^2.
+    Attributes
+    ----------
+    exponents : ndarray
+        Exponents of the monomials, (k, 2), int64.
+    coefficients : ndarray
+        Coefficients of the shape functions in the monomials, (n, k).
+    nodes : ndarray
+        Reference coordinates of the nodes, (n, 2).
+    triangle : bool
+        True for the reference domain with corners (0, 0), (1, 0), (0, 1), false for [-1, 1]^2.
     """
 
     exponents: np.ndarray
@@ -30,7 +38,7 @@ def _power(base, exponent):
 
 @njit(cache=True, nogil=True)
 def geometry_polynomial(table, nodes, out):
-    """Fill out (k, 3): position = sum_k out[k] xi^i eta^j of an element with nodes (n, 3)."""
+    """Fill out (k, 3) such that position = sum_k out[k] xi^i eta^j on an element with nodes (n, 3)."""
     for k in range(table.exponents.shape[0]):
         for axis in range(3):
             total = 0.0
@@ -71,7 +79,7 @@ def tangent_at(table, polynomial, xi, eta, along_xi, along_eta):
 
 @njit(cache=True, nogil=True)
 def normal_at(table, polynomial, xi, eta):
-    """Return the vector Jacobian x_xi x x_eta: outward, its length the ratio of areas."""
+    """Return the vector Jacobian x_xi x x_eta, outward, whose length is the ratio of areas."""
     ax, ay, az = tangent_at(table, polynomial, xi, eta, 1.0, 0.0)
     bx, by, bz = tangent_at(table, polynomial, xi, eta, 0.0, 1.0)
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

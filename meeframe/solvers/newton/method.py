@@ -143,6 +143,11 @@ class SemismoothNewton(Solver):
         return _iterate(replace(_anew(memory, moved, memory.flips), burst=burst))
 
 
+def estimated_residual(iterate: Iterate) -> float | None:
+    """Return the residual that Newton's equation has at an iterate; None if another solver made the iterate."""
+    return iterate.memory.point.judged if isinstance(iterate.memory, _Memory) else None
+
+
 def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> Iterate:
     """From where to iterate to that merit: see SemismoothNewton.init."""
     n, insets, leaps = len(problem.gap), *((INSETS, LEAPS) if _matrixless(problem) else (0, 0))
@@ -150,7 +155,7 @@ def _begun(problem: ContactProblem, start: ContactState | None, aim: float) -> I
     below = None if coarse is None else _coarse_solution(coarse.problem)
     prolonged = None if below is None else nested_start(problem, lambda _: below)
     start = start if prolonged is None else prolonged
-    contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(start, n)
+    contact_fraction, load = np.zeros(n) if start is None else start.contact_fraction, start_load(problem, start)
     motion = start_motion(problem, start)
     part = None if prolonged is None else inset(problem, np.asarray(load.any(axis=1)))
     if part is not None:

@@ -110,7 +110,7 @@ def sweep_figure(sweep: SweepResult, plots: Sequence[SweepPlot] = ()) -> "Figure
         for axes, quantity in zip(line, plot.quantities, strict=False):
             values, unit = _scaled(_section(sweep, plot, quantity, x, lines), sweep.units[quantity])
             draw = _map if plot.kind == "map" else _curves
-            draw(axes, plot, (x, lines), values, f"{_label(quantity)} {unit}".rstrip())
+            draw(axes, plot, (x, lines), values, f"{schema.label_of(quantity)} {unit}".rstrip())
             axes.set_xlabel(_heading(x))
         for axes in line[len(plot.quantities) :]:
             axes.remove()
@@ -229,11 +229,6 @@ def _heading(axis: SweepAxis) -> str:
     return f"{axis.name} {_scaled(axis.values, axis.unit)[1]}".rstrip() if axis.unit else axis.name
 
 
-def _label(name: str) -> str:
-    row = schema.total_named(name)
-    return name.replace("_", " ") if row is None else row.labels[row.names.index(name)]
-
-
 def sweep_table(sweep: SweepResult) -> RenderableType:
     """Return the status and plotted values of the first points, and the messages of points that did not converge."""
     names = sweep.plotted or DEFAULT
@@ -243,7 +238,7 @@ def sweep_table(sweep: SweepResult) -> RenderableType:
     table.add_column("status")
     for name in names:
         unit = sweep.units[name]
-        table.add_column(f"{_label(name)} [{unit}]" if unit != "1" else _label(name), justify="right")
+        table.add_column(f"{schema.label_of(name)} [{unit}]" if unit != "1" else schema.label_of(name), justify="right")
     shown = {name: sweep.last(name) for name in names}
     for index in list(np.ndindex(sweep.shape))[:_MAX_TABLE_ROWS]:
         numbers = (f"{shown[name][index]:.6g}" for name in names)

@@ -1,4 +1,4 @@
-"""Coarse grids of every second node, interpolation from them, and boxes of a grid."""
+"""Coarser grids, interpolation from them, and parts of a grid."""
 
 from typing import Final
 
@@ -9,12 +9,11 @@ from meeframe.plugin import Array, Indices
 from meeframe_halfspace.grid import Grid
 
 MIN_COARSE_NODES: Final = 24
-"""Smallest number of nodes along an axis of a coarse grid."""
-BOX_STEPS: Final = 64
-"""Number of steps along an axis at which boxes can begin and end; boxes of smaller grids can do so at every node.
-
-More steps make boxes smaller, fewer steps make them fit more contacts that change a little. Counted from either end, so
-that boxes of rotated grids are rotated boxes."""
+"""Smallest number of nodes along an axis of the coarsest grid."""
+PART_BOUNDARIES: Final = 64
+"""Number of places along an axis at which parts of a grid may begin or end. More places make parts smaller; fewer make
+them serve more contacts that change a little. They are counted from both ends, so that parts of reflected grids are
+reflected parts."""
 
 
 def coarse_grid(grid: Grid) -> Grid | None:
@@ -27,23 +26,23 @@ def coarse_grid(grid: Grid) -> Grid | None:
 
 
 def numbered(grid: Grid, size: tuple[int, int]) -> Grid:
-    """Return a grid of this size within a grid, numbered row by row."""
+    """Return a part of a grid of that size, numbered row by row."""
     return Grid(np.arange(size[0] * size[1]).reshape(size), grid.spacing, grid.frame)
 
 
 def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
-    """Return the box of a grid that contains these nodes (k,), with bounds at BOX_STEPS along each axis."""
+    """Return the smallest part of a grid with these nodes (k,) between PART_BOUNDARIES."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
-    (flags,) = grid.place(inside)
-    rows, columns = (_span(flags.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
-    return rows, columns
+    (placed,) = grid.place(inside)
+    along, across = (_span(placed.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
+    return along, across
 
 
-def _span(flags: NDArray[np.bool_], count: int) -> slice:
-    """Return the range of a box along an axis, from the flags (count,) of nodes that it contains."""
-    indices, step = np.flatnonzero(flags), -(-count // BOX_STEPS)
-    return slice(indices[0] // step * step, count - (count - 1 - indices[-1]) // step * step)
+def _span(held: NDArray[np.bool_], count: int) -> slice:
+    """Return the smallest part of range(count) with the marked ones, (count,)."""
+    there, step = np.flatnonzero(held), -(-count // PART_BOUNDARIES)
+    return slice(there[0] // step * step, count - (count - 1 - there[-1]) // step * step)
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:
@@ -54,9 +53,9 @@ def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:
 
 
 def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
-    """Interpolate values (k, cx, cy) at every second node of a grid of this size to all nodes, (k, nx, ny).
+    """Return values (k, nx, ny) at all nodes of a grid from values (k, cx, cy) at every second node.
 
-    Beyond the border they decrease to zero within one coarse spacing, unless the grid is periodic.
+    Beyond the border values fall to zero in one of their spacings, unless the grid repeats itself.
     """
     fine = np.empty((len(values), *size))
     fine[:, ::2, ::2] = values
@@ -66,7 +65,7 @@ def bilinear(values: Array, size: tuple[int, int], periodic: bool) -> Array:
 
 
 def _between(values: Array, periodic: bool) -> Array:
-    """Return means of values (k, m, l) and the next ones along the second axis; zero follows unless periodic."""
+    """Return means of values (k, m, l) and the next ones along the second axis, zeros after the last or periodic."""
     means = 0.5 * values
     means[:, :-1] += 0.5 * values[:, 1:]
     if periodic:

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, final
@@ -12,23 +12,16 @@ import numpy as np
 import scipy  # its parts load where they are used
 from numpy.typing import NDArray
 
-from meeframe.plugin import N_FIELDS, Array, Indices
+from meeframe.plugin import Array, Indices
+from meeframe_halfspace.entries import entry_layout
 from meeframe_halfspace.grid_response import DOUBLE
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, multiply_waves
-from meeframe_halfspace.response import STRICT, UPPER
+from meeframe_halfspace.kernels import multiply_waves
 
 if TYPE_CHECKING:
     from meeframe_halfspace.two_grids import TwoGrids
 
 Spectrum = NDArray[np.complexfloating[Any, Any]]
 
-REAL: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
-IMAGINARY: Final = np.zeros((N_FIELDS, N_FIELDS), np.int64)
-"""Entries (5, 5) of the symbol that are real and imaginary part of its matrix, the latter but on the diagonal, ..."""
-REAL[UPPER] = REAL[UPPER[::-1]] = np.arange(N_SYMMETRIC)
-IMAGINARY[STRICT] = IMAGINARY[STRICT[::-1]] = np.arange(N_SYMMETRIC, N_VALUES)
-SIGN: Final = np.triu(np.ones((N_FIELDS, N_FIELDS)), 1) - np.tril(np.ones((N_FIELDS, N_FIELDS)), -1)
-"""... and the sign with which that is so."""
 BLOCK: Final = 5 * 2**17
 """Bytes of spectra that are worked on at once, so that they stay near the processor, ..."""
 LEAST: Final = 8
@@ -45,11 +38,11 @@ _MAKING: Final = threading.RLock()
 @final
 @dataclass(frozen=True, eq=False)
 class Symbol:
-    """The 25 entries of a symbol, made when they are asked for; threads may share it.
+    """The entries of a symbol, made when they are asked for; threads may share it.
 
-    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities: (25,)
-    whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 + 1); None
-    if not each is. What was made is not pickled.
+    make: those of given numbers, in a precision, real, (px // 2 + 1, py); numbers: of those not zero; parities:
+    (entries,) whether they are even (1) or odd (-1) functions of the second wave number, and (px // 2 + 1, py // 2 +
+    1); None if not each is. What was made is not pickled.
     """
 
     make: Callable[[Sequence[int], np.dtype[Any]], Iterable[tuple[int, Array]]]
@@ -110,13 +103,22 @@ class _Product:
 @final
 @dataclass(frozen=True, eq=False)
 class Convolution:
-    """response = scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
+    """A convolution scale (symbol * load) on a grid of `size` nodes inside a periodic one of `padded` nodes.
 
-    symbol: its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
-    (meeframe_halfspace.response); scale: (5, 5), of the response in each field to a load in each.
-    Padded with zeros to twice its size, the grid stands free. rough: the same to a few digits where that takes less
-    time, else None.
+    Attributes
+    ----------
+    symbol
+        Its symmetric entries are the real part, the antisymmetric ones the imaginary part of a Hermitian matrix
+        (meeframe_halfspace.response).
+    size, padded
+        Padded with zeros to twice its size, the grid stands free.
+    scale
+        (fields, fields) factors of the response in each field to a load in each field.
+    approximate
+        The same convolution to a few digits where that takes less time, else None.
 
+    Notes
+    -----
     Loads are transformed along the first axis some columns at a time; along the second one, multiplied and transformed
     back some rows of the spectrum at a time.
     """
@@ -125,7 +127,7 @@ class Convolution:
     size: tuple[int, int]
     padded: tuple[int, int]
     scale: Array
-    rough: "TwoGrids | None" = None
+    approximate: "TwoGrids | None" = None
     _products: dict[tuple[Any, ...], _Product] = field(default_factory=dict, init=False, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -133,13 +135,13 @@ class Convolution:
 
     @property
     def periodic(self) -> bool:
-        """Whether the grid repeats itself."""
+        """True if the grid repeats itself."""
         return self.size == self.padded
 
     def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """In k fields alone, (k, nx, ny), to the loads (l, nx, ny) of l fields; one transform for each of both.
+        """Return the response (k, nx, ny) in k fields to loads (l, nx, ny) in l fields, with k + l transforms.
 
-        In single precision if the load is. Raises ValueError unless there is a load for each loaded field.
+        It is in single precision if the load is. Raises ValueError unless there is a load for each loaded field.
         """
         if len(load) != len(loaded):
             raise ValueError(f"loads of {len(load)} fields are given for the {len(loaded)} fields {list(loaded)}")
@@ -183,16 +185,17 @@ class Convolution:
     def _product(self, loaded: tuple[int, ...], fields: tuple[int, ...], precision: np.dtype[Any]) -> _Product:
         key = loaded, fields, precision
         if key not in self._products:
+            layout = entry_layout(len(self.scale))
             every = [
                 (answer, load, number, imaginary, self.scale[place, other] * sign)
                 for answer, place in enumerate(fields)
                 for load, other in enumerate(loaded)
-                for number, imaginary, sign in parts(place, other)
+                for number, imaginary, sign in layout.parts(place, other)
             ]
             _, places = self.symbol.entries([number for _, _, number, *_ in every], precision)
             terms = sorted((term for term in every if term[2] in places), key=lambda term: term[2])
             answering = sorted({answer for answer, *_ in terms})
-            parities = np.zeros(N_VALUES, np.int64) if self.symbol.parities is None else self.symbol.parities
+            parities = np.zeros(layout.n_values, np.int64) if self.symbol.parities is None else self.symbol.parities
             rows = [
                 (answering.index(answer), load, places[number], imaginary, parities[number])
                 for answer, load, number, imaginary, _ in terms
@@ -229,10 +232,3 @@ def _work(stages: Sequence[tuple[Callable[[slice], None], list[slice]]], threads
     with ThreadPoolExecutor(threads) as pool:
         for work, parts in stages:
             list(pool.map(work, parts))
-
-
-def parts(place: int, other: int) -> Iterator[tuple[int, bool, float]]:
-    """Entries of the symbol that one of its matrix consists of, whether multiplied by i, and with which sign."""
-    yield int(REAL[place, other]), False, 1.0
-    if place != other:
-        yield int(IMAGINARY[place, other]), True, float(SIGN[place, other])

@@ -7,7 +7,6 @@ import numpy as np
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import far_tables, unfolded
-from meeframe_halfspace.kernels import N_VALUES
 from meeframe_halfspace.response import PointResponse, mirrored
 from meeframe_halfspace.transfer import N_BEFORE, N_POINTS, RATIO, WEIGHTS
 
@@ -74,7 +73,7 @@ def _error(response: PointResponse, spacing: tuple[float, float], radius: float)
     near_share = (1.0 + log(MIN_CUTOFF)) / log(2.0)  # near response to noise relative to that of the ring
     far_factor = _mirrored(1.0 - near_factor((nx, ny), steps, radius), 1)
     errors = []
-    for number, half in far_tables(response, spacing, "constant", (nx, ny), range(N_VALUES), 2):
+    for number, half in far_tables(response, spacing, "constant", (nx, ny), range(response.layout.n_values), 2):
         series, odd = response.entry(number)
         table = _mirrored(unfolded(half, mirrored(series)), -1 if odd else 1)
         far = table * far_factor

@@ -1,16 +1,17 @@
-"""Contact edges below the spacing of the grid: nodes there represent the covered fraction of their area.
+"""Contact edges between the nodes of a grid: nodes near the edge represent the part of their area in contact.
 
-Densities that are singular like 1/sqrt(d) at the edge, such as charges under prescribed potentials or the pressure of a
-punch, are only of first order in the spacing if the nodes define the edge: it then lies 0.39 spacings beyond the
-outermost ones. Here nodes up to 0.61 spacings outside the true edge are included, and the response of nodes on both
-sides to their loads is increased so that a conducting half plane ends at the edge (meeframe_halfspace.strip). The
-additional compliance is a block for each node, Re Y of a wave across the edge, since nothing varies along the edge.
+Densities that are singular like 1/sqrt(d) at the edge, as charges under prescribed potentials or the pressure of a
+punch, are of first order in the spacing if the edge is where the nodes say: it then lies 0.39 spacings beyond the
+outermost ones, wherever it should be. Here nodes within 0.61 spacings outside the true edge take part too, and nodes on
+both sides respond so much more to their own load that a conducting half plane ends where the edge is
+(meeframe_halfspace.strip). What is added is a block for each node: Re Y of a wave across the edge, since along the edge
+nothing varies.
 """
 
 from typing import Final
 
 import numpy as np
-import scipy  # submodules are loaded on first use
+import scipy  # its parts load where they are used
 
 from meeframe.plugin import Array, EdgeCorrection, IndenterEdge
 from meeframe_halfspace.grid import Grid
@@ -19,52 +20,44 @@ from meeframe_halfspace.response import series_blocks
 from meeframe_halfspace.strip import edge_limits, edge_response
 
 MEAN_OFFSET: Final = 0.005
-"""Mean offset in spacings of round edges, from the capacity of discs; edges along the axes of the grid are exact."""
-RIM_DISTANCE: Final = 1.5
-"""Distance in spacings from the indenter edge up to which the contact edge coincides with it."""
-MIN_COSINE: Final = 0.5
-"""Cosine to the direction across the indenter edge above which a pressure decreases towards it."""
+"""Offset [spacings] by which round edges are too far out (capacity of discs); edges along the axes are exact."""
+MAX_EDGE_DISTANCE: Final = 1.5
+"""Largest distance [spacings] from the indenter's edge at which it may be the contact edge."""
+MIN_FADING_COSINE: Final = 0.5
+"""Smallest cosine between the outward directions for a pressure that fades towards the indenter's edge."""
 
 
 def resolved_edges(
-    grid: Grid, waves: Array, scaling: Array, pressure: Array, rim: IndenterEdge | None, periodic: bool = False
+    grid: Grid,
+    waves: Array,
+    scaling: Array,
+    pressure: Array,
+    indenter_edge: IndenterEdge | None,
+    periodic: bool = False,
 ) -> EdgeCorrection:
     """Return the correction for a contact edge between the nodes; see `EdgeResolution.edge_correction`.
 
-    Parameters
-    ----------
-    grid
-        The grid.
-    waves
-        Series of Re Y, see PointResponse.wave_series.
-    scaling
-        Scaling (5, 5) of its entries.
-    pressure
-        Pressures (n,).
-    rim
-        Edge of the indenter; None without one.
-    periodic
-        Whether the grid is one period.
+    waves: series of Re Y, see PointResponse.wave_series; scaling: (5, 5) of its entries.
     """
     distance, outward = _outline(grid, pressure, periodic)
-    if rim is not None:
-        _enter_rim(grid, rim, pressure, distance, outward, periodic)
-    nodes = np.flatnonzero(np.isfinite(distance))
+    if indenter_edge is not None:
+        _enter_indenter_edge(grid, indenter_edge, pressure, distance, outward, periodic)
+    at = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
-    offset = distance[nodes] - MEAN_OFFSET * (1.0 - fourfold(outward[nodes]))
+    place = distance[at] - MEAN_OFFSET * (1.0 - fourfold(outward[at]))
     area_fraction = (pressure > 0.0).astype(float)
-    # the sum over nodes is the contact area on average
-    area_fraction[nodes] = np.clip(0.5 - 0.5 * offset / lowest, 0.0, 1.0)
+    # on average over nodes as large as the contact
+    area_fraction[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
     extra_compliance = np.zeros((len(pressure), *scaling.shape))
-    growth = edge_response(offset) * _spacing(grid, outward[nodes]) / (2.0 * np.pi)
-    included = offset > lowest
-    blocks = series_blocks(waves, np.arctan2(outward[nodes, 1], outward[nodes, 0])) * scaling
-    extra_compliance[nodes] = np.where(included, growth, 0.0)[:, None, None] * blocks
+    grown = edge_response(place) * _spacing(grid, outward[at]) / (2.0 * np.pi)
+    taking_part = place > lowest
+    blocks = series_blocks(waves, np.arctan2(outward[at, 1], outward[at, 0])) * scaling
+    extra_compliance[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
     return EdgeCorrection(extra_compliance, area_fraction)
 
 
 def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]:
-    """Return the distance (n,) of nodes from the edge in spacings, NaN if it is far, and its direction (n, 2) [1]."""
+    """Return distances (n,) from the edge in spacings across it, NaN far away, and outward directions (n, 2)."""
     outline = find_outline(pressure[grid.nodes], periodic)
     numbers = grid.nodes[outline.nodes[:, 0], outline.nodes[:, 1]]
     distance, outward = np.full(len(pressure), np.nan), np.zeros((len(pressure), 2))
@@ -74,25 +67,26 @@ def _outline(grid: Grid, pressure: Array, periodic: bool) -> tuple[Array, Array]
     return distance, outward
 
 
-def _enter_rim(grid: Grid, rim: IndenterEdge, pressure: Array, distance: Array, outward: Array, periodic: bool) -> None:
-    """Enter the distance of nodes from the indenter edge where the contact ends there.
+def _enter_indenter_edge(
+    grid: Grid, indenter_edge: IndenterEdge, pressure: Array, distance: Array, outward: Array, periodic: bool
+) -> None:
+    """Enter the distance of nodes from the indenter's edge where the contact ends there.
 
-    It ends before where the pressure decreases before; a pressure that is singular at the indenter edge increases
-    towards it.
+    It ends before where the pressure fades before; a pressure that is singular at the edge rises towards it.
     """
-    offsets = rim.distance / _spacing(grid, rim.outward)
-    loaded = pressure > 0.0
-    outermost = loaded & (offsets < 1.0)  # no other node is between them and the indenter edge
-    outermost_on_grid = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
-    near_outermost = scipy.ndimage.binary_dilation(outermost_on_grid, np.ones((3, 3), bool))[1:-1, 1:-1]
-    near = grid.scatter(near_outermost[None].astype(float))[:, 0] > 0.0
-    decreasing = (np.einsum("na,na->n", outward, rim.outward) > MIN_COSINE) & (distance < offsets)
+    places = indenter_edge.distance / _spacing(grid, indenter_edge.outward)
+    pressed = pressure > 0.0
+    outermost = pressed & (places < 1.0)  # no other node lies between them and the edge
+    beside = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
+    around = scipy.ndimage.binary_dilation(beside, np.ones((3, 3), bool))[1:-1, 1:-1]
+    near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
+    fades = (np.einsum("na,na->n", outward, indenter_edge.outward) > MIN_FADING_COSINE) & (distance < places)
     # nodes under the indenter without pressure have their edge elsewhere
-    at_rim = near & (np.abs(offsets) < RIM_DISTANCE) & (loaded | (offsets < 0.0)) & ~decreasing
-    distance[at_rim], outward[at_rim] = offsets[at_rim], rim.outward[at_rim]
+    here = near & (np.abs(places) < MAX_EDGE_DISTANCE) & (pressed | (places < 0.0)) & ~fades
+    distance[here], outward[here] = places[here], indenter_edge.outward[here]
 
 
 def _spacing(grid: Grid, outward: Array) -> Array:
-    """Return the spacing (n,) of the nodes in directions (n, 2) [m]; along e1 and e2 it is that of the grid."""
+    """Return the spacing (n,) [m] of the nodes in directions (n, 2)."""
     spacing: Array = np.hypot(*(outward * np.array(grid.spacing)).T)
     return np.where(spacing > 0.0, spacing, 1.0)

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, frames_of
+from meeframe.plugin import Array, Indices, MeshError, SurfaceMesh, local_frames
 
 FLATNESS: Final = 1e-6
 """Largest relative distance of nodes from the plane."""
@@ -31,7 +31,7 @@ class FlatZone:
 
 
 def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
-    """Return the contact zone of a face group, with points and frame of meeframe.mesh.zone_frames.
+    """Return the contact zone of a face group, with points and frame of meeframe.mesh.find_contact_zone.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def flat_zone(mesh: SurfaceMesh, group: str) -> FlatZone:
     cells = tuple((element.meshio_type, numbers[nodes]) for element, nodes in blocks)
     first, second, third = points[cells[0][1][0, :3]]
     normal = np.cross(second - first, third - first)
-    frame = frames_of(normal[None] / np.linalg.norm(normal))[0]
+    frame = local_frames(normal[None] / np.linalg.norm(normal))[0]
     x1, x2, level = frame @ points.T
     depth = float(np.ptp(level))
     if depth > FLATNESS * max(float(np.ptp(x1)), float(np.ptp(x2))):

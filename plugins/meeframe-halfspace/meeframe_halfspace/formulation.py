@@ -7,8 +7,6 @@ import numpy as np
 from pydantic import Field
 
 from meeframe.plugin import (
-    N_FIELDS,
-    VALUE_NAMES,
     Array,
     Body,
     CaseError,
@@ -37,13 +35,13 @@ class HalfSpace(Formulation):
     the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
     half a spacing on each side of it are one period of an endless surface; a mean load, to which no half space has a
     finite answer, answers as a wave of that length would. matrix_up_to: nodes up to which the compliance is held as a
-    matrix, for solvers that factorise it. edges: of the contact run along 'nodes', or are 'resolved' between them,
-    which solves each increment twice and holds no matrix.
+    matrix, for solvers that factorise it: with more nodes, solving without a matrix takes less time. edges: of the
+    contact run along 'nodes', or are 'resolved' between them, which solves each increment twice and holds no matrix.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"
     periodic: bool = False
-    matrix_up_to: Annotated[int, Field(ge=0)] = 1200
+    matrix_up_to: Annotated[int, Field(ge=0)] = 256
     edges: Literal["nodes", "resolved"] = "nodes"
 
     def __post_init__(self) -> None:
@@ -85,7 +83,7 @@ class HalfSpace(Formulation):
             frames=np.broadcast_to(zone.frame, (len(weights), 3, 3)),
             weights=weights,
             cells=zone.cells,
-            offset=np.zeros((len(weights), N_FIELDS)),
+            offset=np.zeros((len(weights), body.fields.size)),
             grid=grid,
             grid_response=grid_response,
             convolution=convolution_of(grid_response),
@@ -111,8 +109,9 @@ class HalfSpace(Formulation):
         check_conditions(body)
         for condition in body.conditions:
             if condition.kind == "value" or np.any(condition.data):
+                name = body.fields.value_names[condition.field]
                 raise CaseError(
-                    f"boundary condition on {condition.group!r}: {condition.kind} of {VALUE_NAMES[condition.field]}: a "
+                    f"boundary condition on {condition.group!r}: {condition.kind} of {name}: a "
                     "half space is free of traction and flux beside its contact zone and at rest at infinity; allowed: "
                     "zero fluxes"
                 )

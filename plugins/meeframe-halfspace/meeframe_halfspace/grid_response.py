@@ -1,4 +1,4 @@
-"""Response of a free or periodic grid to the density around one of its nodes, with its transform on demand."""
+"""Responses of free and periodic grids to the density around one node; transforms are made on demand."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -8,11 +8,11 @@ from typing import Any, Final, Literal, final
 
 import numba
 import numpy as np
-import scipy  # submodules are loaded on first use
+import scipy  # its parts load where they are used
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
-from meeframe_halfspace.kernels import N_SYMMETRIC, N_VALUES, fill_symbol
+from meeframe_halfspace.kernels import fill_symbol
 from meeframe_halfspace.response import PointResponse, mirrored, series_entry
 
 DOUBLE: Final = np.dtype(np.float64)
@@ -22,17 +22,7 @@ _POWERS: Final = {"trigonometric": 0, "constant": 1, "bilinear": 2}
 
 @dataclass(frozen=True, eq=False)
 class GridResponse(ABC):
-    """Abstract response of a half space on a regular grid, in scaled fields.
-
-    Attributes
-    ----------
-    response
-        Response of the half space to a point source.
-    spacing
-        Spacing of the nodes [m].
-    size
-        Numbers of nodes.
-    """
+    """The response of a half space on a grid of `size` nodes, `spacing` [m] apart, in scaled fields."""
 
     response: PointResponse
     spacing: tuple[float, float]
@@ -41,37 +31,37 @@ class GridResponse(ABC):
     @property
     @abstractmethod
     def padded(self) -> tuple[int, int]:
-        """Size of the periodic grid of the symbol."""
+        """Size of the periodic grid to which the symbol belongs."""
 
     @abstractmethod
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero entries among these of the 25 entries: see Symbol, with the parities of the response."""
+        """Yield the nonzero ones of some of the entries, see Symbol, with the parities of the response."""
 
     @property
     @abstractmethod
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """Response (entries,) of a node to the density around it."""
 
     @abstractmethod
-    def coarser(self) -> "GridResponse | None":
-        """Return the response of the same half space on a grid of every second node; None if that does not fit."""
+    def coarsen(self) -> "GridResponse | None":
+        """Return the response on a grid of every second node; None if that does not fit."""
 
     @abstractmethod
-    def within(self, size: tuple[int, int]) -> "GridResponse | None":
-        """Return the response on a box of the grid of this size; None if the response of a box is not defined."""
+    def restrict(self, size: tuple[int, int]) -> "GridResponse | None":
+        """Return the response on a part of the grid of that size; None if parts have no response of their own."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class FreeGrid(GridResponse):
-    """Response of a free grid.
+    """The response of a free grid.
 
     Attributes
     ----------
     shape
         Shape of the density around a node.
     near
-        All entries near the node; computed if None.
+        All entries near the node, None if not known.
     """
 
     shape: Shape
@@ -79,7 +69,7 @@ class FreeGrid(GridResponse):
 
     @property
     def padded(self) -> tuple[int, int]:
-        """Size of the padded grid: about twice as many nodes, an even number as required by `wave_inverse`."""
+        """An even size, at least twice that of the grid, for `wave_inverse`."""
         px, py = (2 * int(scipy.fft.next_fast_len(n, real=True)) for n in self.size)
         return px, py
 
@@ -91,40 +81,40 @@ class FreeGrid(GridResponse):
         return cell_table(self.response, self.spacing, self.shape, near_size(self.spacing, self.size))
 
     def tables(self, numbers: Sequence[int]) -> Iterator[tuple[int, Array]]:
-        """Yield the nonzero entries of the response, (nx, 2 ny - 1) or (nx, ny), exact everywhere; see far_tables."""
+        """Yield the nonzero ones of some of the entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
-            half_width = near.shape[1] // 2
+            reach = near.shape[1] // 2
             if table.shape[1] == self.size[1]:
-                table[: len(near), : half_width + 1] = near[:, half_width:]
+                table[: len(near), : reach + 1] = near[:, reach:]
             else:
-                table[: len(near), self.size[1] - 1 - half_width : self.size[1] + half_width] = near
+                table[: len(near), self.size[1] - 1 - reach : self.size[1] + reach] = near
             yield number, table
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Yield entries of the symbol by integration over the density around the node, exact up to round-off."""
+        """Yield entries by integration over the density around the node, exact to round-off."""
         for number, table in self.tables(numbers):
             table = table.astype(precision, copy=False)
             yield number, free_symbol(table, self.response, number, self.padded)
 
     @property
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """See GridResponse."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
-        values[N_SYMMETRIC:] = 0.0  # odd functions vanish at zero
+        values[self.response.layout.n_symmetric :] = 0.0  # an odd function at zero
         return values
 
-    def coarser(self) -> "FreeGrid":
-        """Return the response on every second node; as it decreases like 1/r, it is twice that of the finer grid."""
-        spacing, size = _double(self.spacing), _halve(self.size)
-        return replace(self, spacing=spacing, size=size, near=2.0 * self._near_box(near_size(spacing, size)))
+    def coarsen(self) -> "FreeGrid":
+        """Return the coarser grid; as of 1/r, the response at as many spacings is twice that of the finer one."""
+        spacing, size = _doubled(self.spacing), _halved(self.size)
+        return replace(self, spacing=spacing, size=size, near=2.0 * self._nearer(near_size(spacing, size)))
 
-    def within(self, size: tuple[int, int]) -> "FreeGrid":
-        """Return the response on a box of the grid, as if there were no other nodes."""
-        return replace(self, size=size, near=self._near_box(near_size(self.spacing, size)))
+    def restrict(self, size: tuple[int, int]) -> "FreeGrid":
+        """Return the response without the nodes around the part."""
+        return replace(self, size=size, near=self._nearer(near_size(self.spacing, size)))
 
-    def _near_box(self, size: tuple[int, int]) -> Array:
-        """Return all entries closer to the node, for a grid of this size."""
+    def _nearer(self, size: tuple[int, int]) -> Array:
+        """Return the entries near the node on a grid of that size."""
         (nx, ny), middle = size, self._near.shape[2] // 2
         return self._near[:, :nx, middle - ny + 1 : middle + ny]
 
@@ -132,23 +122,23 @@ class FreeGrid(GridResponse):
 @final
 @dataclass(frozen=True, eq=False)
 class PeriodicGrid(GridResponse):
-    """Response of a surface that is periodic with `size` nodes.
+    """The response of a surface that repeats itself after `size` nodes.
 
     The response to a wave q is Y(q)/|q| times the transform of the density around a node, which is 1 for trigonometric.
-    Waves shorter than the grid resolves are omitted. The mean load has no finite response: here it is that of a wave as
-    long as the period, averaged over all directions. This defines the plane of reference of displacements and
-    potentials, and keeps the compliance positive definite.
+    Waves shorter than the grid resolves are left out. The mean load has no finite response; here it is that to a wave
+    as long as the period, averaged over all directions. This defines the plane from which displacements count, and
+    keeps the compliance positive definite.
     """
 
     shape: Window
 
     @property
     def padded(self) -> tuple[int, int]:
-        """Size of the grid."""
+        """The size of the grid."""
         return self.size
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
-        """Yield entries of the symbol, which need no integration."""
+        """Yield entries from the series of the surface compliance."""
         for number in numbers:
             entry = self._entry(number)
             if entry is not None:
@@ -179,49 +169,38 @@ class PeriodicGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """See GridResponse."""
         nx, ny = self.size
-        multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
-        multiplicity[0] = 1.0
+        twice = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
+        twice[0] = 1.0
         if nx % 2 == 0:
-            multiplicity[-1] = 1.0
-        values = np.zeros(N_VALUES)  # odd functions vanish at zero
+            twice[-1] = 1.0
+        values = np.zeros(self.response.layout.n_values)  # those of odd functions are zero
         parities = self.response.parities
-        for number, symbol in self.symbol(range(N_SYMMETRIC)):
+        for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
             whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
-            values[number] = multiplicity @ whole.sum(axis=1) / (nx * ny)
+            values[number] = twice @ whole.sum(axis=1) / (nx * ny)
         return values
 
-    def coarser(self) -> "PeriodicGrid | None":
-        """Return the response on every second node; None unless the numbers of nodes are even."""
+    def coarsen(self) -> "PeriodicGrid | None":
+        """Return the coarser grid; None unless numbers of nodes are even."""
         if any(n % 2 for n in self.size):
             return None
-        return replace(self, spacing=_double(self.spacing), size=_halve(self.size))
+        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
 
-    def within(self, size: tuple[int, int]) -> None:
-        """Return None, because a box of a periodic grid is not periodic."""
+    def restrict(self, size: tuple[int, int]) -> None:
+        """Return None: parts of a period do not repeat themselves."""
         return
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
-    """Return the factor [m] of a uniform load on a periodic surface: 1/k of a wave as long as the period."""
+    """Length [m] by which a uniform load on a periodic surface is multiplied: 1/k of a wave as long as the period."""
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
 def free_symbol(table: Array, response: PointResponse, number: int, padded: tuple[int, int]) -> Array:
-    """Return an entry of a symbol, see Symbol, from its table.
-
-    Parameters
-    ----------
-    table
-        Table (nx, 2 ny - 1) or (nx, ny), see far_tables.
-    response
-        Response of the half space.
-    number
-        Number of the entry.
-    padded
-        Size (px, py) of the padded grid, even.
-    """
+    """An entry of a symbol, see Symbol, from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables; padded: (px, py),
+    even."""
     coefficients, odd = response.entry(number)
     parity, mirror = (-1 if odd else 1), mirrored(coefficients)
     if mirror:
@@ -234,36 +213,33 @@ def free_symbol(table: Array, response: PointResponse, number: int, padded: tupl
 
 
 def _wrap(kernel: Array, response: Array, parity: float) -> None:
-    """Enter the response, (nx, 2 ny - 1), at offsets (i, j) and by parity at (-i, -j), negative ones from the end."""
+    """Enter the response, (nx, 2 ny - 1), of offsets (i, j) and by parity (-i, -j), negative ones from the end."""
     nx, wide = response.shape
     ny = (wide + 1) // 2
     kernel[:nx, :ny] = response[:, ny - 1 :]
     kernel[:nx, kernel.shape[1] - ny + 1 :] = response[:, : ny - 1]
-    reflected = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
-    kernel[kernel.shape[0] - nx + 1 :, :ny] = reflected[:, ny - 1 :]
-    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = reflected[:, : ny - 1]
+    turned = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
+    kernel[kernel.shape[0] - nx + 1 :, :ny] = turned[:, ny - 1 :]
+    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
 
 
 def whole_entry(half: Array, parity: int, width: int) -> Array:
-    """Return the entry (n, width) of a symbol that is even or odd along its rows from its half (n, width // 2 + 1)."""
+    """Entry (n, width) of a symbol that is an even or odd function along its rows, of its half (n, width // 2 + 1)."""
     return np.concatenate([half, parity * half[:, (width - 1) // 2 : 0 : -1]], axis=1)
 
 
 def _half_symbol(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
-    """Return an entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at nonnegative offsets, (nx, ny).
+    """Entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at offsets that are not negative, (nx, ny).
 
-    parities: 1 or -1 along each axis, for an even or odd kernel; padded: (px, py), even.
+    parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
     """
     (along, across), (px, py) = parities, padded
     half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
-    return np.negative(half, out=half) if along == across == -1 else half  # i squared
+    return np.negative(half, out=half) if along == across == -1 else half  # i times i
 
 
 def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
-    """Return the transform, padded // 2 + 1 along an axis, of even or odd functions from zero on.
-
-    The factor i of odd functions is omitted.
-    """
+    """Transform, padded // 2 + 1 along an axis, of even or odd functions from zero on, without the factor i."""
     middle, workers = padded // 2, numba.get_num_threads()
     if parity == 1:
         return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
@@ -274,9 +250,9 @@ def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
     return np.negative(np.pad(scipy.fft.dst(inside, 1, middle - 1, axis, workers=workers), sides))
 
 
-def _double(spacing: tuple[float, float]) -> tuple[float, float]:
+def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:
     return 2.0 * spacing[0], 2.0 * spacing[1]
 
 
-def _halve(size: tuple[int, int]) -> tuple[int, int]:
+def _halved(size: tuple[int, int]) -> tuple[int, int]:
     return (size[0] + 1) // 2, (size[1] + 1) // 2

@@ -14,8 +14,6 @@ from meeframe.plugin import prefetch
 
 NEAR = 6.0
 """Cells within this distance in spacings are integrated along their edges, others by product rules."""
-N_SYMMETRIC = 15
-N_VALUES = 25
 PREFETCH_COUNT = 64
 """Number of values at the beginning of a row of the symbol that are prefetched."""
 CACHE_LINE = 8
@@ -24,20 +22,21 @@ CACHE_LINE = 8
 
 @njit(cache=True, nogil=True)
 def add_response(c, s, factor, even, odd, values):
-    """Add factor * K(theta) to values (25,), for c, s = cos, sin of theta.
+    """Add factor * K(theta) to values (entries,), for c, s = cos, sin of theta.
 
-    There are 15 symmetric entries, then 10 antisymmetric ones.
+    Symmetric entries are followed by antisymmetric ones.
     """
+    n_symmetric, n_antisymmetric = even.shape[2], odd.shape[2]
     cn, sn = 1.0, 0.0
     step_c, step_s = c * c - s * s, 2.0 * s * c
     for n in range(even.shape[0]):
-        for entry in range(N_SYMMETRIC):
+        for entry in range(n_symmetric):
             values[entry] += factor * (even[n, 0, entry] * cn + even[n, 1, entry] * sn)
         cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
     cn, sn = c, s
     for n in range(odd.shape[0]):
-        for entry in range(N_VALUES - N_SYMMETRIC):
-            values[N_SYMMETRIC + entry] += factor * (odd[n, 0, entry] * cn + odd[n, 1, entry] * sn)
+        for entry in range(n_antisymmetric):
+            values[n_symmetric + entry] += factor * (odd[n, 0, entry] * cn + odd[n, 1, entry] * sn)
         cn, sn = cn * step_c - sn * step_s, sn * step_c + cn * step_s
 
 
@@ -84,8 +83,8 @@ def _near(x, y, pieces_x, pieces_y, even, odd, rule, values):
 
 @njit(cache=True, nogil=True)
 def tabulate(even, odd, count):
-    """Return K(theta), (count + 3, 25), at count angles from -1 step on, and periodically at two more."""
-    table = np.zeros((count + 3, N_VALUES))
+    """Return K(theta), (count + 3, entries), at count angles from -1 step on, and periodically at two more."""
+    table = np.zeros((count + 3, even.shape[2] + odd.shape[2]))
     for k in range(count + 3):
         theta = 2.0 * np.pi / count * (k - 1)
         add_response(np.cos(theta), np.sin(theta), 1.0, even, odd, table[k])
@@ -112,7 +111,7 @@ def _far(x, y, hx, hy, nodes, weights, around, values):
             factor = hx * hy * weights[i] * weights[j] / np.sqrt(dx * dx + dy * dy)
             c0, c1 = -factor * t * u * v / 6.0, factor * w * u * v / 2.0
             c2, c3 = -factor * w * t * v / 2.0, factor * w * t * u / 6.0
-            for entry in range(N_VALUES):
+            for entry in range(around.shape[1]):
                 values[entry] += (
                     c0 * around[k, entry]
                     + c1 * around[k + 1, entry]
@@ -123,7 +122,7 @@ def _far(x, y, hx, hy, nodes, weights, around, values):
 
 @njit(cache=True, nogil=True)
 def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, values):
-    """Set values (25,) to the response at (x, y) from the centre of a cell to a density that is 1 at the centre.
+    """Set values (entries,) to the response at (x, y) from the centre of a cell to a density that is 1 at the centre.
 
     around: K as returned by `tabulate`; rule: (2, n) Gauss on [-1, 1]; tables: (k, 2, k) nodes and weights of product
     rules with 1 to k points per direction; thresholds: (k,) distances in spacings from which each of them is accurate.
@@ -143,9 +142,9 @@ def cell_response(x, y, spacing, pieces_x, pieces_y, even, odd, around, rule, ta
 def fill_rows(first, last, spacing, pieces_x, pieces_y, even, odd, around, rule, tables, thresholds, out):
     """Set out[:, i, j] to the response at i, j - (ny - 1) spacings along x, y from a cell, for rows first..last - 1.
 
-    out: (25, nx, 2 ny - 1).
+    out: (entries, nx, 2 ny - 1).
     """
-    values = np.empty(N_VALUES)
+    values = np.empty(out.shape[0])
     middle = (out.shape[2] - 1) // 2
     for i in range(first, last):
         for j in range(out.shape[2]):

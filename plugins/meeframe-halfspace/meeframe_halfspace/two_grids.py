@@ -1,9 +1,9 @@
-"""Approximate convolution on a free grid: the near response on the grid, the smooth rest on a coarser one.
+"""Approximate convolutions on a free grid: near responses on the grid itself, far ones on a coarser grid.
 
-The response K(theta)/r is split by a factor that falls smoothly from one to zero within a cutoff radius. The near part
-needs only this radius as padding around the grid, instead of the width of the grid; the rest is smooth enough for every
-RATIO-th node (meeframe_halfspace.cutoff): loads are restricted to the coarse grid by the transpose of the interpolation
-of its response. Computed in single precision.
+A factor that falls smoothly from one to zero within a cutoff radius splits the response K(theta)/r into two parts. The
+near part needs padding by this radius only, instead of the width of the grid. The far part is smooth, so that every
+RATIO-th node represents it (meeframe_halfspace.cutoff); the transpose of the interpolation of its response restricts
+the loads. All in single precision.
 
 References
 ----------
@@ -27,28 +27,20 @@ from meeframe_halfspace.grid_response import FreeGrid, GridResponse, free_symbol
 from meeframe_halfspace.transfer import RATIO, WEIGHTS, add_interpolated, add_restricted, coarse_count
 
 SINGLE: Final = np.dtype(np.float32)
-MAX_NODE_RATIO: Final = 0.6
-"""Largest number of nodes relative to the padded grid for which two grids take clearly less time."""
+MAX_PADDED: Final = 0.6
+"""Largest padded near grid, as a fraction of the padded full grid, for which two grids take less time."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class TwoGrids:
-    """Convolution on two grids.
-
-    Attributes
-    ----------
-    near
-        Convolution on the grid.
-    far
-        Convolution on the coarse grid.
-    """
+    """Two convolutions: `near` on the grid, `far` on the coarse one."""
 
     near: Convolution
     far: Convolution
 
     def response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
-        """Return the approximate response in single precision; see Convolution.response."""
+        """Return Convolution.response to about four digits, in single precision."""
         load = load.astype(SINGLE, copy=False)
         displacement = self.near.response(load, loaded, fields)
         _add_interpolated(self.far.response(_restrict(load), loaded, fields), displacement)
@@ -56,23 +48,18 @@ class TwoGrids:
 
 
 def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
-    """Return the convolution on two grids, or None if it would not take less time.
+    """Return the two convolutions of a grid's response, None if they would not take less time.
 
-    Parameters
-    ----------
-    response
-        Response of the grid.
-    scale
-        Scaling (5, 5), see Convolution.
+    scale: (5, 5), see Convolution.
     """
     if not isinstance(response, FreeGrid):
         return None
-    most = MAX_NODE_RATIO * prod(response.padded)
-    if prod(_padded(response, MIN_CUTOFF * max(response.spacing))) > most:
+    limit = MAX_PADDED * prod(response.padded)
+    if prod(_padded(response, MIN_CUTOFF * max(response.spacing))) > limit:
         return None
     width = max(n * h for n, h in zip(response.size, response.spacing, strict=True))
     padded = _padded(response, cutoff_radius(response.response, response.spacing, width))
-    if prod(padded) > most:
+    if prod(padded) > limit:
         return None
     nx, ny = response.size
     size = coarse_count(nx), coarse_count(ny)
@@ -84,7 +71,7 @@ def two_grids(response: GridResponse, scale: Array) -> TwoGrids | None:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """Response of a free grid, split into near and far on grids of `padded` and `coarse_padded` nodes."""
+    """A free grid's response in two parts, near on a grid of `padded` nodes, far on one of `coarse_padded`."""
 
     response: FreeGrid
     padded: tuple[int, int]
@@ -92,19 +79,19 @@ class _Split:
     coarse_padded: tuple[int, int]
 
     @cached_property
-    def _gaps(self) -> tuple[int, int]:
-        """Numbers of unloaded nodes between the two ends of the grid, along both axes."""
+    def _padding(self) -> tuple[int, int]:
+        """Number of padding nodes along each axis."""
         (nx, ny), (px, py) = self.response.size, self.padded
         return px - nx, py - ny
 
     @cached_property
     def _cutoff(self) -> float:
-        return min(gap * h for gap, h in zip(self._gaps, self.response.spacing, strict=True))
+        return min(gap * h for gap, h in zip(self._padding, self.response.spacing, strict=True))
 
     @cached_property
     def _inner(self) -> FreeGrid:
-        nx, ny = (min(n, gap) for n, gap in zip(self.response.size, self._gaps, strict=True))
-        return self.response.within((nx, ny))
+        nx, ny = (min(n, gap) for n, gap in zip(self.response.size, self._padding, strict=True))
+        return self.response.restrict((nx, ny))
 
     @cached_property
     def _near_factor(self) -> Array:
@@ -139,19 +126,18 @@ class _Split:
 
 
 def _restrict(fine: Array) -> Array:
-    """Apply the transpose of `_add_interpolated` to loads: (k, cx, cy) from fine (k, nx, ny)."""
+    """Return the transposed interpolation of loads, (k, cx, cy) from (k, nx, ny)."""
     return np.array([_restrict_first_axis(_restrict_first_axis(values).T).T for values in fine])
 
 
 def _restrict_first_axis(fine: Array) -> Array:
-    """Restrict to the coarse grid along the first axis."""
     coarse = np.zeros((coarse_count(len(fine)), fine.shape[1]), fine.dtype)
     add_restricted(np.ascontiguousarray(fine), WEIGHTS, coarse)
     return coarse
 
 
 def _add_interpolated(coarse: Array, fine: Array) -> None:
-    """Add the interpolation of coarse (k, cx, cy) to fine (k, nx, ny)."""
+    """Add the interpolation of values (k, cx, cy) of the coarse grid to fine (k, nx, ny)."""
     for coarse_values, fine_values in zip(coarse, fine, strict=True):
         columns = np.zeros((fine_values.shape[1], len(coarse_values)), fine_values.dtype)
         add_interpolated(np.ascontiguousarray(coarse_values.T), WEIGHTS, columns)
@@ -159,11 +145,11 @@ def _add_interpolated(coarse: Array, fine: Array) -> None:
 
 
 def _padded(response: FreeGrid, radius: float) -> tuple[int, int]:
-    """Return the size of the grid with padding as wide as the radius [m]."""
+    """Return the size of the grid padded by a cut-off radius [m]."""
     px, py = (_fast_size(n + ceil(radius / h)) for n, h in zip(response.size, response.spacing, strict=True))
     return px, py
 
 
 def _fast_size(count: int) -> int:
-    """Return an even number of nodes, at least `count`, with fast transforms."""
+    """Return the next larger even number with fast transforms."""
     return 2 * int(scipy.fft.next_fast_len((count + 1) // 2, real=True))

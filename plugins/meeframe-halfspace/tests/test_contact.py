@@ -118,7 +118,7 @@ def small_case(**changes):
         indenter=rigid.Sphere(0.1),
         steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),),
         contact_law=IsotropicCoulomb(0.4),
-        electric_law=StepConductivity(np.inf),
+        conductivity={"electric": StepConductivity(np.inf)},
         limits=StoppingCriteria(tolerance=1e-8),
         formulation=HalfSpace(),
         **changes,
@@ -157,6 +157,7 @@ def test_turned_friction_axes_change_nothing_of_isotropic_friction():
         np.testing.assert_allclose(turned, plain, atol=1e-6 * np.abs(plain).max())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("limit", [0, 1200])
 def test_two_equal_isotropic_bodies_are_half_as_stiff(limit):
     """Opposite bodies of like material: tangential displacements match by symmetry, P = 4/3 (E*/2) sqrt(R) g^1.5."""
@@ -251,7 +252,7 @@ def test_frictional_rough_contact():
         material=library_material("orthotropic-mee"),
         steps=steps,
         contact_law=IsotropicCoulomb(0.3),
-        electric_law=StepConductivity(np.inf),
+        conductivity={"electric": StepConductivity(np.inf)},
         limits=StoppingCriteria(tolerance=1e-8),
     )
     system = reduce(case)

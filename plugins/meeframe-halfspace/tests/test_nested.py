@@ -10,6 +10,7 @@ from meeframe_halfspace import HalfSpace
 from meeframe_halfspace.convolution import Convolution
 from meeframe_halfspace.system import HalfSpaceSystem
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.nested import coarse_problem, nested_start, tensed
 from meeframe.contact.problem import ContactProblem, ContactState, Solver, Status
 from meeframe.contact.scales import problem_scales
@@ -25,9 +26,11 @@ from meeframe.system.capabilities import (
     ApproximateApply,
     ApproximateInverse,
     Coarsening,
+    EdgeResolution,
     FieldwiseApply,
     LatticeStencil,
     Multigrid,
+    Persistence,
     Prolongation,
     Restriction,
     Stencil,
@@ -73,7 +76,7 @@ def pressed_by(system: ReducedSystem, gap: Array, force: float) -> ContactProble
 def held(system: ReducedSystem, gap: Array) -> ContactProblem:
     """An indenter that does not move."""
     none = np.zeros((len(gap), 2))
-    return ContactProblem(system, Signorini(), Insulating(), Insulating(), gap, none, none)
+    return ContactProblem(system, Signorini(), flux_channels(Insulating(), Insulating()), gap, none, none)
 
 
 def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) -> Array:
@@ -83,6 +86,7 @@ def near(system: ReducedSystem, n: int, row: int, column: int, spacings: float) 
     return np.asarray(distance < spacings * WIDTH / (n - 1))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("moved", [False, True], ids=["given", "free"])
 def test_magnitudes_are_those_of_asperities_between_the_coarse_nodes(moved: bool) -> None:
     """Every coarse node is far below the asperities that overlap: the residual is measured in what these bear."""
@@ -120,6 +124,7 @@ def test_indenters_that_cover_few_nodes_if_any_of_the_coarse_ones(solver: Solver
     assert -system.weights @ given.state.load[:, 2] == pytest.approx(FORCE, rel=1e-8)
 
 
+@pytest.mark.full(except_for=1)
 @SOLVERS
 def test_indenters_that_cover_no_node(solver: Solver) -> None:
     """They bear nothing: at a given motion that is so, a given force is not met."""
@@ -170,7 +175,7 @@ def test_tension_of_open_nodes_tells_where_the_contact_ends(radius: float) -> No
     system = grid(n)
     distance = np.hypot(*system.points[:, :2].T)
     flux = StepConductivity(np.inf)
-    problem = replace(held(system, (distance**2 / 2.0 - radius**2) / sphere), electric_law=flux, magnetic_law=flux)
+    problem = replace(held(system, (distance**2 / 2.0 - radius**2) / sphere), channels=flux_channels(flux, flux))
 
     def hertz(coarse: ContactProblem) -> ContactState:
         r = np.hypot(*coarse.system.points[:, :2].T) / radius
@@ -196,6 +201,7 @@ def test_capabilities_of_a_half_space(formulation: HalfSpace, divisions: tuple[i
     check_capabilities(system_of(formulation, divisions))
 
 
+@pytest.mark.full(except_for=9)
 @pytest.mark.parametrize(
     "system",
     [
@@ -291,24 +297,83 @@ def test_solutions_do_not_depend_on_what_was_asked_before() -> None:
 def test_coarse_grids_that_nothing_presses(solver: Solver) -> None:
     """Their solution is no load at all, in no field: that of this one, too."""
     system = grid(64)
-    problem = replace(pressed_by(system, (system.points**2).sum(axis=1), 0.0), electric_law=StepConductivity(np.inf))
+    problem = pressed_by(system, (system.points**2).sum(axis=1), 0.0).with_laws(electric=StepConductivity(np.inf))
     solution = solve(problem, solver, StoppingCriteria(tolerance=1e-8))
     assert solution.status is Status.CONVERGED
     assert not solution.state.load.any()
 
 
+FORWARDED = {FieldwiseApply, ApproximateApply, ApproximateInverse, Multigrid, LatticeStencil, Restriction}
+
+
+def capabilities_of(system: ReducedSystem) -> set[type]:
+    return {kind for kind in (*FORWARDED, EdgeResolution, Persistence) if system.capability(kind) is not None}
+
+
 def test_capabilities_of_composed_systems() -> None:
+    """Each is forwarded and correct, or absent for the stated reason."""
     system = system_of(*GRIDS[0])
     nodes = np.flatnonzero(np.hypot(*(system.points[:, :2] - 1e-3).T) < 2e-3)
     edge = (np.random.default_rng(0).random(len(system.points)) < 0.1)[:, None, None] * np.eye(5)
-    for whole in (
-        combine_bodies(system, system),
-        rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1))),
-        correct_edge(system, edge * system.diagonal_blocks()),
-        OperationCounter.of(system),
+    alike = rotate_frames(system, np.tile([0.6, 0.8, 0.0], (len(system.points), 1)))
+    radial = rotate_frames(system, system.points - system.points.mean(axis=0))
+    corrected = correct_edge(system, edge * system.diagonal_blocks())
+    own = FORWARDED - {ApproximateApply}  # the grid is too small for approximate products
+    assert capabilities_of(system) == own
+    for whole, has in (
+        (combine_bodies(system, system), own),
+        (combine_bodies(radial, alike), own - {LatticeStencil}),
+        (combine_bodies(system, MatrixFree.of(system)), {FieldwiseApply, ApproximateInverse}),
+        (combine_bodies(MatrixFree.of(system), system), {FieldwiseApply}),
+        (alike, own),
+        (radial, own - {LatticeStencil}),
+        (corrected, own - {Multigrid, LatticeStencil}),
+        (rotate_frames(corrected, radial.frames[:, 0]), own - {Multigrid, LatticeStencil}),
+        (OperationCounter.of(system), own),
+        (OperationCounter.of(system, accelerated=False), {FieldwiseApply}),
+        (MatrixFree.of(system), set()),
     ):
+        assert capabilities_of(whole) == has
         check_capabilities(whole)
-        assert whole.capability(Restriction).restrict(nodes) is not None
+        restriction = whole.capability(Restriction)
+        assert restriction is None or restriction.restrict(nodes) is not None
+
+
+def test_two_bodies_with_other_coarse_nodes_have_no_coarser_grid() -> None:
+    """Turned over, every second one of an even number of nodes along x2 is one of the others."""
+    even = system_of(HalfSpace(matrix_up_to=0), (63, 63))
+    assert even.capability(Multigrid) is not None
+    assert combine_bodies(even, even).capability(Multigrid) is None
+    odd = system_of(HalfSpace(matrix_up_to=0), (63, 64))
+    assert combine_bodies(odd, odd).capability(Multigrid) is not None
+
+
+def test_two_bodies_resolve_edges_if_both_do() -> None:
+    resolved, nodal = (system_of(HalfSpace(matrix_up_to=0, edges=edges), (24, 24)) for edges in ("resolved", "nodes"))
+    both = combine_bodies(resolved, rotate_frames(resolved, np.tile([0.6, 0.8, 0.0], (len(nodal.points), 1))))
+    assert EdgeResolution in capabilities_of(both)
+    check_capabilities(both)
+    assert EdgeResolution not in capabilities_of(combine_bodies(resolved, nodal))
+    assert EdgeResolution not in capabilities_of(correct_edge(resolved, 0.1 * resolved.diagonal_blocks()))
+
+
+def test_two_bodies_start_from_a_coarser_grid() -> None:
+    """The same answer with fewer products than without acceleration."""
+    both = combine_bodies(
+        system_of(HalfSpace(matrix_up_to=0), (96, 96)), system_of(HalfSpace(matrix_up_to=0), (96, 96), ISOTROPIC)
+    )
+    height = (both.points[:, 0] ** 2 + both.points[:, 1] ** 2) / 2.0
+    loads, products = [], []
+    for accelerated in (True, False):
+        system = OperationCounter.of(both, accelerated)
+        problem = indentation_problem(system, height, 4e-6, IsotropicCoulomb(0.3), translation=(1e-6, 0.0))
+        solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-10))
+        assert solution.status is Status.CONVERGED
+        loads.append(solution.state.load)
+        products.append(len(system.products))
+    scale = np.abs(loads[1]).max(axis=0)[:3]
+    assert (np.abs(loads[0] - loads[1])[:, :3].max(axis=0) < 1e-7 * scale).all()
+    assert products[0] < 0.7 * products[1]
 
 
 @final
@@ -396,6 +461,7 @@ def _kinked(prolonged: Array, nodes: Indices) -> Array:
     return kinked
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [(name, "apply_fields of loads float64") for name in ("loaded fields", "wanted fields", "fields of a part")]

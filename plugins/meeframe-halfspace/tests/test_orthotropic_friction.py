@@ -34,6 +34,7 @@ def sphere(mu: float, scale: float, conducting: Sequence[str] = ()) -> np.ndarra
     return np.array([-result.zone.weights @ step.traction[:, 2], *np.abs(step.potentials).max(axis=0)])
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("scale", "rise"), INDEPENDENT.items())
 def test_friction_raises_the_potentials_of_an_insulating_sphere(scale: float, rise: float) -> None:
     _, electric, magnetic = sphere(0.9, scale) / sphere(0.0, scale) - 1.0

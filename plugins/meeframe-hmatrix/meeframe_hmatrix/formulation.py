@@ -23,8 +23,8 @@ from meeframe.plugin import (
     ReducedSystem,
     TooLargeError,
     check_quantities,
+    find_contact_zone,
     silent,
-    zone_frames,
 )
 from meeframe.plugin.boundary_elements import (
     Accuracy,
@@ -115,7 +115,7 @@ class HierarchicalBEM(PersistentFormulation):
         self.check(body)
         boundary = self.boundary(body, progress)
         compliance = condense(boundary.system, boundary.factors, BLOCK_SHARE * self.tolerance, progress)
-        zone = zone_frames(body.mesh, body.contact_group or "")
+        zone = find_contact_zone(body.mesh, body.contact_group or "")
         order = boundary.tree.loads[::N_FIELDS] // N_FIELDS
         to_load, to_displacement = frames_to_units(zone.frames, boundary.units)
         own = np.einsum("naj,njk,nkb->nab", to_displacement, diagonal_of(compliance, order), to_load)
@@ -134,7 +134,7 @@ class HierarchicalBEM(PersistentFormulation):
             raise ValueError(
                 f"a hierarchical system has the arrays {', '.join(names)}, not {', '.join(arrays) or 'none'}"
             )
-        zone = zone_frames(body.mesh, body.contact_group or "")
+        zone = find_contact_zone(body.mesh, body.contact_group or "")
         own, n = {name: arrays[name] for name in ARRAYS}, len(zone.points)
         compliance, whole = unpacked(arrays["table"], arrays["numbers"]), Whole(partial(self.boundary, body))
         found = {name: array.shape for name, array in own.items()} | {"table": shape(compliance)}

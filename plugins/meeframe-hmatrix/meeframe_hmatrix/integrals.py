@@ -146,7 +146,7 @@ def _kinds(mesh: SurfaceMesh, layout: Layout, tree: ClusterTree, tolerance: floa
     for number, (block, patches) in enumerate(zip(mesh.blocks, layout.patches.connectivity, strict=True)):
         nodes = np.ascontiguousarray(mesh.points[block.connectivity])
         extents = element_extents(block.element, nodes, tolerance)
-        elements = Elements(nodes, extents.centres, extents.sizes, extents.least_orders)
+        elements = Elements(nodes, extents.centres, extents.sizes, extents.min_orders)
         sites, planes = tree.rank[block.connectivity], _planes(block.element, nodes)
         yield Kind(number, block.element, first, elements, sites, patches, planes)
         first += len(nodes)

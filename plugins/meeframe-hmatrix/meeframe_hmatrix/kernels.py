@@ -9,9 +9,9 @@ from numba import njit
 
 from meeframe.plugin.boundary_elements import (
     BUFFER_TOO_SMALL,
+    element_rule,
     map_rule,
-    most_points,
-    pair_rule,
+    max_points_per_direction,
     rectangular_rule,
     required_orders,
     shape_degree,
@@ -25,14 +25,14 @@ class Elements(NamedTuple):
     ----------
     nodes
         Nodes (e, k, 3).
-    centres, sizes, least_orders
+    centres, sizes, min_orders
         Arrays (e, 3), (e, 2) and (e,) as in ElementExtents.
     """
 
     nodes: np.ndarray
     centres: np.ndarray
     sizes: np.ndarray
-    least_orders: np.ndarray
+    min_orders: np.ndarray
 
 
 class Points(NamedTuple):
@@ -121,7 +121,7 @@ class Rows(NamedTuple):
 @njit(cache=True, nogil=True)
 def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
     """Set out (n, 2) to orders of tensor rules valid for elements (n,) seen from anywhere in a box (2, 3), else 0."""
-    limit, degree = most_points(accuracy.tolerance, gauss), shape_degree(table)
+    limit, degree = max_points_per_direction(accuracy.tolerance, gauss), shape_degree(table)
     for i in range(len(numbers)):
         element = numbers[i]
         square = 0.0
@@ -131,7 +131,7 @@ def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
             square += gap * gap
         size_xi, size_eta = elements.sizes[element]
         xi, eta = required_orders(sqrt(square), size_xi, size_eta, degree, accuracy.tolerance, accuracy.anisotropy)
-        xi, eta = max(xi, elements.least_orders[element]), max(eta, elements.least_orders[element])
+        xi, eta = max(xi, elements.min_orders[element]), max(eta, elements.min_orders[element])
         if table.triangle:
             xi = eta = max(xi, eta)
         if xi > limit or eta > limit:
@@ -144,7 +144,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
     """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones for order 0.
 
     places: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
-    points, or a negative code of pair_rule.
+    points, or a negative code of element_rule.
     """
     count = 0
     for i in range(len(numbers)):
@@ -157,7 +157,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
             rectangular_rule(orders[i, 0], orders[i, 1], table.triangle, gauss, reference, weights)
         else:
             tolerance, anisotropy = accuracy.tolerance, accuracy.anisotropy
-            n = pair_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
+            n = element_rule(source, nodes, table, places[i], tolerance, gauss, reference, weights, anisotropy)
             if n < 0:
                 return n
         rows = slice(count, count + n)

@@ -136,9 +136,9 @@ def _sums(integrals: Integrals, points: Points, starts: Indices, value_weights: 
 def _containing_elements(integrals: Integrals, source: int, kind: Kind) -> tuple[Indices, Array]:
     """Return the elements of a kind that contain a source, and its reference coordinates (n, 2) in them."""
     sources, number = integrals.sources, integrals.tree.sources[source]
-    indices = np.arange(sources.own_start[number], sources.own_start[number + 1])
-    indices = indices[sources.own_block[indices] == kind.block]
-    return sources.own_element[indices], sources.own_xi[indices]
+    indices = np.arange(sources.singular_start[number], sources.singular_start[number + 1])
+    indices = indices[sources.singular_block[indices] == kind.block]
+    return sources.singular_element[indices], sources.singular_xi[indices]
 
 
 def local(rows: Indices, cluster: Cluster) -> Indices:

@@ -141,6 +141,7 @@ def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matri
         product_of(block)(np.zeros(5))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("tolerance", "dtype"), [(1e-2, float), (1e-5, float), (1e-8, float), (1e-2, np.float32), (SINGLE, np.float32)]
 )
@@ -169,6 +170,7 @@ def test_nothing_has_no_rank():
         assert right.shape == (0, 30)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [1e-25, 1.0, 1e25])
 def test_truncation_in_single_precision_does_not_depend_on_units(size):
     smooth = 1.0 / (1.0 + np.linspace(0, 1, 40)[:, None] + np.linspace(0, 2, 30))
@@ -191,6 +193,7 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
             recompress(np.eye(6, dtype=precision), matrix, 1e-3)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("small", [0, accumulated_update.MAX_ENTRYWISE], ids=["random vectors", "entry by entry"])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
 def test_factors_solve_within_their_tolerance(matrices, tolerance, small, monkeypatch):
@@ -235,6 +238,7 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
     assert error(product_of(merged(found))(x), expected @ x) < 1e-14
 
 
+@pytest.mark.full
 def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     square, _, block, _ = matrices
     single = convert(block, np.float32)

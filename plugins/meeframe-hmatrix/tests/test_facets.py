@@ -34,6 +34,7 @@ def turned(body: Body) -> Body:
     return replace(body, mesh=replace(body.mesh, points=body.mesh.points @ turn.T))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 @pytest.mark.parametrize("make", [lambda make: make(8), lambda make: turned(make(8, Tri3()))], ids=["quad4", "tri3"])
 def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, tolerance):
@@ -76,6 +77,7 @@ def test_facets_are_the_planes_of_a_leaf(make_block, monkeypatch):
             assert (np.abs(nodes @ part.axes.T).max(axis=(0, 1)) <= part.half * (1 + 1e-12)).all()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", [Quad8(), Tri3()], ids=["quad8", "tri3"])
 def test_curved_surfaces_have_none(make_block, monkeypatch, element):
     body = make_block(6, element)

@@ -14,7 +14,7 @@ from meeframe.greens import LineIntegral, Tabulated
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.material import library_material
-from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, find_contact_zone
 from meeframe.mesh.body import BoundaryCondition
 from meeframe.mesh.surface import ElementBlock
 from meeframe.model import cache, solve
@@ -161,8 +161,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
     later = {
         "indenter": FlatPunch(1e-3),
         "contact_law": IsotropicCoulomb(0.3),
-        "electric_law": StepConductivity(1.0),
-        "magnetic_law": StepConductivity(1.0),
+        "conductivity": {"electric": StepConductivity(1.0), "magnetic": StepConductivity(1.0)},
         "solver": Auto(),
         "limits": StoppingCriteria(tolerance=1e-6),
         "title": "another",
@@ -254,7 +253,7 @@ class Keeping(WithoutMatrix, PersistentFormulation):
     def from_arrays(self, body, arrays):
         if arrays["whole"].shape != (3,):
             raise ValueError("another system")
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         return KeepingOperator(zone.points, zone.frames, zone.weights, zone.cells, arrays["offset"])
 
 

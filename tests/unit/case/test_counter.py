@@ -110,8 +110,8 @@ def test_the_result_file_has_both_surfaces(live, tmp_path):
     np.testing.assert_array_equal(read.state.displacement, made.state.displacement)
     np.testing.assert_array_equal(read.gap, made.gap)
     with h5py.File(folder / "result.h5") as file:
-        units = {name: own.attrs["units"] for name, own in file["steps/0001/counter"].items()}
-        zero = file["steps/0001/counter"].attrs["zero"].split()
+        units = {name: own.attrs["units"] for name, own in file["steps/0001/second_body"].items()}
+        zero = file["steps/0001/second_body"].attrs["zero"].split()
     assert units | dict.fromkeys(zero, "") == {"displacement": "m", "electric_potential": "V", "magnetic_potential": ""}
     assert (folder / "fields.vtu").is_file()
 

@@ -27,7 +27,7 @@ def test_defaults(write_case, registry):
     assert case.indenter == Sphere(0.1)
     assert case.steps[0].approach == pytest.approx(1e-5)
     assert isinstance(case.contact_law, Signorini)
-    assert isinstance(case.electric_law, Insulating)
+    assert isinstance(case.conductivity["electric"], Insulating)
     assert case.formulation == DenseBEM()
     assert case.mesh.n_elements == 16 + 2 * 16 + 16 + 16
     np.testing.assert_array_equal(case.material.stiffness, library_material("batio3-cofe2o4").stiffness)
@@ -72,8 +72,8 @@ electric_flux = 1e-6
     ]
     case = load_case(write_case(*changes, more=more), registry)
     assert case.contact_law == IsotropicCoulomb(0.3)
-    assert case.electric_law == StepConductivity(math.inf)
-    assert case.magnetic_law.reference_pressure == pytest.approx(1e6)
+    assert case.conductivity["electric"] == StepConductivity(math.inf)
+    assert case.conductivity["magnetic"].reference_pressure == pytest.approx(1e6)
     assert case.formulation == DenseBEM(LineIntegral())
     assert (case.placement.x, case.placement.tilt_1) == pytest.approx((1e-3, math.radians(2)))
     assert case.solver.step_normal == pytest.approx(1e13)
@@ -81,8 +81,8 @@ electric_flux = 1e-6
     assert (case.output.figures, case.output.vtu) == (False, True)
     assert case.mesh.blocks[0].element.name == Quad9().name
     (step,) = case.steps
-    assert (step.translation, case.potentials[0]) == ((pytest.approx(1e-6), 0.0), -5.0)
-    assert step.magnetic_potential == pytest.approx(3e-3)
+    assert (step.translation, case.potentials["electric_potential"]) == ((pytest.approx(1e-6), 0.0), -5.0)
+    assert step.scalars["magnetic_potential"] == pytest.approx(3e-3)
     side = {(c.field, c.kind): c.data for c in case.conditions if c.group == "side_x+"}
     assert side == {(1, "flux"): pytest.approx(2e3), (2, "flux"): 0.0, (3, "flux"): 1e-6}
 
@@ -170,7 +170,7 @@ def test_a_half_space_needs_nothing_beside_its_contact_zone(write_case, registry
 def test_a_file_that_is_no_text(tmp_path, registry):
     path = tmp_path / "result.h5"
     path.write_bytes(b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(CaseError, match=r"result\.h5: is not a TOML file: it is no text in UTF-8$"):
+    with pytest.raises(CaseError, match=r"result\.h5: is not a TOML file: its text is not encoded in UTF-8$"):
         load_case(path, registry)
 
 
@@ -361,7 +361,7 @@ def test_inadmissible_material(write_case, registry):
     [
         (lambda quads: quads.pop("x+"), "not closed"),
         (lambda quads: quads.update({"x+": quads["x+"][::-1]}), "orient"),
-        (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true turns those of a file"),
+        (lambda quads: [quad.reverse() for quad in quads.values()], "reorient = true flips those of a file"),
     ],
 )
 def test_bad_mesh_files(write_case, registry, tmp_path, change, expected):
@@ -419,13 +419,13 @@ def test_a_case_file_is_data_and_never_code(write_case, registry, tmp_path):
         ),
         (
             ('"tiny"', "9" * 5000),
-            r"is not a TOML file: a whole number of 5000 digits \(at line 2\); allowed: 10000 bin",
+            r"is not a TOML file: an integer of 5000 digits \(at line 2\); allowed: at most 10000 bin",
         ),
         (
             ('"tiny"', "0x" + "f" * 4000),
-            "is not a TOML file: title: a whole number of 16000 binary digits; allowed: 10000 at most",
+            "is not a TOML file: title: an integer of 16000 binary digits; allowed: at most 10000",
         ),
-        (('"tiny"', f"[{{a = [0x{'f' * 4000}]}}]"), r"file: title\[1\].a\[1\]: a whole number of 16000 binary digits"),
+        (('"tiny"', f"[{{a = [0x{'f' * 4000}]}}]"), r"file: title\[1\].a\[1\]: an integer of 16000 binary digits"),
         (('"tiny"', "[" * 5000 + "]" * 5000), "is not a TOML file: maximum recursion depth"),
         (('"tiny"', r'"a\u0000b"'), r"title = 'a\\x00b': holds the character NUL; allowed: any other in a title"),
         (('"tiny"', "1979-05-27"), r"title = 1979-05-27: should be a text"),
@@ -462,9 +462,9 @@ def test_materials_without_a_name_are_refused_without_one(write_case, registry):
 @pytest.mark.parametrize(
     ("tables", "text"),
     [
-        ({"title": 10**5000}, "title: a whole number of 16610 binary digits; allowed: 10000 at most"),
-        ({"material": {"name": [1, 10**5000]}}, r"material.name\[2\]: a whole number of 16610 binary digits"),
-        ({"mesh": ({}, {"divisions": -(10**5000)})}, r"mesh\[2\].divisions: a whole number of 16610 binary digits"),
+        ({"title": 10**5000}, "title: an integer of 16610 binary digits; allowed: at most 10000"),
+        ({"material": {"name": [1, 10**5000]}}, r"material.name\[2\]: an integer of 16610 binary digits"),
+        ({"mesh": ({}, {"divisions": -(10**5000)})}, r"mesh\[2\].divisions: an integer of 16610 binary digits"),
         ({10**5000: 1}, "4300 digits"),
     ],
 )

@@ -5,13 +5,13 @@ import pytest
 
 from meeframe.indenters import Placement
 from meeframe.indenters.base import MOTIONS, N_MOTIONS, motion_measures, motion_modes
-from meeframe.mesh.zone import frames_of
+from meeframe.mesh.zone import local_frames
 
 ANGLE = 1e-7
 RANDOM = np.random.default_rng(3)
 POINTS = RANDOM.normal(size=(20, 3))
 NORMALS = RANDOM.normal(size=(20, 3))
-FRAMES = frames_of(NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True))
+FRAMES = local_frames(NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True))
 WEIGHTS = RANDOM.uniform(0.5, 1.5, 20)
 PLACEMENT = Placement(x=0.3, y=-0.2, axis=(0.3, -0.4, 0.8))
 AXES, REFERENCE = PLACEMENT.base, PLACEMENT.reference(POINTS)

@@ -9,7 +9,7 @@ import pytest
 from meeframe.common.errors import MeshError
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.elements import Quad4
-from meeframe.mesh import block_mesh, zone_frames
+from meeframe.mesh import block_mesh, find_contact_zone
 
 
 class Thing:
@@ -47,5 +47,5 @@ def test_an_error_is_raised_anew() -> None:
     mesh = block_mesh((2.0, 2.0), 1.0, (1.0, 1.0), (2, 2), 1, 1, Quad4())
     for _ in range(2):
         with pytest.raises(MeshError, match="'nowhere'"):
-            zone_frames(mesh, "nowhere")
-    assert zone_frames(mesh, "contact") is zone_frames(mesh, "contact")
+            find_contact_zone(mesh, "nowhere")
+    assert find_contact_zone(mesh, "contact") is find_contact_zone(mesh, "contact")

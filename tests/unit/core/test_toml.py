@@ -71,12 +71,14 @@ def test_times_come_back():
     ],
 )
 def test_what_toml_has_not_is_refused(value, place, where):
-    with pytest.raises(TypeError, match=re.escape(f"{where}: TOML has no {type(value).__name__}")):
+    with pytest.raises(
+        TypeError, match=re.escape(f"{where}: TOML does not support values of type {type(value).__name__}")
+    ):
         toml_text({"key": place(value)})
 
 
 def test_whole_numbers_too_long_to_be_written_are_refused():
-    with pytest.raises(ValueError, match=r"key.inner\[2\]: a whole number of 16610 binary digits"):
+    with pytest.raises(ValueError, match=r"key.inner\[2\]: an integer of 16610 binary digits"):
         toml_text({"key": {"inner": [1, 10**5000]}})
 
 
@@ -100,11 +102,11 @@ LONG = "1" * 5000
 def test_the_line_of_a_whole_number_without_end_is_its_own(before):
     """Whatever stands in texts and comments."""
     line = before.count("\n") + 2
-    with pytest.raises(ValueError, match=rf"a whole number of 5000 digits \(at line {line}\)"):
+    with pytest.raises(ValueError, match=rf"an integer of 5000 digits \(at line {line}\)"):
         toml_tables(f'{before}\nwhole = {LONG}\nlater = "{LONG * 3}" # {LONG * 3}')
 
 
 def test_no_line_is_named_where_it_may_be_another():
     """Floats have as many digits as one likes."""
-    with pytest.raises(ValueError, match="a whole number of more than 4300 digits; allowed"):
+    with pytest.raises(ValueError, match="an integer of more than 4300 digits; allowed"):
         toml_tables(f"float = {LONG * 2}.0\nwhole = {LONG}")

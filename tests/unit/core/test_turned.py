@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from meeframe.common.errors import CaseError
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Array
@@ -13,7 +14,7 @@ from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb
 from meeframe.laws.base import ContactLaw
 from meeframe.material import library_material
-from meeframe.mesh import frames_of, sphere_mesh
+from meeframe.mesh import local_frames, sphere_mesh
 from meeframe.mesh.axes import FrictionAxes
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
@@ -31,7 +32,7 @@ RANDOM = np.random.default_rng(3)
 def random_system() -> DenseSystem:
     """On normals all over the sphere, with fields that are known for any load."""
     normals = RANDOM.normal(size=(N, 3))
-    frames = frames_of(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    frames = local_frames(normals / np.linalg.norm(normals, axis=1, keepdims=True))
     points, matrix = RANDOM.normal(size=(N, 3)), RANDOM.normal(size=(N, 5, N, 5))
 
     def recover(load: Array) -> NodalFields:
@@ -120,7 +121,7 @@ def socket_problem(system: ReducedSystem, law: ContactLaw) -> ContactProblem:
     normals = system.frames[:, 2]
     drag = system.frames @ np.array([1.0, -0.6, 0.0]) * 2e-5
     gap = 5e-5 * (1.0 - normals[:, 2]) - 2e-5 * normals[:, 2] + drag[:, 2]
-    laws = law, Insulating(), Insulating()
+    laws = law, flux_channels(Insulating(), Insulating())
     return ContactProblem(system, *laws, gap, drag[:, :2], np.zeros((len(gap), 2)))
 
 

@@ -28,5 +28,5 @@ def test_uncoupled_dielectric_is_stretched_by_the_root_of_the_ratio(isotropic, r
 
 def test_a_medium_too_near_to_incompressible_is_refused():
     rubber = scaled_stiffness(library_material("isotropic", young_modulus=1e6, poisson_ratio=0.4999999))
-    with pytest.raises(MaterialError, match="less near to incompressible"):
+    with pytest.raises(MaterialError, match="less close to incompressible"):
         anisotropy(rubber)

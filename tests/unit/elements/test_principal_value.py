@@ -9,7 +9,7 @@ import pytest
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.elements.base import SurfaceElement
 from meeframe.elements.principal_value import free_term, tangent_facet, traction_principal_value
-from meeframe.elements.quadrature import pair_rule
+from meeframe.elements.quadrature import element_rule
 from meeframe.fields import Array
 from meeframe.greens import LineIntegral
 from meeframe.greens.base import Kernel
@@ -121,7 +121,7 @@ def collocate(kernel: Kernel, element: SurfaceElement, elements: list[Array], so
         distance = np.linalg.norm(nodes - source, axis=1)
         local = int(distance.argmin())
         own = distance[local] < 1e-12
-        rule = pair_rule(element, nodes, source, 1e-9, element.nodes[local] if own else None)
+        rule = element_rule(element, nodes, source, 1e-9, element.nodes[local] if own else None)
         u, t = kernel.evaluate(rule.positions - source, rule.normals)
         if own:
             facets.append(tangent_facet(element, nodes, local))

@@ -50,7 +50,7 @@ def test_points_on_the_axis_have_no_direction(scale: float) -> None:
         ({"around": (0, np.inf, 1)}, "around = .*three finite numbers"),
         ({"around": (0, 1)}, r"around = \(0, 1\)"),
         ({"around": (0, 0, 1), "centre": (0, np.nan, 1)}, "centre = .*three finite numbers$"),
-        ({"direction": (1, 0, 0), "centre": (0, 0, 1)}, "centre = .*has no meaning without around"),
+        ({"direction": (1, 0, 0), "centre": (0, 0, 1)}, "centre = .*requires around"),
         ({"direction": ("x", 0, 0)}, "direction = "),
     ],
 )

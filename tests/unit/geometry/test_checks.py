@@ -10,7 +10,7 @@ from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3
 from meeframe.elements.base import SurfaceElement
 from meeframe.mesh import box_mesh, check_mesh, merge_points, orient_outward, sphere_mesh, volume
-from meeframe.mesh.checks import drop_unused
+from meeframe.mesh.checks import remove_unused_points
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.mesh.topology import reflection
 
@@ -69,8 +69,8 @@ def test_open(element: SurfaceElement) -> None:
     mesh = cube(element)
     cells = 1 if element.reference == "quadrilateral" else 2
     refused(
-        drop_unused(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
-        "not closed, only one element has an edge: 4 edges, at",
+        remove_unused_points(with_cells(mesh, mesh.blocks[0].connectivity[cells:])),
+        "not closed: an edge belongs to only one element: 4 edges, at",
     )
 
 
@@ -105,7 +105,7 @@ def test_cavities_look_inwards() -> None:
     check_mesh(both(outer, inside_out(cavity)))
     assert volume(both(outer, inside_out(cavity))) == pytest.approx(7.0)
     wrong = both(outer, cavity)
-    refused(wrong, "has 1 of 2 closed parts inside out")
+    refused(wrong, "has 1 of 2 closed surfaces inside out")
     check_mesh(orient_outward(wrong))
     assert volume(orient_outward(wrong)) == pytest.approx(7.0)
     # a body in the cavity, and a second one elsewhere
@@ -117,7 +117,7 @@ def test_not_a_manifold() -> None:
     beside = moved(cube(), lambda p: np.add(p, [2.0, 2.0, 0.0], out=p))
     refused(
         merge_points(both(cube(), beside), 1e-9),
-        "not a manifold, more than two elements share an edge: 2 edges, at .1, 1,",
+        "not a manifold: more than two elements share an edge: 2 edges, at .1, 1,",
     )
 
 
@@ -181,7 +181,7 @@ def test_mid_sides_must_conform() -> None:
         ElementBlock(Quad8(), block.connectivity[:half], block.groups[:half]),
         ElementBlock(Quad4(), block.connectivity[half:, :4], block.groups[half:]),
     )
-    refused(drop_unused(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
+    refused(remove_unused_points(SurfaceMesh(quadratic.points, blocks, linear.group_names)), "not conforming")
 
 
 def test_mixed_triangles_and_quadrilaterals_conform() -> None:
@@ -199,12 +199,12 @@ def test_numbers_out_of_range() -> None:
     mesh = cube()
     cells = mesh.blocks[0].connectivity.copy()
     cells[0, 0] = 99
-    refused(with_cells(mesh, cells), "no point 99")
+    refused(with_cells(mesh, cells), "use point 99")
     block = replace(mesh.blocks[0], groups=mesh.blocks[0].groups + 1)
-    refused(replace(mesh, blocks=(block,)), "no face group 6")
+    refused(replace(mesh, blocks=(block,)), "use face group 6")
     refused(replace(mesh, blocks=(replace(block, groups=block.groups[1:]),)), "24 elements quad4, but 23 group numbers")
-    refused(replace(mesh, blocks=(replace(block, element=Quad8()),)), r"\(24, 4\); \(e, 8\) is wanted")
-    refused(replace(mesh, points=mesh.points[:, :2]), r"\(26, 2\); \(p, 3\) is wanted")
+    refused(replace(mesh, blocks=(replace(block, element=Quad8()),)), r"\(24, 4\); allowed: \(e, 8\)")
+    refused(replace(mesh, points=mesh.points[:, :2]), r"\(26, 2\); allowed: \(p, 3\)")
     refused(replace(mesh, blocks=()), "no elements")
 
 

@@ -174,8 +174,8 @@ def test_extreme_blocks_are_valid(element: SurfaceElement, scale: float) -> None
         ({"contact_width": (0.005, float("nan"))}, "contact_width = nan"),
         ({"contact_width": 0.1}, "must be less than the block's width"),
         ({"divisions": 0}, "divisions = 0"),
-        ({"divisions": (4, 1.5)}, "divisions = 1.5: must be a whole number"),
-        ({"rings": 0}, "rings = 0: must be a whole number of at least 1"),
+        ({"divisions": (4, 1.5)}, "divisions = 1.5: must be an integer"),
+        ({"rings": 0}, "rings = 0: must be an integer of at least 1"),
         ({"layers": -2}, "layers = -2"),
     ],
 )

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from meeframe.mesh import nearby
-from meeframe.mesh.nearby import close_pairs
+from meeframe.mesh.nearby import close_point_pairs
 
 
 def lattice(n):
@@ -18,7 +18,7 @@ def test_as_a_tree_finds_them(distance):
     points = lattice(9)
     again = points[rng.integers(len(points), size=200)]  # some of them several times
     points = np.concatenate([points, again + rng.uniform(-1.0, 1.0, again.shape) * distance])
-    found = close_pairs(points, distance)
+    found = close_point_pairs(points, distance)
     expected = cKDTree(points).query_pairs(distance, output_type="ndarray")
     assert 100 < len(found) == len(expected)
     assert {*map(tuple, found)} == {*map(tuple, expected)}
@@ -41,12 +41,12 @@ def test_a_tree_is_asked_only_where_points_line_up(ratio, asked, trees):
     x, y = np.meshgrid(ratio * np.arange(70), np.arange(70), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     points = np.concatenate([points, points[::10]])
-    found = close_pairs(points, 1e-9)
+    found = close_point_pairs(points, 1e-9)
     assert len(trees) == asked
     assert {*map(tuple, found)} == {(10 * k, 4900 + k) for k in range(490)}
 
 
 def test_equal_points_and_points_apart():
-    assert close_pairs(lattice(5), 0.09).size == 0
-    assert close_pairs(np.ones((3, 3)), 0.0).tolist() == [[0, 1], [1, 2], [0, 2]]
-    assert close_pairs(np.ones((1, 3)), 1.0).shape == (0, 2)
+    assert close_point_pairs(lattice(5), 0.09).size == 0
+    assert close_point_pairs(np.ones((3, 3)), 0.0).tolist() == [[0, 1], [1, 2], [0, 2]]
+    assert close_point_pairs(np.ones((1, 3)), 1.0).shape == (0, 2)

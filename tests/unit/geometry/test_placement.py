@@ -18,9 +18,9 @@ from meeframe.indenters import (
     initial_gap,
 )
 from meeframe.indenters.base import Indenter
-from meeframe.mesh import ContactZone, block_mesh, box_mesh, frames_of, zone_frames
+from meeframe.mesh import ContactZone, block_mesh, box_mesh, find_contact_zone, local_frames
 
-FLAT = zone_frames(block_mesh(0.05, 0.12, 0.005, 12, 3, 2, Quad4()), "contact")
+FLAT = find_contact_zone(block_mesh(0.05, 0.12, 0.005, 12, 3, 2, Quad4()), "contact")
 SHAPES = [
     Sphere(0.1),
     Sphere(0.02, "exact"),
@@ -34,7 +34,7 @@ EVERY_SHAPE = pytest.mark.parametrize("shape", SHAPES, ids=lambda s: type(s).__n
 
 
 def zone_of(points: Array, normals: Array) -> ContactZone:
-    return ContactZone(points, frames_of(normals), np.ones(len(points)), (), np.arange(len(points)))
+    return ContactZone(points, local_frames(normals), np.ones(len(points)), (), np.arange(len(points)))
 
 
 def about(axis: int, angle: float) -> Array:
@@ -67,7 +67,7 @@ def test_case_of_the_paper() -> None:
 
 
 def test_level_with_the_highest_point_of_the_zone() -> None:
-    box = zone_frames(box_mesh((1, 1, 3), (4, 4, 4), Quad4()), "z+")
+    box = find_contact_zone(box_mesh((1, 1, 3), (4, 4, 4), Quad4()), "z+")
     x, y, z = box.points.T
     assert (z == 1.5).all()
     np.testing.assert_allclose(initial_gap(Sphere(2.0), box), (x**2 + y**2) / 4, atol=1e-15)
@@ -143,7 +143,7 @@ def test_sphere_on_a_sphere() -> None:
 
 
 def test_the_side_of_a_block() -> None:
-    zone = zone_frames(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad9()), "side_x+")
+    zone = find_contact_zone(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad9()), "side_x+")
     _, y, z = zone.points.T
     place = Placement(axis=(3.0, 0.0, 0.0), x=0.1, y=-0.9)
     np.testing.assert_array_equal(place.base, [[0, 1, 0], [0, 0, 1], [1, 0, 0]])

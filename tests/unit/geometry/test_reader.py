@@ -111,7 +111,7 @@ def test_groups_have_whole_numbers(odd: float, tmp_path: Path) -> None:
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     path = tmp_path / "odd.vtu"
     meshio.Mesh(corners, [("triangle", faces)], cell_data={"face": [np.array([1.0, 2.0, odd, 2.0])]}).write(path)
-    with pytest.raises(MeshError, match=f"group_data = 'face': {odd:g} in it; allowed: whole numbers"):
+    with pytest.raises(MeshError, match=f"group_data = 'face': it contains {odd:g}; allowed: integers"):
         read(path, group_data="face")
 
 
@@ -246,16 +246,16 @@ CLOSED = [("triangle", [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])]
         (
             "solid.vtk",
             _mesh_file(TETRA, [("tetra", [[0, 1, 2, 3]])]),
-            "no surface elements; cells in the file: tetra; wanted: quad,",
+            "no surface elements; cells in the file: tetra; allowed: quad,",
         ),
         ("lines.vtk", _mesh_file(TETRA, [("line", [[0, 1]])]), "no surface elements; cells in the file: line"),
         (
             "open.vtk",
             _mesh_file(TETRA, [("triangle", CLOSED[0][1][:3])]),
-            "not closed, only one element has an edge: 3 edges",
+            "not closed: an edge belongs to only one element: 3 edges",
         ),
         ("nan.vtk", _mesh_file([*TETRA[:3], [0, 0, np.nan]], CLOSED), "not finite or beyond 1e\\+60 m: 1 point"),
-        ("range.vtk", _mesh_file(TETRA[:3], CLOSED), "no point 3, which tri3 uses"),
+        ("range.vtk", _mesh_file(TETRA[:3], CLOSED), "tri3 elements use point 3, but"),
         ("flat.xdmf", _mesh_file([p[:2] for p in TETRA], [("triangle", [[0, 1, 2]])]), "not three-dimensional"),
         (
             "high.vtu",

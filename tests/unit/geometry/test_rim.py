@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from meeframe.indenters import find_indenter_edge, longest_side
-from meeframe.mesh import frames_of
+from meeframe.mesh import local_frames
 
 RADIUS, REACH = 1.03, 0.2
 X, Y = (side.ravel() for side in np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-1.5, 1.5, 31)))
 POINTS = np.stack([X, Y, np.zeros_like(X)], axis=1)
-FRAMES = frames_of(np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
+FRAMES = local_frames(np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
 
 
 def punch(points, _frames):

@@ -11,7 +11,7 @@ from meeframe.elements.base import SurfaceElement
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.mesh import box_mesh, check_mesh, half_space_mesh, sphere_mesh
 from meeframe.mesh.body import Body, BoundaryCondition
-from meeframe.mesh.slenderness import slender_parts
+from meeframe.mesh.slenderness import find_slender_limbs
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
 from meeframe.model.load import load_case
 
@@ -35,7 +35,7 @@ def rod(length: float, element: SurfaceElement = QUADRATIC) -> SurfaceMesh:
 @pytest.mark.parametrize(("length", "element"), [(40.0, Quad9()), (40.0, Quad4()), (13.0, Quad9())])
 def test_a_clamped_rod_is_slender(length, element):
     mesh = rod(length, element)
-    (found,) = slender_parts(held(mesh, "z-"), 12.0)
+    (found,) = find_slender_limbs(held(mesh, "z-"), 12.0)
     assert found.length == pytest.approx(2.0 * length)
     assert found.thickness == pytest.approx(2.0)
     assert found.at[2] == mesh.points[:, 2].max()
@@ -60,14 +60,14 @@ def plate(*groups: str) -> Body:
 )
 def test_length_over_thickness(body, ratio):
     """By the longest piece: half of the span between two supports; nothing where supports run along the body."""
-    assert slender_parts(body, 1.001 * ratio) == ()
-    (found,) = slender_parts(body, 0.999 * ratio)
+    assert find_slender_limbs(body, 1.001 * ratio) == ()
+    (found,) = find_slender_limbs(body, 0.999 * ratio)
     assert found.length / found.thickness == pytest.approx(ratio)
 
 
 @pytest.mark.parametrize("body", [held(rod(40.0)), held(half_space_mesh(1.0, 0.1, 2, 2, Quad4()), "contact")])
 def test_without_supports_nothing_is_slender(body):
-    assert slender_parts(body, 0.1) == ()
+    assert find_slender_limbs(body, 0.1) == ()
 
 
 @pytest.mark.parametrize(("fields", "slender"), [([0], True), ([1], True), ([2], True), ([0, 1], False)])
@@ -76,7 +76,7 @@ def test_each_displacement_needs_its_own_support(fields, slender):
     clamps = held(rod(40.0), "z-").conditions
     guides = tuple(BoundaryCondition("x-", field, "value") for field in fields)
     body = Body(np.zeros((3, 5, 5, 3)), rod(40.0), clamps + guides, None)
-    assert bool(slender_parts(body, 12.0)) == slender
+    assert bool(find_slender_limbs(body, 12.0)) == slender
 
 
 def test_a_plate_on_rollers_is_not_slender():
@@ -84,7 +84,7 @@ def test_a_plate_on_rollers_is_not_slender():
     rollers = [("z-", 2), ("x-", 0), ("y-", 1)]
     conditions = tuple(BoundaryCondition(group, field, "value") for group, field in rollers)
     body = Body(np.zeros((3, 5, 5, 3)), plate().mesh, conditions, None)
-    assert slender_parts(body, 1.001) == ()
+    assert find_slender_limbs(body, 1.001) == ()
 
 
 def block_with(limb: tuple[float, float, float]) -> SurfaceMesh:
@@ -119,14 +119,14 @@ def test_a_limb_of_a_bulky_body(order):
     mesh = block_with((0.02, 0.02, 1.0))
     check_mesh(mesh)
     turned = replace(mesh, points=mesh.points[:, order])
-    (found,) = slender_parts(held(turned, "base"), 12.0)
+    (found,) = find_slender_limbs(held(turned, "base"), 12.0)
     assert found.thickness == pytest.approx(0.02)
     assert 1.0 - 2.0 / 64 <= found.length <= 1.0
 
 
 @pytest.mark.parametrize("limb", [(0.5, 0.5, 1.0), (0.1, 0.1, 0.1), (0.02, 0.02, 0.01)])
 def test_a_bulky_limb_of_a_bulky_body_is_not_slender(limb):
-    assert slender_parts(held(block_with(limb), "base"), 2.5) == ()
+    assert find_slender_limbs(held(block_with(limb), "base"), 2.5) == ()
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, np.pi / 4, 1.0])
@@ -135,8 +135,8 @@ def test_rods_turned_about_an_axis(angle):
     cos, sin = np.cos(angle), np.sin(angle)
     upright = rod(20.0)
     mesh = replace(upright, points=upright.points @ np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]))
-    assert slender_parts(held(mesh, "z-"), 20.1) == ()
-    assert slender_parts(held(mesh, "z-"), 18.0)
+    assert find_slender_limbs(held(mesh, "z-"), 20.1) == ()
+    assert find_slender_limbs(held(mesh, "z-"), 18.0)
 
 
 @pytest.mark.parametrize("element", [Tri3(), Tri6(), Quad8(), Quad9()])
@@ -146,7 +146,7 @@ def test_bulky_bodies_are_not_slender(element):
     block = mesh.blocks[0]
     below = (mesh.points[block.connectivity, 2] < -0.5).all(axis=1)
     capped = replace(mesh, blocks=(replace(block, groups=np.where(below, 0, 1)),), group_names=("cap", "rest"))
-    assert slender_parts(held(capped, "cap"), 2.0) == ()
+    assert find_slender_limbs(held(capped, "cap"), 2.0) == ()
 
 
 def test_separate_parts_are_judged_each_by_itself():
@@ -156,14 +156,14 @@ def test_separate_parts_are_judged_each_by_itself():
     second = thin.blocks[0]
     moved = ElementBlock(second.element, second.connectivity + len(block.points), second.groups)
     mesh = SurfaceMesh(points, (*block.blocks, moved), block.group_names)
-    (found,) = slender_parts(held(mesh, "z-"), 12.0)
+    (found,) = find_slender_limbs(held(mesh, "z-"), 12.0)
     assert found.length == pytest.approx(40.0)
     assert found.at[0] > 50.0
 
 
 def test_formulations_say_so():
     (warning,) = DenseBEM().warnings(held(rod(40.0), "z-"))
-    assert "reaches 80 m from its supports" in warning
+    assert "extends 80 m from its supports" in warning
     assert "40 times its thickness of 2 m" in warning
     assert "formulation skfem" in warning
 

@@ -8,7 +8,7 @@ import pytest
 from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad9, Tri6
 from meeframe.elements.base import SurfaceElement
-from meeframe.mesh import block_mesh, box_mesh, check_contact_zone, frames_of, sphere_mesh, zone_frames
+from meeframe.mesh import block_mesh, box_mesh, check_contact_zone, find_contact_zone, local_frames, sphere_mesh
 from meeframe.mesh.measures import gauss_rule
 from meeframe.mesh.surface import SurfaceMesh
 
@@ -39,7 +39,7 @@ def test_gauss_rules_integrate_polynomials(reference: str) -> None:
 @EVERY
 def test_flat_top_has_the_global_axes_exactly(element: SurfaceElement) -> None:
     mesh = block_mesh(0.05, 0.12, (0.005, 0.004), (4, 6), 3, 2, element)
-    zone = zone_frames(mesh, "contact")
+    zone = find_contact_zone(mesh, "contact")
     np.testing.assert_array_equal(zone.frames, np.broadcast_to(np.eye(3), (len(zone.points), 3, 3)))
     np.testing.assert_array_equal(zone.numbers, mesh.group_points("contact"))
     np.testing.assert_array_equal(zone.points, mesh.points[zone.numbers])
@@ -52,7 +52,7 @@ def test_flat_top_has_the_global_axes_exactly(element: SurfaceElement) -> None:
 @EVERY
 def test_weights_integrate_what_the_element_can_represent(element: SurfaceElement) -> None:
     a, b = 0.005, 0.004
-    zone = zone_frames(block_mesh(0.05, 0.12, (a, b), (4, 6), 3, 2, element), "contact")
+    zone = find_contact_zone(block_mesh(0.05, 0.12, (a, b), (4, 6), 3, 2, element), "contact")
     x, y = zone.points[:, 0], zone.points[:, 1]
     assert zone.weights.sum() == pytest.approx(a * b, rel=1e-13)
     assert zone.weights @ (3 * x - 2 * y + 0.1) == pytest.approx(0.1 * a * b, rel=1e-12)
@@ -67,7 +67,7 @@ def test_integrals_of_smooth_densities_converge(element: SurfaceElement) -> None
     exact = 4 * np.sin(150 * a) / 300 * np.sin(100 * b) / 200
     errors = []
     for n in (4, 8):
-        zone = zone_frames(block_mesh(0.05, 0.12, (a, b), (n, n), 3, 2, element), "contact")
+        zone = find_contact_zone(block_mesh(0.05, 0.12, (a, b), (n, n), 3, 2, element), "contact")
         density = np.cos(300 * zone.points[:, 0]) * np.cos(200 * zone.points[:, 1])
         errors.append(abs(zone.weights @ density - exact))
     assert np.log2(errors[0] / errors[1]) > (2 if element.order == 1 else 4) - 0.2
@@ -77,7 +77,7 @@ def test_integrals_of_smooth_densities_converge(element: SurfaceElement) -> None
 def test_normals_of_a_sphere_converge(element: SurfaceElement) -> None:
     errors = []
     for n in (8, 16, 32):
-        zone = zone_frames(upper_face(sphere_mesh(2.0, n, element)), "contact")
+        zone = find_contact_zone(upper_face(sphere_mesh(2.0, n, element)), "contact")
         frames = zone.frames
         identity = np.einsum("nik,njk->nij", frames, frames)
         np.testing.assert_allclose(identity, np.broadcast_to(np.eye(3), identity.shape), atol=1e-14)
@@ -88,9 +88,9 @@ def test_normals_of_a_sphere_converge(element: SurfaceElement) -> None:
 
 
 def test_weights_of_a_curved_zone() -> None:
-    zone = zone_frames(upper_face(sphere_mesh(2.0, 16, Quad9())), "contact")
+    zone = find_contact_zone(upper_face(sphere_mesh(2.0, 16, Quad9())), "contact")
     assert zone.weights.sum() == pytest.approx(16 * np.pi / 6, rel=1e-5)
-    whole = zone_frames(sphere_mesh(2.0, 8, Quad9()), "surface")
+    whole = find_contact_zone(sphere_mesh(2.0, 8, Quad9()), "surface")
     assert whole.weights.sum() == pytest.approx(16 * np.pi, rel=1e-4)
     assert np.abs(whole.weights @ whole.points).max() < 1e-12
 
@@ -99,7 +99,7 @@ def test_e1_is_as_close_to_x1_as_can_be() -> None:
     rng = np.random.default_rng(3)
     normals = rng.normal(size=(200, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    frames = frames_of(normals)
+    frames = local_frames(normals)
     ordinary = np.abs(normals[:, 0]) < 0.99
     angles = np.linspace(0, 2 * np.pi, 721)
     for frame in frames[ordinary]:
@@ -110,13 +110,13 @@ def test_e1_is_as_close_to_x1_as_can_be() -> None:
 
 def test_e1_falls_back_to_x2() -> None:
     for sign in (1.0, -1.0):
-        frame = frames_of(np.array([[sign, 0.0, 0.0]]))[0]
+        frame = local_frames(np.array([[sign, 0.0, 0.0]]))[0]
         np.testing.assert_array_equal(frame, [[0, 1, 0], [0, 0, sign], [sign, 0, 0]])
 
 
 def test_only_elements_of_the_zone_make_its_normals() -> None:
     # a whole face of a box: means with the sides would lean at its border
-    zone = zone_frames(box_mesh((1, 1, 1), (3, 3, 3), Tri6()), "z+")
+    zone = find_contact_zone(box_mesh((1, 1, 1), (3, 3, 3), Tri6()), "z+")
     np.testing.assert_array_equal(zone.frames[:, 2], np.tile([0.0, 0.0, 1.0], (len(zone.points), 1)))
 
 
@@ -126,7 +126,7 @@ def test_zones_over_two_element_types() -> None:
     split = block.connectivity[:8][:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     triangles = type(block)(ELEMENTS["tri3"], split, np.repeat(block.groups[:8], 2))
     rest = type(block)(block.element, block.connectivity[8:], block.groups[8:])
-    zone = zone_frames(replace(mesh, blocks=(rest, triangles)), "z+")
+    zone = find_contact_zone(replace(mesh, blocks=(rest, triangles)), "z+")
     assert [kind for kind, _ in zone.cells] == ["quad", "triangle"]
     assert len(zone.points) == 25
     assert zone.weights.sum() == pytest.approx(1.0)
@@ -142,7 +142,7 @@ def test_unfit_zones_are_refused() -> None:
         check_contact_zone(replace(box, group_names=(*box.group_names, "empty")), "empty")
     block = box.blocks[0]
     edge = replace(box, blocks=(replace(block, groups=np.where(block.groups == 1, 5, block.groups)),))
-    with pytest.raises(MeshError, match=r"'z\+': it turns by more than 45 degrees at 3 points"):
+    with pytest.raises(MeshError, match=r"'z\+': it bends by more than 45 degrees at 3 points"):
         check_contact_zone(edge, "z+")
     whole = sphere_mesh(1.0, 6, Quad9())
     with pytest.raises(MeshError, match="'surface': it is the whole surface"):
@@ -151,13 +151,13 @@ def test_unfit_zones_are_refused() -> None:
 
 def test_shape_integrals_of_the_reference_cell() -> None:
     # quad8: corners -1/12, mid-sides 1/3 of the area (serendipity)
-    zone = zone_frames(box_mesh((1, 1, 1), (1, 1, 1), ELEMENTS["quad8"]), "z+")
+    zone = find_contact_zone(box_mesh((1, 1, 1), (1, 1, 1), ELEMENTS["quad8"]), "z+")
     np.testing.assert_allclose(np.sort(zone.weights), [-1 / 12] * 4 + [1 / 3] * 4, atol=1e-15)
 
 
 def test_a_zone_belongs_to_its_mesh():
     """Whoever asks for it has the same one: nobody can change what it is for the others."""
-    zone = zone_frames(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad4()), group="contact")
+    zone = find_contact_zone(block_mesh(1.0, 2.0, 0.5, 4, 3, 4, Quad4()), group="contact")
     for array in (zone.points, zone.frames, zone.weights, zone.numbers, zone.cells[0][1]):
         with pytest.raises(ValueError, match="read-only"):
             array *= 2

@@ -15,7 +15,7 @@ from meeframe.results.hdf5 import changed_file
 from meeframe.results.output import replacing
 from meeframe.results.sweep_files import dataset, write_sweep
 from meeframe.results.sweep_records import SweepAxis, SweepResult
-from meeframe.results.systems import read_kept, write_kept
+from meeframe.results.systems import read_arrays, write_arrays
 
 
 @pytest.fixture
@@ -47,11 +47,11 @@ def test_a_full_disk_is_one_error(tmp_path, room, size):
     room(size)
     path = tmp_path / "system.h5"
     with pytest.raises(ResultError, match=rf"^{path} cannot be written: File too large$"):
-        write_kept(path, "key", {"values": np.random.default_rng(2).random(100_000)})
+        write_arrays(path, "key", {"values": np.random.default_rng(2).random(100_000)})
     assert not list(tmp_path.iterdir())
     room(resource.RLIM_INFINITY)
-    write_kept(path, "key", {"values": np.ones(100_000)})
-    assert read_kept(path, "key")["values"].sum() == 100_000
+    write_arrays(path, "key", {"values": np.ones(100_000)})
+    assert read_arrays(path, "key")["values"].sum() == 100_000
 
 
 def test_finished_steps_stay_where_there_is_no_room_for_more(tmp_path, room, synthetic):

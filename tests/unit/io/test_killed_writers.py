@@ -96,7 +96,7 @@ def test_a_folder_is_held_while_a_process_lives_and_no_longer(tmp_path):
         finally:
             os._exit(1)
     os.read(reading, 1)
-    with pytest.raises(ResultError, match="out is in use: another run writes there"), locked(tmp_path / "out"):
+    with pytest.raises(ResultError, match="out is in use: another process writes there"), locked(tmp_path / "out"):
         pass
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)

@@ -81,7 +81,10 @@ def test_rubber_has_six_digits_or_is_refused(young: float) -> None:
     along = np.einsum("i,nij,j->n", normal, y[:, :3, :3], normal)
     np.testing.assert_allclose(along, 1.5 / young, rtol=1e-6)
     for poisson in (0.49999999999, 0.499999999999):
-        with pytest.raises(MaterialError, match=r"the surface compliance has a round-off of 1e-0[45]: nearly incompr"):
+        with pytest.raises(
+            MaterialError,
+            match=r"the surface compliance has a round-off error of 1e-0[45]: the material is nearly incompr",
+        ):
             surface_compliance(Material.isotropic(young, poisson).stiffness, normal, ways)
 
 

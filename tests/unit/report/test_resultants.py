@@ -8,7 +8,7 @@ import pytest
 
 from meeframe.elements import ELEMENTS
 from meeframe.indenters.base import RESULTANTS, motion_measures, motion_modes
-from meeframe.mesh import half_space_mesh, zone_frames
+from meeframe.mesh import find_contact_zone, half_space_mesh
 from meeframe.results.records import Region, Zone, resultants
 
 EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
@@ -17,7 +17,7 @@ WIDTH = 0.02
 
 
 def flat_zone(name):
-    place = zone_frames(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
+    place = find_contact_zone(half_space_mesh(0.05, WIDTH, DIVISIONS, 2, ELEMENTS[name]), "contact")
     return Zone(place.points, place.frames, place.weights, place.cells)
 
 

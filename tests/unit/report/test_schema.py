@@ -70,6 +70,7 @@ def test_a_field_that_is_added_shows_everywhere(extended, synthetic, tmp_path):
 
     assert numbers_of(synthetic.zone(), step)["work"] == pytest.approx(energy)
     assert (units()["work"], field_units()["normal_work"]) == ("J", "J/m^2")
+    assert schema.label_of("work") == "work of the contact"
 
     runs = tuple(ComparedRun({"solver": name}, synthetic.zone(), 1, (step,)) for name in "ab")
     comparison = Comparison("", "", {}, runs)

@@ -31,6 +31,7 @@ FRICTION = [IsotropicCoulomb(MU), OrthotropicCoulomb(0.06, 0.6, 0.3)]
 XI = axisymmetric_compliance(library_material("batio3-cofe2o4").stiffness)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "given", [("approach",), ("approach", "translation"), ("translation", "potentials")], ids="-".join
 )
@@ -45,6 +46,7 @@ def test_resultants_give_the_motions_back_with_friction(law, given) -> None:
         np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-8)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", [Uzawa(step_normal=6e11, step_tangential=4e11), *GRADIENT[1:]], ids=str)
 @pytest.mark.parametrize("share", [0.5, 0.98])
 def test_tangential_force_in_proportion_to_the_normal_one(solver, share) -> None:
@@ -161,6 +163,7 @@ def test_hertz_at_a_given_force(solver) -> None:
     assert -state.load[:, 2].min() == pytest.approx(exact.pressure(np.zeros(1))[0], rel=0.01)
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("lift", [1e-6, 1e-3, 0.1])
 def test_a_lifted_indenter_is_brought_down(solver, lift) -> None:
@@ -184,6 +187,7 @@ IMPOSSIBLE = {
 }
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_what_cannot_be_reached_does_not_converge(solver, name) -> None:

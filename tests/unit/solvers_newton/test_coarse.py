@@ -8,7 +8,7 @@ import pytest
 from meeframe_halfspace import HalfSpace
 
 from meeframe.contact.conduction import Mask
-from meeframe.contact.nested import Coarse, coarse_problem
+from meeframe.contact.nested import Coarse
 from meeframe.contact.problem import ContactProblem, Status
 from meeframe.elements import Quad4
 from meeframe.fields import Indices
@@ -123,6 +123,7 @@ def on_less(problem: ContactProblem, given: Start) -> Start:
     return Start(point, part.nodes, given.coarse, Equation.of(below), np.arange(len(below.gap)))
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])
 @pytest.mark.parametrize("name", CASES)
 def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, made, start) -> None:
@@ -150,6 +151,7 @@ def test_the_coarse_grid_sees_what_the_finer_one_leaves(name: str, less: bool, m
     assert np.abs(there.equation.problem.gap - given.below.problem.gap).max() > 1e-6 * fine.scales.displacement[2]
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("name", CASES)
 def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     problem = made(name)
@@ -169,6 +171,7 @@ def test_solutions_of_the_finer_grid_stay(name: str, made, start) -> None:
     assert otherwise.max() > 1e-3  # of a start that is none
 
 
+@pytest.mark.full(except_for=6)
 @pytest.mark.parametrize("less", [False, True], ids=["as given", "nodes beside"])
 @pytest.mark.parametrize("name", CASES)
 def test_interpolated_starts_become_better(name: str, less: bool, made, start) -> None:
@@ -185,24 +188,6 @@ def test_interpolated_starts_become_better(name: str, less: bool, made, start) -
     np.testing.assert_allclose(found.load[:, :3], admissible, rtol=0, atol=1e-14 * scales.pressure)
     assert not found.load[point.load == 0.0].any()
     assert (found.motion != point.motion).any() == (name == "free")
-
-
-def test_fewer_steps_are_needed(made, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Than without a correction, to the same solutions."""
-    problems = [made(name) for name in CASES]
-
-    def solved() -> list:
-        return [solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8)) for problem in problems]
-
-    found = solved()
-    monkeypatch.setattr(newton_coarse, "corrected", lambda point, *_: point)
-    without = solved()
-    steps, more = (sum(each.iterations for each in solutions) for solutions in (found, without))
-    assert steps < 0.9 * more
-    for one, other in zip(found, without, strict=True):
-        assert one.status is other.status is Status.CONVERGED
-        largest = np.abs(other.state.load).max(axis=0) + 1e-300
-        assert (np.abs(one.state.load - other.state.load) / largest)[:, 2].max() < 1e-5
 
 
 def test_steps_that_are_not_finite_change_nothing(made, start, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -235,27 +220,6 @@ def test_steps_that_raise_a_merit_change_nothing(grid: str, made, start, monkeyp
 
     monkeypatch.setattr(newton_coarse, "moved_by", worse)
     assert given.ask(corrected) is given.point
-
-
-def test_good_coarse_starts_need_no_step(made, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A coarser problem whose start is below what is asked of it is left as it is."""
-    problem = made("rough", 129)
-    coarse = coarse_problem(problem)
-    assert coarse is not None
-    steps: list[int] = []
-    step = SemismoothNewton.step
-
-    def counted(solver: SemismoothNewton, of: ContactProblem, iterate):
-        steps.append(len(of.gap))
-        return step(solver, of, iterate)
-
-    monkeypatch.setattr(SemismoothNewton, "step", counted)
-    first = SemismoothNewton().init(coarse.problem, None)
-    assert newton._memory(first).point.merit <= newton.COARSE
-    before = steps.count(len(coarse.problem.gap))
-    SemismoothNewton().init(problem, None)
-    assert steps.count(len(coarse.problem.gap)) == before == 0
-    assert steps
 
 
 def test_nodes_without_an_indenter_are_nowhere_ahead(made, start) -> None:

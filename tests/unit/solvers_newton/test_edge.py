@@ -8,15 +8,13 @@ import pytest
 from meeframe_laws.conductivity import PowerLaw
 from scipy.spatial.distance import cdist
 
-import meeframe.solvers.newton.coarse_start as coarse_module
 import meeframe.solvers.newton.contact_edge as edge_module
-import meeframe.solvers.newton.moves as moves_module
-from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Status
+from meeframe.contact.problem import ContactState, Iterate
 from meeframe.contact.residual import evaluate
 from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.laws.base import ConductivityLaw
-from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
+from meeframe.solvers import residual
 from meeframe.solvers._kernels.edge_relaxation import number_edge, relax_edge
 from meeframe.solvers.newton.contact_edge import relaxed_edge, relaxed_where_switched
 from meeframe.solvers.newton.residual import Equation, Point
@@ -104,19 +102,6 @@ def test_an_edge_that_was_changed_is_found_again(conducting, at_solution, at) ->
     assert relaxed.merit < changed.merit
     unlike = [((one.contact_fraction > 0.0) != (point.contact_fraction > 0.0)).sum() for one in (changed, relaxed)]
     assert unlike[1] <= 0.2 * unlike[0]
-
-
-def test_fewer_steps_are_needed_from_a_coarser_grid(monkeypatch: pytest.MonkeyPatch, conducting) -> None:
-    def steps(problem: ContactProblem) -> int:
-        solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
-        assert solution.status is Status.CONVERGED
-        return solution.iterations
-
-    problems = [conducting(n, 0.3, IsotropicCoulomb(MU)) for n in (81, 96, 113, 129)]
-    fewer = sum(steps(problem) for problem in problems)
-    monkeypatch.setattr(coarse_module, "relaxed_edge", lambda point: point)
-    monkeypatch.setattr(moves_module, "relaxed_where_switched", lambda before, moved: moved)
-    assert fewer < 0.85 * sum(steps(problem) for problem in problems)
 
 
 @pytest.mark.parametrize("flux", [Insulating(), PowerLaw(1e-3, 1e8, 0.5)], ids=["insulated", "growing"])

@@ -34,6 +34,7 @@ def test_products(precision: type, error: float) -> None:
     np.testing.assert_allclose(product, np.einsum("ijc,jc->ic", matrices, vectors), atol=error * 10.0)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("count", [0, 1, 2048, 5000])
 def test_products_at_some_of_many_nodes(count: int) -> None:
     """However many parts they are worked on in."""

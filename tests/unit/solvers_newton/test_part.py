@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import HalfSpace
 
+from meeframe.contact.channels import flux_channels
 from meeframe.contact.conduction import Mask
 from meeframe.contact.nested import coarse_problem
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, PrescribedResultant, Status
@@ -50,7 +51,7 @@ def sphere(system: ReducedSystem, at: Sequence[float], contact: float = 0.15, **
     gap = ((system.points[:, :2] - WIDTH * np.array(at)) ** 2).sum(axis=1) / (2.0 * RADIUS) - depth
     translation, flux = np.tile([0.3 * MU * depth, 0.0], (len(gap), 1)), StepConductivity(np.inf)
     problem = ContactProblem(
-        system, IsotropicCoulomb(MU), flux, flux, gap, translation, np.tile([5.0, 1.0], (len(gap), 1))
+        system, IsotropicCoulomb(MU), flux_channels(flux, flux), gap, translation, np.tile([5.0, 1.0], (len(gap), 1))
     )
     return replace(problem, **given)
 
@@ -96,13 +97,14 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     return tuple(found)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     "given",
     [
         {},
         {"at": (0.42, -0.4)},  # over the corner of the zone
         {"contact_law": Signorini()},
-        {"electric_law": Insulating(), "magnetic_law": StepConductivity(1e-9)},
+        {"channels": flux_channels(Insulating(), StepConductivity(1e-9))},
         {"force": 40.0},
         {"pair": True},
     ],
@@ -202,26 +204,6 @@ def test_an_asperity_between_coarse_nodes_beside_the_part_is_found(
     assert law_residual(problem, found.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
-def test_leaps_look_beside_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(), (0.05, -0.1), contact_law=Signorini())
-    monkeypatch.setattr(newton, "inset", halved)
-    solver = SemismoothNewton()
-    iterate = solver.init(problem, None)
-    memory = newton._memory(iterate)
-    assert memory.inset is not None
-    assert not memory.unseen  # a coarser grid gave the start
-    iterate = replace(iterate, memory=replace(memory, unseen=True))
-    monkeypatch.setattr(newton, "FALL", 0.0)  # no fraction of a step is enough
-    for _ in range(newton.LEAPS):
-        iterate = solver.step(problem, iterate)
-        memory = newton._memory(iterate)
-        if memory.point.merit < newton.COARSE:
-            break
-    assert memory.leaps < newton.LEAPS
-    assert memory.point.merit < newton.COARSE or memory.inset is None
-    assert memory.inset is None or not memory.inset.has_contact_outside(memory.point)
-
-
 def test_a_part_without_a_step_gives_way_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before gradient steps are made, which are those of the whole problem."""
     problem = sphere(half_space(), (0.05, -0.1))
@@ -265,19 +247,6 @@ def test_contact_that_shrinks_gets_a_part(monkeypatch: pytest.MonkeyPatch) -> No
     found, whole = solutions(sphere(system, (0.0, 0.0)), monkeypatch, start)
     assert sizes
     check_alike(found, whole)
-
-
-def test_surfaces_without_parts_are_not_asked_at_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = sphere(half_space(32, periodic=True), (0.05, -0.1), contact_law=Signorini())
-    tries: list[int] = []
-
-    def counted(problem: ContactProblem, contact: Mask) -> ContactNeighbourhood | None:
-        tries.append(len(contact))
-        return inset(problem, contact)
-
-    monkeypatch.setattr(newton, "inset", counted)
-    assert solve(problem, SemismoothNewton(), LIMITS).iterations > 2
-    assert 1 <= tries.count(len(problem.gap)) <= 2
 
 
 def test_edges_between_nodes_in_a_part(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,20 +3,16 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
 
-import meeframe.solvers.newton.coarse_start as coarse_module
-import meeframe.solvers.newton.method as newton_module
 import meeframe.solvers.newton.slip_boundary as slip_module
 from meeframe.contact.conduction import Mask
-from meeframe.contact.problem import ContactProblem, Status
+from meeframe.contact.problem import ContactProblem
 from meeframe.fields import Array
 from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.laws.base import ContactLaw
-from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers._kernels.stencil_products import neighbours, stencil_products
 from meeframe.solvers.newton.boundary_band import Ring, slips
 from meeframe.solvers.newton.residual import Point
@@ -137,43 +133,6 @@ def test_laws_hold_beside_the_boundary(law: ContactLaw, conducting, interpolated
     monkeypatch.setattr(slip_module, "SETTLED", 1e-9)
     before, after = left(point, relaxed_slip(point))
     assert after < 1e-6 * before
-
-
-def without(problem: ContactProblem, measure: Callable[[ContactProblem], Any], monkeypatch) -> tuple[Any, Any]:
-    """With relaxation and without."""
-    found = measure(problem)
-    with monkeypatch.context() as patch:
-        patch.setattr(coarse_module, "relaxed_slip", lambda point: point)
-        return found, measure(problem)
-
-
-def after_a_step(problem: ContactProblem) -> float:
-    """Merit there."""
-    solver = SemismoothNewton()
-    return newton_module._memory(solver.step(problem, solver.init(problem, None))).point.merit
-
-
-def steps(problem: ContactProblem) -> int:
-    solution = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8))
-    assert solution.status is Status.CONVERGED, solution.message
-    return solution.iterations
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_the_first_step_from_a_coarser_grid_goes_farther(law: ContactLaw, conducting, monkeypatch) -> None:
-    """Where the edge has been relaxed, too: else that decides."""
-    problems = [conducting(n, 0.3, law, dragged=DRAGGED) for n in (81, 96, 113, 129)]
-    merits = np.array([without(problem, after_a_step, monkeypatch) for problem in problems])
-    assert (merits[:, 0] < 0.7 * merits[:, 1]).all()
-    assert merits[:, 0].sum() < 0.4 * merits[:, 1].sum()
-
-
-def test_fewer_steps_are_needed_from_a_coarser_grid(conducting, monkeypatch) -> None:
-    """Where the indenter is dragged by little and by some of what friction bears."""
-    sizes, ways = (81, 96, 113, 129), ((2e-7, 1e-7), DRAGGED)
-    problems = [conducting(n, 0.3, ISOTROPIC, dragged=way) for way in ways for n in sizes]
-    spent = np.array([without(problem, steps, monkeypatch) for problem in problems]).sum(axis=0)
-    assert spent[0] < 0.9 * spent[1]
 
 
 def pressed(problem: ContactProblem, dragged: Mask | bool, at: Callable[..., Point]) -> Point:

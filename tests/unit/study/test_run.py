@@ -175,7 +175,7 @@ def test_a_second_run_into_the_same_folder_is_refused_at_its_start(bare, tmp_pat
 
     def second(stage, _fraction):
         if stage == "contact" and not stages:
-            with pytest.raises(ResultError, match=r"out is in use: another run writes there"):
+            with pytest.raises(ResultError, match=r"out is in use: another process writes there"):
                 meeframe.run(bare, out, overwrite=True, progress=lambda stage, _: stages.append(stage))
 
     assert str(meeframe.run(bare, out, progress=second).status) == "converged"

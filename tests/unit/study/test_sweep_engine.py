@@ -47,9 +47,9 @@ class Hidden(Formulation):
         pass
 
     def reduce(self, body, progress=None):
-        from meeframe.mesh import zone_frames
+        from meeframe.mesh import find_contact_zone
 
-        zone = zone_frames(body.mesh, body.contact_group)
+        zone = find_contact_zone(body.mesh, body.contact_group)
         parts = zone.points, zone.frames, zone.weights, zone.cells, np.zeros((len(zone.points), 5))
         return HiddenSystem(*parts, None if self.portable else Lock())
 
@@ -95,8 +95,8 @@ def test_the_key_of_a_point_is_what_determines_its_result(point):
 @pytest.mark.parametrize(
     ("value", "told"),
     [
-        (None, "indenter.radius: TOML has no NoneType: None"),
-        ([10**5000], "indenter.radius[1]: a whole number of 16610 binary digits"),
+        (None, "indenter.radius: TOML does not support values of type NoneType: None"),
+        ([10**5000], "indenter.radius[1]: an integer of 16610 binary digits"),
         (np.float32(0.1), "radius"),
         (np.array([0.1, 0.2]), "radius"),
     ],

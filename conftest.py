@@ -1,0 +1,66 @@
+"""Tiers of tests: `pytest` runs the default tier, `pytest --full` everything.
+
+A test is of the full tier if it lies in a folder `full` or is marked `full`. `full(except_for=3)` marks all but three
+parametrisations of a test, evenly spread. The default tier covers each numerical part at least once; the full tier
+repeats it at more parameters, on finer grids and in longer runs.
+"""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+DESELECTED = pytest.StashKey[int]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--full", action="store_true", help="run the tests of the full tier too")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers", "full(except_for=0): only `pytest --full` runs it, except for so many parametrisations"
+    )
+    config.stash[DESELECTED] = 0
+
+
+def full_tier(items: list[pytest.Item], config: pytest.Config) -> set[pytest.Item]:
+    """Return the tests that only `--full` runs."""
+    full: set[pytest.Item] = set()
+    marked: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if "full" in item.path.relative_to(config.rootpath).parts[:-1]:
+            full.add(item)
+        elif item.get_closest_marker("full"):
+            marked[item.nodeid.partition("[")[0]].append(item)
+    for alike in marked.values():
+        count = min(len(alike), max(item.get_closest_marker("full").kwargs.get("except_for", 0) for item in alike))
+        kept = {alike[place] for place in np.linspace(0, len(alike) - 1, count).round().astype(int)}
+        full.update(item for item in alike if item not in kept)
+    return full
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("full"):
+        return
+    deselected = full_tier(items, config)
+    config.hook.pytest_deselected(items=[item for item in items if item in deselected])
+    items[:] = [item for item in items if item not in deselected]
+    config.stash[DESELECTED] = len(deselected)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Pass the number from a process of pytest-xdist to the one that reports."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["deselected"] = session.config.stash[DESELECTED]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: object) -> None:
+    config = node.config
+    config.stash[DESELECTED] = max(config.stash[DESELECTED], getattr(node, "workeroutput", {}).get("deselected", 0))
+
+
+def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
+    if config.stash[DESELECTED]:
+        terminalreporter.write_line(f"{config.stash[DESELECTED]} tests of the full tier deselected; --full runs them.")

@@ -1,0 +1,86 @@
+"""Load histories on grids: increments give the same answers whatever is carried over from earlier ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meeframe_halfspace import HalfSpace
+
+from meeframe.elements import Quad4
+from meeframe.indenters import shapes as rigid
+from meeframe.laws import IsotropicCoulomb, StepConductivity
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.model.case import Case
+from meeframe.model.restart import Restart
+from meeframe.model.solve import solve_case
+from meeframe.model.step import Step
+from meeframe.results.records import Region, Result, StepResult
+
+PRESS, DRAG = 4, 6
+"""Increments of the approach and of the tangential motion."""
+STEPS = {
+    "motions": (Step(approach=3e-5, increments=PRESS), Step(translation=(9e-6, 0.0), increments=DRAG)),
+    "forces": (Step(normal_force=600.0, increments=PRESS), Step(force_ratio=(0.25, 0.0), increments=DRAG)),
+}
+
+
+def history(steps: tuple[Step, ...], matrix_up_to: int, kappa: float = 0.0, restart: Restart | None = None) -> Case:
+    """Return the case of a sphere pressed on a half space with friction and dragged along it."""
+    return Case(
+        material=library_material("batio3-cofe2o4"),
+        mesh=half_space_mesh(2e-2, 5e-3, 23, 1, Quad4()),
+        conditions=(),
+        indenter=rigid.Sphere(0.1),
+        potentials=(20.0, 0.0),
+        contact_law=IsotropicCoulomb(0.3),
+        electric_law=StepConductivity(kappa),
+        formulation=HalfSpace(matrix_up_to=matrix_up_to),
+        steps=steps,
+        restart=restart,
+    )
+
+
+def assert_same(ours: tuple[StepResult, ...], theirs: tuple[StepResult, ...]) -> None:
+    """Assert that increments end in the same states, to 1e-8 of the largest value of each field."""
+    assert len(ours) == len(theirs)
+    for step, other in zip(ours, theirs, strict=True):
+        assert step.status == other.status == "converged"
+        for name in ("traction", "displacement", "fluxes", "total_slip"):
+            expected = getattr(other, name)
+            difference = np.abs(getattr(step, name) - expected).max()
+            assert difference <= 1e-8 * np.abs(expected).max(initial=0.0), name
+
+
+def resumed(whole: Result, steps: tuple[Step, ...], matrix_up_to: int, kappa: float) -> tuple[StepResult, ...]:
+    """Return the increments of a history that goes on from the middle of the last step of another one."""
+    middle = PRESS + DRAG // 2
+    rest = replace(steps[-1], increments=DRAG - DRAG // 2)
+    restart = Restart("", whole.zone.points, whole.zone.frames, whole.steps[middle - 1])
+    return solve_case(history((rest,), matrix_up_to, kappa, restart)).steps
+
+
+@pytest.mark.parametrize("kappa", [0.0, np.inf], ids=["insulated", "conducting"])
+@pytest.mark.parametrize("matrix_up_to", [0, 600], ids=["transforms", "matrix"])
+@pytest.mark.parametrize("control", STEPS)
+def test_a_history_resumed_in_the_middle_of_a_step_ends_in_the_same_states(
+    control: str, matrix_up_to: int, kappa: float
+) -> None:
+    steps = STEPS[control]
+    whole = solve_case(history(steps, matrix_up_to, kappa))
+    middle = whole.steps[PRESS + DRAG // 2 - 1]
+    assert {Region.STICK, Region.SLIP} <= set(middle.region.tolist()), "slip counts from a state with both"
+    assert_same(resumed(whole, steps, matrix_up_to, kappa), whole.steps[PRESS + DRAG // 2 :])
+
+
+@pytest.mark.parametrize("control", STEPS)
+def test_a_matrix_changes_nothing(control: str) -> None:
+    found = [solve_case(history(STEPS[control], matrix_up_to)).steps for matrix_up_to in (0, 600)]
+    assert_same(*found)
+
+
+def test_one_step_of_many_increments_is_many_steps_of_one() -> None:
+    """Nothing is predicted from the increment before where each increment is a step of its own."""
+    steps = tuple(Step(approach=3e-5 * part / PRESS) for part in range(1, PRESS + 1))
+    steps += tuple(Step(translation=(9e-6 * part / DRAG, 0.0)) for part in range(1, DRAG + 1))
+    assert_same(solve_case(history(steps, 0)).steps, solve_case(history(STEPS["motions"], 0)).steps)

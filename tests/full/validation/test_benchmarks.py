@@ -1,0 +1,123 @@
+"""Tests of docs/performance.md: the page agrees with the records of validation/benchmarks. Nothing is measured."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+BENCHMARKS = ROOT / "validation" / "benchmarks"
+MACHINE = {"date": "2026-11-23", "commit": "0d378ea+", "processor": "one", "cores": 2, "load": 0.14}
+MACHINE |= {"versions": {"numpy": "2.4.6", "tamaas": "2.9.0"}}
+
+
+def said(script, folder) -> subprocess.CompletedProcess[str]:
+    """Run a script among the benchmarks in a new process."""
+    script = f"import sys; from pathlib import Path; folder = Path(sys.argv[1]); {script}"
+    return subprocess.run([sys.executable, "-c", script, folder], cwd=BENCHMARKS, capture_output=True, text=True)
+
+
+def page_of(folder, records) -> subprocess.CompletedProcess[str]:
+    """Return the page of the given records."""
+    for name, record in records.items():
+        (folder / f"{name}.json").write_text(json.dumps(record))
+    return said("import report; report.RECORDS = folder; print(report.page(folder), end='')", folder)
+
+
+def test_performance_is_what_the_records_say(tmp_path):
+    done = said("import report; print(report.page(folder), end='')", tmp_path)
+    assert done.returncode == 0, done.stderr
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert page == done.stdout, "regenerate it: python validation/benchmarks/report.py --page"
+    for picture in tmp_path.iterdir():
+        assert (ROOT / "docs" / "images" / picture.name).exists(), picture.name
+
+
+def test_a_part_with_an_old_record_says_so_on_the_page_of_the_others(tmp_path):
+    old = {"machine": {"cores": 2, "processor": "one", "load": 0.1}}
+    whole = json.loads((BENCHMARKS / "records" / "start_up.json").read_text(encoding="utf-8"))
+    done = page_of(tmp_path, {"kernels": old, "start_up": whole | {"machine": MACHINE}})
+    assert done.returncode == 0, done.stderr
+    assert "To be measured again" in done.stdout.partition("## Start-up")[0]
+    assert "To be measured again" not in done.stdout.partition("## Start-up")[2]
+    assert "kernels: its record has no" in done.stderr
+    line = "2026-11-23, commit 0d378ea+, on 2 cores of one; load average at the start 0.1; numpy 2.4.6, tamaas 2.9.0."
+    assert line in " ".join(done.stdout.split())
+
+
+@pytest.mark.parametrize(("changed", "mark"), [("docs", ""), ("meeframe", "+"), ("plugins", "+")])
+def test_commits_of_changed_code_are_marked(tmp_path, changed, mark):
+    if shutil.which("git") is None:
+        pytest.skip("needs git")
+    git = ("git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path))
+    for name in ("docs", "meeframe", "plugins"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_text("1")
+    for words in (("init", "-q"), ("add", "."), ("commit", "-qm", "all")):
+        subprocess.run((*git, *words), check=True)
+    head = subprocess.run((*git, "rev-parse", "HEAD"), check=True, capture_output=True, text=True).stdout
+    (tmp_path / changed / "file").write_text("2")
+    done = said("import common; common.ROOT = folder; print(common.circumstances()['commit'])", tmp_path)
+    commit = done.stdout.strip()
+    assert head.startswith(commit.removesuffix("+")), done.stderr
+    assert commit.removesuffix("+")
+    assert commit.endswith("+") == bool(mark)
+
+
+def answer(solved, residual=5e-11, apart=0.0) -> dict:
+    return {"built": 0.5, "solved": solved, "clock": solved, "iterations": 7, "turns": 1, "residual": residual} | {
+        "apart": apart,
+        "area": 0.1,
+        "mean_gap": 1e-5,
+        "approach_error": 1e-6,
+        "pressure_error": 1e-3,
+    }
+
+
+def frictionless(**others) -> dict:
+    """Return a record of 512 x 512 nodes in which meeframe takes half a second to set up and half to solve."""
+    row = {"meeframe": answer(0.5)} | others | {"meeframe, two threads": answer(0.4)}
+    return {"machine": MACHINE} | {name: {"512": row} for name in ("sphere", "rough, periodic", "rough, free")}
+
+
+def test_the_faster_of_the_other_codes_counts(tmp_path):
+    met = frictionless(Tamaas=answer(20.0), ContactMechanics=answer(6.0, apart=1e-9))
+    page = page_of(tmp_path, {"half_space": met}).stdout
+    quantity = "sphere, 512 x 512: speed relative to the faster of the other codes"
+    assert f"| {quantity} | 12.0 times; with set-up 6.5 times |" in page
+    assert "meeframe is 12.6 times faster" in " ".join(page.split())
+    assert "0.80 to 0.80 times the wall time of one thread" in " ".join(page.split())
+    assert (tmp_path / "half_space_periodic.png").exists()
+    slow = frictionless(Tamaas=answer(5.0, residual=1e-12), ContactMechanics=answer(6.0, apart=1e-7))
+    page = page_of(tmp_path, {"half_space": slow}).stdout
+    assert f"| {quantity} | 10.0 times; with set-up 5.5 times |" in page
+    assert "| largest difference of mean gaps between codes, relative to the depth | 1e-07 |" in page
+
+
+def test_largest_residuals_are_shown(tmp_path):
+    coarse = frictionless(Tamaas=answer(20.0, 1e-12), ContactMechanics=answer(20.0))
+    coarse["sphere"]["512"]["meeframe"]["residual"] = 2e-10
+    page = page_of(tmp_path, {"half_space": coarse}).stdout
+    assert "| largest residual of meeframe | 2e-10 |" in page
+    assert "| largest residual of the other codes | 5e-11 |" in page
+    for code in ("Tamaas", "ContactMechanics"):
+        coarse["sphere"]["512"][code]["residual"] = 3e-10
+    page = page_of(tmp_path, {"half_space": coarse}).stdout
+    assert "| largest residual of the other codes | 3e-10 |" in page
+
+
+@pytest.mark.parametrize("theirs", [1e-6, 1e-9])
+def test_residuals_and_products_of_friction_are_shown(tmp_path, theirs):
+    def one(residual, products=40):
+        times = {"seconds": 1.0, "processor": 1.0, "built": 0.1, "iterations": 5, "products": products}
+        return times | {"residual": residual, "force": 1e-12, "traction": 0.07, "difference": 0.01}
+
+    periodic = {"meeframe": one(1e-11), "Tamaas, Condat, 10000 iterations": one(theirs)}
+    record = {"machine": MACHINE, "free": {"64": one(1e-11), "512": one(2e-9, 80)}, "periodic": {"64": periodic}}
+    page = page_of(tmp_path, {"half_space_friction": record}).stdout
+    assert "| largest residual of meeframe, free surface | 2e-09 |" in page
+    assert f"| smallest residual of Tamaas, periodic surface | {theirs:.0e} |" in page
+    assert "| 2.00 times at most, slope 0.33 |" in page

@@ -1,0 +1,75 @@
+"""Section 7.1 of the paper on its own mesh against the closed forms of the half space: the short validation."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[3] / "validation" / "transversely_isotropic_indentation"
+CONDITIONS = ("EMII", "ECMII", "EIMCI", "EMCI")
+
+
+def load_study():
+    spec = importlib.util.spec_from_file_location("section_7_1_study", FOLDER / "study.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+study = load_study()
+
+
+@pytest.fixture(scope="module")
+def case():
+    return study.load("EMII")
+
+
+@pytest.fixture(scope="module")
+def system(case):
+    """One reduced system serves all conditions: they differ in their laws only."""
+    return case.formulation.reduce(case.body)
+
+
+def test_the_mesh_is_the_papers(case):
+    assert case.mesh.n_elements == 1088
+    assert len(case.mesh.points) == 1090
+    assert len(case.mesh.group_points("contact")) == 17 * 17
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_totals_and_sections_of_the_four_conditions(condition, case, system):
+    solved = study.solve(study.load(condition), system)
+    exact = study.closed_form(case, condition)
+    found = study.differences(solved, exact)
+    assert len(found) == 1 + sum(potential is not None for potential in study.CONDITIONS[condition])
+    assert max(abs(value) for value in found.values()) < 0.015
+    on_section = study.section_differences(solved, exact, study.closed_form(case, "EMII"))
+    assert max(on_section.values()) < 0.03
+
+
+@pytest.mark.parametrize("condition", ["ECMII", "EIMCI"])
+def test_force_and_flux_go_monotonically_from_limit_to_limit(condition, case, system):
+    """Fig. 3; with the printed sign of the conductivity law they would not (docs/theory.md)."""
+    found = study.sweep(case, system, condition, np.logspace(-3, 3, 7))
+    force = [-solved.totals.force[2] for solved in found.solved]
+    name = "charge" if condition == "ECMII" else "magnetic_flux"
+    flux = [abs(study.totals(solved)[name]) for solved in found.solved]
+    limits = [study.solve(study.load(name), system) for name in ("EMII", condition)]
+    assert np.all(np.diff(force) < 0)
+    assert np.all(np.diff(flux) > 0)
+    assert -limits[1].totals.force[2] < force[-1] < force[0] < -limits[0].totals.force[2]
+    assert force[0] == pytest.approx(-limits[0].totals.force[2], rel=1e-2)
+    assert force[-1] == pytest.approx(-limits[1].totals.force[2], rel=1e-3)
+
+
+def test_the_block_is_all_that_separates_from_the_half_space(case, system):
+    """On a semi-infinite body with as many elements in the zone what remains is the discretisation."""
+    (half_space,) = study.refinements(case, [(np.inf, 16)])
+    for condition in CONDITIONS:
+        exact = study.closed_form(case, condition)
+        remaining = study.relative(half_space.totals[condition], study.exact_totals(exact))
+        for name, block in study.differences(study.solve(study.load(condition), system), exact).items():
+            assert abs(remaining[name]) < min(0.003, 0.7 * abs(block)), (condition, name)

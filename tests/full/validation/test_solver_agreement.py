@@ -1,0 +1,143 @@
+"""Every solver on the problems of sections 7.1 to 7.4, by boundary elements: the same forces to 1e-8."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from meeframe.contact.channels import flux_channels
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status
+from meeframe.elements import Quad4
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Signorini, StepConductivity
+from meeframe.material import library_material
+from meeframe.mesh import half_space_mesh
+from meeframe.mesh.body import Body
+from meeframe.solvers import (
+    Auto,
+    BarzilaiBorwein,
+    Nesterov,
+    ProjectedCG,
+    SemismoothNewton,
+    StoppingCriteria,
+    Uzawa,
+    residual,
+    solve,
+)
+
+RADIUS, APPROACH = 0.1, 5e-5
+TABLES = {"Table 1": "batio3-cofe2o4", "Table 3": "orthotropic-mee"}
+CONDITIONS = {"EMII": (0.0, 0.0), "ECMII": (np.inf, 0.0), "EIMCI": (0.0, np.inf), "EMCI": (np.inf, np.inf)}
+FINITE = {"Table 1": (1e-5, 0.4), "Table 3": (1e-6, 1.0)}
+"""kappa [F/m^2, H/m^2], of the order of the inverse response of a node."""
+PAPER_STEPS = {"Table 1": (5e12, 5e12), "Table 3": (5e11, 3e11)}
+"""r_nu and r_tau [Pa/m] of section 7; Table 1 is given no r_tau."""
+LAWS = {
+    "no friction": Signorini(),
+    "isotropic": IsotropicCoulomb(0.6),
+    "orthotropic": OrthotropicCoulomb(0.1, 0.6, 0.0),
+}
+LIMITS = StoppingCriteria(tolerance=1e-10)
+
+
+@pytest.fixture(scope="module", params=list(TABLES))
+def table(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def system(table):
+    stiffness = library_material(TABLES[table]).stiffness
+    return DenseBEM().reduce(Body(stiffness, half_space_mesh(0.1, 0.005, 8, 4, Quad4()), (), "contact"))
+
+
+def problem(system, law, kappa=(0.0, 0.0), translation=(0.0, 0.0)) -> ContactProblem:
+    x, y = system.points[:, 0], system.points[:, 1]
+    electric, magnetic = (StepConductivity(k) if k else Insulating() for k in kappa)
+    gap = (x**2 + y**2) / (2.0 * RADIUS) - APPROACH
+    n = len(gap)
+    return ContactProblem(
+        system, law, flux_channels(electric, magnetic), gap, np.tile(translation, (n, 1)), np.zeros((n, 2))
+    )
+
+
+def solved(case, solver):
+    solution = solve(case, solver, LIMITS)
+    assert solution.status is Status.CONVERGED, f"{solver}: {solution.message}"
+    assert residual(case, solution.state) <= LIMITS.tolerance
+    return solution.state
+
+
+def assert_agree(case, *more):
+    """Forces and fluxes as of Newton's method, from zero: no case here has a second solution."""
+    others = [Auto(), BarzilaiBorwein(), Nesterov(), Uzawa(), *more]
+    if isinstance(case.contact_law, Signorini):
+        others.append(ProjectedCG())
+    reference = solved(case, SemismoothNewton())
+    resultants = case.system.weights @ reference.load
+    for solver in others:
+        state = solved(case, solver)
+        force, *fluxes = np.split(case.system.weights @ state.load - resultants, [3, 4])
+        assert np.linalg.norm(force) <= 1e-8 * np.linalg.norm(resultants[:3]), solver
+        for flux, column in zip(fluxes, (3, 4), strict=True):
+            assert np.abs(flux) <= 1e-8 * np.abs(case.system.weights @ np.abs(reference.load[:, column])), solver
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("law", LAWS)
+def test_indentation(system, table, law, condition):
+    """Sections 7.1 and 7.2; orthotropic friction as in section 7.3."""
+    assert_agree(problem(system, LAWS[law], CONDITIONS[condition]), Uzawa(*PAPER_STEPS[table]))
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
+def test_tangential_load(system, table, law, condition):
+    """Section 7.4, by translation, short of full slip."""
+    more = [Uzawa(*PAPER_STEPS[table])] if law == "isotropic" else []  # thousands of steps with the other
+    assert_agree(problem(system, LAWS[law], CONDITIONS[condition], (1e-5, 5e-6)), *more)
+
+
+@pytest.mark.parametrize("translation", [(0.0, 0.0), (1e-5, 5e-6)])
+@pytest.mark.parametrize("law", LAWS)
+def test_finite_conductivity(system, table, law, translation):
+    """Between the limiting conditions, as in Fig. 4."""
+    assert_agree(problem(system, LAWS[law], FINITE[table], translation))
+
+
+def pressed(case, force):
+    """PrescribedResultant of the approach, at a normal force [N]."""
+    press = np.zeros((len(case.gap), 5))
+    press[:, 2] = -1.0
+    return PrescribedResultant(press, case.system.weights[:, None] * press, force)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_normal_force(system, condition):
+    """Without friction, P given: the same from the approach that it takes."""
+    given = problem(system, LAWS["no friction"], CONDITIONS[condition])
+    load = solved(given, SemismoothNewton()).load
+    free = replace(
+        given, gap=given.gap + APPROACH, prescribed_resultants=(pressed(given, -float(system.weights @ load[:, 2])),)
+    )
+    assert_agree(free)
+    for solver in (SemismoothNewton(), ProjectedCG()):
+        assert solved(free, solver).motion[0] == pytest.approx(APPROACH, rel=1e-8)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9])
+def test_tangential_force_as_a_share_of_friction(system, share):
+    """Section 7.4, F_x = share mu P at a given P: the same from its own motion prescribed."""
+    case = problem(system, LAWS["isotropic"])
+    load = solved(case, SemismoothNewton()).load
+    push = pressed(case, -float(system.weights @ load[:, 2]))
+    slide = np.zeros_like(push.mode)
+    slide[:, 0] = 1.0
+    pull = PrescribedResultant(slide, system.weights[:, None] * (slide - share * 0.6 * push.mode), 0.0)
+    free = replace(case, prescribed_resultants=(push, pull))
+    assert_agree(free)
+    found = solved(free, SemismoothNewton())
+    approach, translation = found.motion
+    given = problem(system, LAWS["isotropic"], translation=(translation, 0.0))
+    again = solved(replace(given, gap=given.gap - approach), SemismoothNewton())
+    assert np.abs(again.load - found.load).max() <= 1e-8 * np.abs(found.load).max()

@@ -1,0 +1,18 @@
+"""The bars of a command: each with the time of its own stage, and with names of stages as they are."""
+
+from types import SimpleNamespace
+
+from meeframe.cli import console
+
+
+def test_stages_that_take_turns_have_their_own_times(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    with console.progress() as show:
+        for stage, seconds in (("contact", 5.0), ("[red]writing", 2.0), ("contact", 70.0), ("[red]writing", 1.0)):
+            show(stage, 0.5)
+            now[0] += seconds
+        show("figures", 0.0)
+        now[0] += 9.0
+    lines = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().err.splitlines()}
+    assert lines == {"contact": "0:01:15", "[red]writing": "0:00:03", "figures": "0:00:09"}

@@ -1,0 +1,106 @@
+"""`meeframe reproduce`: a study end to end, its cache, and what is said of wrong names and folders."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from meeframe.cli import app
+from meeframe.model import solve
+
+STUDIES = Path(__file__).parents[3] / "validation"
+
+
+@pytest.fixture
+def studies(tmp_path):
+    """Figs. 7 and 9 on a coarse mesh."""
+    folder = tmp_path / "studies" / "friction"
+    folder.mkdir(parents=True)
+    source = STUDIES / "orthotropic_friction"
+    for name in ("fig-07.toml", "fig-09.toml"):
+        (folder / name).write_text((source / name).read_text(encoding="utf-8"), encoding="utf-8")
+    text = (source / "emii.toml").read_text(encoding="utf-8")
+    for fine, coarse in (("divisions = 16", "divisions = 4"), ("rings = 7", "rings = 2"), ("layers = 2", "layers = 1")):
+        assert fine in text
+        text = text.replace(fine, coarse)
+    (folder / "emii.toml").write_text(text + '\n[formulation]\nname = "dense-bem"\nquadrature_tolerance = 1e-3\n')
+    return folder.parent
+
+
+def reproduce(*arguments):
+    """Exit status, standard output, standard error."""
+    result = CliRunner().invoke(app, ["reproduce", *(str(argument) for argument in arguments)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_figures_end_to_end_and_one_reduction_for_all(studies, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", out)
+    assert status == 0
+    assert told == f"fig-07: {out / 'fig-07.png'}, Influence of isotropic friction\n"
+    assert sorted(path.name for path in out.iterdir()) == ["cache", "fig-07.json", "fig-07.png", "points"]
+    assert (out / "fig-07.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list((out / "cache").iterdir())) == 1
+    numbers = json.loads((out / "fig-07.json").read_text())
+    insulating, conducting = numbers["panels"]
+    assert insulating["values"] == [0.0, 0.1, 0.3, 0.6, 0.9]
+    assert all(insulating["converged"] + conducting["converged"])
+    for name, values in insulating["quantities"].items():
+        assert values[0] == pytest.approx(1.0), name
+        assert values[-1] > 1.05, name
+
+    def refuse(*_, **__):
+        raise AssertionError("this reduced system is in the cache")
+
+    monkeypatch.setattr(solve, "reduce_body", refuse)
+    first = (out / "fig-07.json").read_bytes()
+    assert reproduce("all", "--validation", studies, "--out", out)[0] == 0
+    assert (out / "fig-07.json").read_bytes() == first
+    assert (out / "fig-09.png").is_file()
+
+
+def test_an_unknown_name_lists_those_that_are_known(studies, tmp_path):
+    status, told, complained = reproduce("fig-7", "--validation", studies, "--out", tmp_path / "out")
+    assert (status, told) == (2, "")
+    assert complained.startswith("error: ")
+    assert "error: unknown figure 'fig-7'; did you mean 'fig-07'? allowed: fig-07, fig-09, all" in complained
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("made", [False, True])
+def test_a_folder_without_studies(tmp_path, made):
+    folder = tmp_path / "absent"
+    if made:
+        folder.mkdir()
+    status, told, complained = reproduce("all", "--validation", folder, "--out", tmp_path / "out")
+    assert (status, told) == (2, "")
+    assert f"error: folder of studies {folder}" in complained
+    assert "--validation" in complained
+
+
+def test_an_unwritable_folder(studies, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    status, _, complained = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "file")
+    assert status == 2
+    assert "cannot be written" in complained
+
+
+def test_a_wrong_key_is_named_with_its_study_and_run(studies, tmp_path):
+    study = studies / "friction" / "fig-07.toml"
+    study.write_text(study.read_text(encoding="utf-8").replace("contact.law.mu", "contact.law.mue"), encoding="utf-8")
+    status, _, complained = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
+    assert status == 2
+    assert f"{study}: (a) EMII, frictionless: contact.law.mue" in complained
+    assert not (tmp_path / "out").exists()
+
+
+def test_runs_that_do_not_converge_are_named(studies, tmp_path):
+    case = studies / "friction" / "emii.toml"
+    case.write_text(case.read_text().replace('name = "auto"', 'name = "auto"\nmax_iterations = 1'))
+    status, told, _ = reproduce("fig-07", "--validation", studies, "--out", tmp_path / "out")
+    assert status == 1
+    assert "fig-07: (a) EMII, 0.9: not converged" in told
+    assert json.loads((tmp_path / "out" / "fig-07.json").read_text())["panels"][0]["converged"][-1] is False

@@ -1,0 +1,394 @@
+"""The conformance kits name what fails, for which input, and why; wrong formulations and indenters are caught."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from numba import njit
+
+import meeframe.testing as kits
+from meeframe.common.errors import CaseError
+from meeframe.contact.problem import Solver
+from meeframe.elements import Quad4
+from meeframe.formulations.base import Formulation, PersistentFormulation
+from meeframe.indenters.base import Indenter
+from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.laws.base import ContactLaw, conducts
+from meeframe.material import library_material
+from meeframe.mesh import block_mesh
+from meeframe.mesh.body import Body, BoundaryCondition
+from meeframe.plugin.registry import Kind, load
+from meeframe.plugin.scaffold import new_plugin
+from meeframe.solvers import SemismoothNewton
+from meeframe.system.capabilities import Persistence
+from meeframe.system.dense import DenseSystem
+from meeframe.system.reduced import ReducedSystem, silent
+from meeframe.testing.manufactured import LinearField
+
+
+def test_all_kits_are_there():
+    for name in kits.__all__:
+        assert getattr(kits, name).__name__ == name
+    with pytest.raises(AttributeError, match="check_nothing"):
+        _ = kits.check_nothing
+    assert dir(kits) == sorted(kits.__all__)
+
+
+@njit(cache=True, nogil=True)
+def _return_to_cone(trial, mu):
+    traction = np.zeros_like(trial)
+    for node in range(len(trial)):
+        pressure = -min(trial[node, 2], 0.0)
+        size = np.hypot(trial[node, 0], trial[node, 1])
+        factor = mu * pressure / size if size > mu * pressure else 1.0
+        traction[node, 0], traction[node, 1], traction[node, 2] = (
+            factor * trial[node, 0],
+            factor * trial[node, 1],
+            -pressure,
+        )
+    return traction
+
+
+@dataclass(frozen=True)
+class CompiledCoulomb(ContactLaw):
+    """What docs/plugins.md says of compiled laws."""
+
+    mu: float
+
+    def project(self, trial):
+        return _return_to_cone(np.ascontiguousarray(trial), self.mu)
+
+    def tangential_scaling(self):
+        return np.eye(2)
+
+
+def test_a_compiled_law_agrees_with_the_plain_one():
+    kits.check_contact_law(CompiledCoulomb(0.3), reference=IsotropicCoulomb(0.3))
+    with pytest.raises(AssertionError, match="differs from the reference law") as caught:
+        kits.check_contact_law(CompiledCoulomb(0.3), reference=IsotropicCoulomb(0.3001))
+    assert "why it matters: a fast version is worth nothing if it solves another problem" in str(caught.value)
+
+
+@dataclass(frozen=True)
+class ZeroOverZero(ContactLaw):
+    """Right but at trials without tangential part."""
+
+    def project(self, trial):
+        normal = np.minimum(trial[:, 2:], 0.0)
+        size = np.linalg.norm(trial[:, :2], axis=1, keepdims=True)
+        with np.errstate(all="ignore"):
+            factor = np.where(normal < 0.0, np.minimum(-0.3 * normal / size, 1.0 + 0.0 * size / size), 0.0)
+        return np.hstack([trial[:, :2] * factor, normal])
+
+    def tangential_scaling(self):
+        return np.eye(2)
+
+
+def test_hypothesis_finds_the_simplest_trial():
+    with pytest.raises(AssertionError) as caught:
+        kits.check_contact_law(ZeroOverZero())
+    text = str(caught.value)
+    assert re.match(r"project gives tractions that are not finite: for \[ *-?0\. +-?0\. +-1", text)
+    assert "why it matters: one such number spreads" in text
+
+
+@dataclass(frozen=True)
+class Sticky(Indenter):
+    """Heights counted from nowhere."""
+
+    drop: float = 0.0
+
+    def height(self, x, y):
+        return x**2 + y**2 + self.drop
+
+
+@dataclass(frozen=True)
+class Meshed(Indenter):
+    """Depends on what else is asked for."""
+
+    def height(self, x, y):
+        return x**2 - (x**2).min() + y**2 * (1 + len(x))
+
+
+@pytest.mark.parametrize(
+    ("indenter", "message"),
+    [
+        (Sticky(-1e-9), "negative or NaN, though approaches count from the lowest point: -1e-09 at x, y = 0, 0 m"),
+        (Sticky(1.0), "no height near zero"),
+        (Sticky(float("nan")), "height is negative or NaN"),
+        (Meshed(), "height depends on other points"),
+    ],
+)  # fmt: skip
+def test_wrong_indenters_are_caught(indenter, message):
+    kits.check_indenter(Sticky())
+    with pytest.raises(AssertionError, match=message):
+        kits.check_indenter(indenter)
+
+
+THICKNESS = 0.02
+
+
+@pytest.fixture(scope="module")
+def layer(tmp_path_factory):
+    """A formulation to spoil, a body, and the field that it has to meet: those of a new package."""
+    folder = new_plugin(Kind.FORMULATION, "layer", load(), tmp_path_factory.mktemp("layer"))
+    formulation = load(folder / "meeframe_layer.py").create(Kind.FORMULATION, {"name": "layer", "thickness": THICKNESS})
+    stiffness = library_material("batio3-cofe2o4").stiffness
+    gradient = LinearField.random(stiffness, seed=3).gradient * [0.0, 0.0, 1.0]
+    field = LinearField(stiffness, gradient, np.array([1e-5, -2e-5, 3e-5, 4.0, 5e-3]))
+    values = field.values(np.array([[0.0, 0.0, -THICKNESS]]))[0]
+    held = tuple(BoundaryCondition("base", number, "value", float(value)) for number, value in enumerate(values))
+    return formulation, Body(stiffness, block_mesh(0.05, THICKNESS, 0.03, 3, 2, 1, Quad4()), held, "contact"), field
+
+
+def rotated(frames):
+    return frames[:, [1, 0, 2]]
+
+
+@dataclass(frozen=True)
+class Growing(ReducedSystem):
+    """A compliance that is none."""
+
+    inner: ReducedSystem
+
+    def apply(self, load):
+        answer = self.inner.apply(load)
+        return answer * (1 + 1e-3 * np.abs(answer).max())
+
+    def diagonal_blocks(self):
+        return self.inner.diagonal_blocks()
+
+    def dense(self):
+        return None
+
+    def recover(self, load):
+        return self.inner.recover(load)
+
+
+def growing(system):
+    parts = {name: getattr(system, name) for name in ("points", "frames", "weights", "cells", "offset")}
+    return Growing(**parts, inner=replace(system, matrix=1e3 * system.matrix))
+
+
+def shifted(system):
+    """Recovers what another load causes."""
+    return replace(system, recovery=lambda load: system.recover(1.01 * load))
+
+
+def twisted(matrix):
+    """Node by node a load along e1 answers one along e2 otherwise than the other way round."""
+    matrix = matrix.copy()
+    nodes = range(len(matrix))
+    matrix[nodes, 0, nodes, 1] += 0.5 * matrix[nodes, 0, nodes, 0]
+    return matrix
+
+
+SPOILT = {
+    "frames are not orthonormal": lambda s, _: replace(s, frames=rotated(s.frames)),
+    "is not the outward normal": lambda s, _: replace(s, frames=s.frames * np.array([[1.0], [-1.0], [-1.0]])),
+    "weights do not add up": lambda s, _: replace(s, weights=2 * s.weights),
+    "lies outside the contact zone": lambda s, _: replace(s, points=s.points + np.array([0.0, 0.0, 1e-3])),
+    "offset is not finite": lambda s, _: replace(s, offset=s.offset[:, :3]),
+    "apply is not linear": lambda s, _: growing(s),
+    "the offset is not zero though": lambda s, _: replace(s, offset=s.offset + 1e-6),
+    "the compliance depends on the prescribed data": lambda s, b: replace(
+        s, matrix=s.matrix * (1 + b.conditions[3].data)
+    ),
+    "is not met in u.nu": lambda s, _: replace(s, matrix=s.matrix * np.array([1.0, 1, 1.01, 1, 1])[:, None, None]),
+    "is not met in -phi": lambda s, _: replace(s, offset=s.offset * [1.0, 1, 1, -1, 1]),
+    "a load gains energy": lambda s, _: replace(s, matrix=-s.matrix),
+    "reciprocal theorem": lambda s, _: replace(s, matrix=twisted(s.matrix)),
+    "recover has other values on the zone": lambda s, _: shifted(s),
+}
+
+
+@dataclass(frozen=True)
+class Altered(PersistentFormulation):
+    """A right formulation whose system is changed, and made from arrays otherwise."""
+
+    inner: Formulation
+    change: Callable[[DenseSystem, Body], ReducedSystem]
+    restore: Callable[[DenseSystem, Mapping], ReducedSystem] | None = None
+
+    def check(self, body):
+        self.inner.check(body)
+
+    def reduce(self, body, progress=silent):
+        return self.change(self.inner.reduce(body, progress), body)
+
+    def from_arrays(self, body, arrays):
+        return self.restore(self.inner.reduce(body), arrays)
+
+
+@pytest.mark.full(except_for=9)
+@pytest.mark.parametrize("fault", SPOILT)
+def test_wrong_formulations_are_caught(layer, fault):
+    formulation, body, field = layer
+    loose = fault in ("a load gains energy", "reciprocal theorem")
+    kits.check_formulation(formulation, body, field, tolerance=1e-9)
+    with pytest.raises(AssertionError, match=fault):
+        kits.check_formulation(Altered(formulation, SPOILT[fault]), body, field, tolerance=10.0 if loose else 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class Stored(ReducedSystem, Persistence):
+    """Stores its offset, and shows no matrix."""
+
+    inner: DenseSystem
+
+    def apply(self, load):
+        return self.inner.apply(load)
+
+    def diagonal_blocks(self):
+        return self.inner.diagonal_blocks()
+
+    def dense(self):
+        return None
+
+    def recover(self, load):
+        return self.inner.recover(load)
+
+    def to_arrays(self):
+        return {"offset": self.offset}
+
+
+def stored(system):
+    return Stored(system.points, system.frames, system.weights, system.cells, system.offset, system)
+
+
+FROM_ARRAYS = {
+    "weights": lambda s, k: stored(replace(s, weights=2 * s.weights, offset=k["offset"])),
+    "apply": lambda s, k: stored(replace(s, matrix=2 * s.matrix, offset=k["offset"])),
+}
+
+
+@pytest.mark.parametrize("fault", FROM_ARRAYS)
+def test_systems_wrongly_made_from_arrays_are_caught(layer, fault):
+    formulation, body, field = layer
+    right = Altered(formulation, lambda s, _: stored(s), lambda s, k: stored(replace(s, offset=k["offset"])))
+    kits.check_formulation(right, body, field, tolerance=1e-9)
+    with pytest.raises(AssertionError, match=f"{fault} changes when made from arrays"):
+        kits.check_formulation(replace(right, restore=FROM_ARRAYS[fault]), body, field, tolerance=1e-9)
+
+
+@dataclass(frozen=True)
+class Careless(Formulation):
+    """Accepts whatever it is given."""
+
+    inner: Formulation
+
+    def check(self, body):
+        pass
+
+    def reduce(self, body, progress=silent):
+        return self.inner.reduce(body, progress)
+
+
+def test_a_formulation_has_to_refuse_what_it_cannot_do(layer):
+    formulation, body, field = layer
+    with pytest.raises(AssertionError, match="check accepts an unknown face group"):
+        kits.check_formulation(Careless(formulation), body, field)
+
+
+def test_a_layer_is_no_half_space(layer):
+    formulation, body, _ = layer
+    with pytest.raises(AssertionError, match=r"a sphere pressed 3e-05 m deep meets .* in closed form"):
+        kits.check_indentation(formulation, body)
+
+
+def test_arrays_of_the_wrong_shape_are_told_before_contact_is_solved_with_them(layer):
+    formulation, body, _ = layer
+    with pytest.raises(AssertionError, match="offset is not finite"):
+        kits.check_indentation(Altered(formulation, SPOILT["offset is not finite"]), body)
+
+
+def test_frictionless_contact_is_a_law_too():
+    kits.check_contact_law(Signorini(), reference=IsotropicCoulomb(0.0))
+
+
+@dataclass(frozen=True)
+class Notched(Indenter):
+    """No height on one line, which no random point meets."""
+
+    def height(self, x, y):
+        return np.where((x == y) & (x != 0.0), np.nan, x**2 + y**2)
+
+
+def test_hypothesis_finds_the_line_without_height():
+    with pytest.raises(AssertionError, match=r"height is negative or NaN.*: for \[(\S+) \1\] it gives nan"):
+        kits.check_indenter(Notched())
+
+
+@dataclass(frozen=True)
+class AfraidOfTheVoid(Solver):
+    """Right, but for contact that does not come about."""
+
+    inner: Solver = field(default_factory=SemismoothNewton)
+
+    def init(self, problem, start):
+        return self.astray(problem, self.inner.init(problem, start))
+
+    def step(self, problem, iterate):
+        return self.astray(problem, self.inner.step(problem, iterate))
+
+    def astray(self, problem, iterate):
+        return iterate if (problem.gap < 0.0).any() else replace(iterate, load=np.nan * iterate.load)
+
+
+@pytest.mark.full
+def test_hypothesis_finds_the_contact_that_a_solver_fails_on():
+    with pytest.raises(
+        AssertionError, match=r"(?s)indentation .*'approach': (-1e-05|0\.0|1e-06).*the worst condition is"
+    ):
+        kits.check_solver(AfraidOfTheVoid())
+
+
+@dataclass(frozen=True)
+class Picky(Solver):
+    """Solves everything, but its check refuses conduction, or takes no rigid body."""
+
+    refuses: str
+    inner: Solver = field(default_factory=SemismoothNewton)
+
+    def check(self, problem):
+        if self.refuses == "conduction" and conducts(problem.law_of("electric")):
+            raise CaseError("solver 'picky' is for insulated contact")
+        if self.refuses == "rigid bodies" and not problem.system.diagonal_blocks().any():
+            raise ZeroDivisionError("no compliance")
+
+    def init(self, problem, start):
+        return self.inner.init(problem, start)
+
+    def step(self, problem, iterate):
+        return self.inner.step(problem, iterate)
+
+
+@pytest.mark.parametrize(
+    ("refuses", "told"),
+    [
+        ("conduction", "conducting: check refuses it: CaseError: solver 'picky' is for insulated contact"),
+        ("rigid bodies", "insulated on a rigid body: check refuses it: ZeroDivisionError: no compliance"),
+    ],
+)
+def test_checks_that_refuse_ordinary_problems_are_found(refuses, told):
+    with pytest.raises(AssertionError, match=f"{told}\nwhy it matters: a case file with the solver is refused"):
+        kits.check_solver(Picky(refuses))
+
+
+def gaining(system, _body):
+    """Gains energy by electric charge that is the same everywhere, and by that alone."""
+    matrix = system.matrix.copy()
+    # along charges of one sign the response turns round; Betti still holds
+    own = np.einsum("n,nm->", system.weights, matrix[:, 3, :, 3]) / system.weights.sum() ** 2
+    matrix[:, 3, :, 3] -= 1.01 * own * system.weights
+    return replace(system, matrix=matrix)
+
+
+def test_hypothesis_finds_a_load_that_gains_energy(layer):
+    formulation, body, field = layer
+    with pytest.raises(
+        AssertionError, match=r"(?s)a load gains energy.*fields \(0\.0, 0\.0, 0\.0, -?1\.0, 0\.0\), shape 0: work -"
+    ):
+        kits.check_formulation(Altered(formulation, gaining), body, field, tolerance=10.0)

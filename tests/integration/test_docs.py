@@ -1,0 +1,193 @@
+"""README.md and docs/: commands, examples, links and names are right. Materials and case files have their own tests."""
+
+import importlib
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import meeframe
+from meeframe.cli import app
+from meeframe.formulations.dense_bem import DenseBEM
+from meeframe.model.load import load_case
+from meeframe.plugin.registry import load
+from meeframe.plugin.sources import OWN_PACKAGES
+from meeframe.study.validate import known_cases
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+TOP_PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES = [*TOP_PAGES, *sorted((ROOT / "docs").rglob("*.md"))]
+EMII = ROOT / "validation" / "transversely_isotropic_indentation" / "emii.toml"
+each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+
+
+def blocks(text: str, *languages: str) -> list[tuple[str, str]]:
+    """Fenced blocks in these languages, as (language, content), in order."""
+    found = re.findall(r"^```(\w+)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return [(language, content) for language, content in found if language in languages]
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings of a page, made as code hosting sites make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@each_page
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if target.startswith(("http://", "https://")):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), target
+        assert not anchor or anchor in anchors(file), target
+
+
+def names(page: Path, pattern: str) -> Iterator[str]:
+    """What a pattern finds in the code of a page, block or inline."""
+    for code in re.findall(r"```.*?```|`[^`\n]+`|^    .*$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+        yield from re.findall(pattern, code)
+
+
+@each_page
+def test_files_that_are_named_exist(page):
+    for name in names(page, r"\b(?:[\w-]+/)+[\w.-]+\.(?:py|toml|sh)\b"):
+        assert any((folder / name).exists() for folder in (ROOT, ROOT / "meeframe", ROOT / "docs")), name
+
+
+@each_page
+def test_modules_and_objects_that_are_named_exist(page):
+    for name in names(page, r"(?<![\w/.])meeframe(?:\.\w+)+(?![\w/])"):
+        *parts, last = name.split(".")
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError:
+            assert hasattr(importlib.import_module(".".join(parts)), last), name
+
+
+def test_why_to_trust_it_has_every_case():
+    """Written by validation/trust.py, from the numbers of all cases, below its head."""
+    page = (ROOT / "docs" / "trust.md").read_text(encoding="utf-8")
+    assert page.startswith((ROOT / "validation" / "trust_head.md").read_text(encoding="utf-8"))
+    told = re.findall(r"^`meeframe validate --only (\w+)`$", page, re.MULTILINE)
+    assert told == sorted(known_cases(ROOT / "validation"))
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    for page in PAGES[len(TOP_PAGES) :]:
+        name = page.relative_to(ROOT / "docs").as_posix()
+        assert name == "index.md" or f"({name})" in index, name
+
+
+def test_pictures_are_there_and_small():
+    assert README.index("![") < README.index("## ")
+    for name in re.findall(r"\]\((\S+\.png)\)", README):
+        assert (ROOT / name).stat().st_size < 300_000
+
+
+def test_two_commands_do_all_setup():
+    """One runs the main job, one the tests; continuous integration runs the latter with the full tier."""
+    (_, job), (_, tests) = blocks(README, "sh")
+    setup = "pip install uv && "
+    assert job.strip().startswith(setup)
+    command = shlex.split(job.strip().removeprefix(setup))
+    assert command[:4] == ["uv", "run", "meeframe", "run"]
+    assert (ROOT / command[4]) == EMII
+    assert f"{tests.strip().removeprefix(setup)} --full" in (ROOT / ".ci" / "run").read_text("utf-8").splitlines()
+
+
+def test_what_is_inside_names_everything_registered():
+    inside = README.split("## What is inside")[1].split("\n## ")[0]
+    listed = set(re.findall(r"`([\w-]+)`", inside))
+    own = {"meeframe", *(package.replace("_", "-") for package in OWN_PACKAGES)}
+    assert listed == {entry.record.name for entry in load().entries if entry.provider.name in own}
+
+
+def test_law_of_the_readme_fits_the_main_case(tmp_path):
+    ((_, text),) = blocks(README, "toml")
+    (tmp_path / "case.toml").write_text(EMII.read_text(encoding="utf-8") + text, encoding="utf-8")
+    case = load_case(tmp_path / "case.toml")
+    assert case.contact_law.mu2 == 0.3
+    assert case.conductivity["electric"].kappa == np.inf
+
+
+def test_defaults_of_the_formulation():
+    page = (ROOT / "docs" / "formulation.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| `([^`]+)` \|", page, re.MULTILINE))
+    default = DenseBEM()
+    assert rows["fundamental_solution"] == type(default.fundamental_solution).__name__.lower()
+    assert float(rows["quadrature_tolerance"]) == default.quadrature_tolerance
+    assert rows["edge_angle"] == f"{np.degrees(default.edge_angle):g} deg"
+
+
+@pytest.fixture
+def workplace(tmp_path, monkeypatch):
+    """A folder in which the paths of the examples lead to the repository's cases."""
+    (tmp_path / "validation").symlink_to(EMII.parents[1])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_python_example_of_the_readme(workplace):
+    ((_, text),) = blocks(README, "python")
+    found: dict = {}
+    exec(text, found)
+    assert found["result"].status == "converged"
+    assert found["pressure"].max() > 0 > found["electric_potential"].min()
+    assert meeframe.read_result(workplace / "out" / "python").status == "converged"
+
+
+def tables(text: str) -> dict[str, str]:
+    """Text of a case file by table header; tables of one array together, what stands before the first under ''."""
+    parts: dict[str, str] = {}
+    for part in re.split(r"^(?=\[)", text, flags=re.MULTILINE):
+        header = part.partition("\n")[0] if part.startswith("[") else ""
+        parts[header] = parts.get(header, "") + part.rstrip() + "\n"
+    return parts
+
+
+def save(text: str) -> None:
+    """Save a case file of the page: '# new.toml' whole, '# new.toml = old.toml with' tables added or replaced."""
+    name, old = re.match(r"# ([\w.]+)(?: = ([\w.]+) with)?\n", text).groups()
+    if old:
+        text = "".join((tables(Path(old).read_text(encoding="utf-8")) | {**tables(text), "": ""}).values())
+    Path(name).write_text(text, encoding="utf-8")
+
+
+def invoke(command: str) -> None:
+    """Run a command of the page here, but for installation and the main case, which the README's example runs."""
+    arguments = shlex.split(command)
+    if arguments[:3] != ["uv", "run", "meeframe"] or (arguments[3] != "check" and Path(arguments[-1]).stem == "emii"):
+        return
+    done = CliRunner().invoke(app, arguments[3:])
+    assert done.exit_code == 0, f"{command}\n{done.output}"
+
+
+def test_getting_started(workplace):
+    """The page from top to bottom: case files, commands, Python."""
+    page = (ROOT / "docs" / "getting-started.md").read_text(encoding="utf-8")
+    for language, content in blocks(page, "toml", "sh", "python"):
+        if language == "toml":
+            save(content)
+        elif language == "sh":
+            for line in content.splitlines():
+                invoke(line)
+        else:
+            exec(content, {})
+    results = {path.name: meeframe.read_result(path) for path in (workplace / "out").iterdir()}
+    assert set(results) == {"first", "conducting", "friction", "tabulated", "residue"}
+    told = re.findall(r"known\s+to\s+about\s+(\d+) ?%", page + results["first"].steps[-1].message)
+    assert len(told) == 2
+    assert told[0] == told[1]
+    totals = {name: meeframe.resultants(result.zone, result.steps[-1]) for name, result in results.items()}
+    assert 0 < totals["friction"].force[0] <= -0.1 * totals["friction"].force[2]
+    assert -totals["conducting"].force[2] < -totals["first"].force[2]
+    assert totals["conducting"].charge != 0 == totals["first"].charge

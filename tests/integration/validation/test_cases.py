@@ -1,0 +1,31 @@
+"""The quick version of every published case in validation/."""
+
+from pathlib import Path
+
+import pytest
+
+from meeframe.study.reports.validation import BAD
+from meeframe.study.validate import known_cases, validate
+
+FOLDER = Path(__file__).parents[3] / "validation"
+AT_LEAST = {
+    "cone", "elliptic_hertz", "exact_friction", "fclib", "flat_punch", "hertz", "indentation_moduli", "load_histories",
+    "mee_indentation", "orthotropic_claims", "piezoelectric_indentation", "rough_surface", "slender_rods",
+    "sliding_hertz", "spence", "tilted_flat_punch", "transversely_isotropic_indentation", "two_bodies", "verification",
+}  # fmt: skip
+SHORTEST = {"elliptic_hertz", "fclib", "hertz", "mee_indentation", "two_bodies"}
+CASES = [pytest.param(name, marks=[] if name in SHORTEST else pytest.mark.full) for name in known_cases(FOLDER)]
+
+
+def test_the_cases_that_trust_rests_on_are_there():
+    assert set(known_cases(FOLDER)) >= AT_LEAST
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_quick(name, tmp_path):
+    (case,) = validate(FOLDER, tmp_path, [name], quick=True).cases
+    assert not case.error
+    assert case.rows
+    assert case.figures or any(row.found.verdict == "skipped" for row in case.rows)
+    for row in case.rows:
+        assert row.found.verdict not in BAD, row.found
