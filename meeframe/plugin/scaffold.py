@@ -69,8 +69,8 @@ def new_plugin(kind: Kind, name: str, registry: Registry, folder: Path | None = 
     target = folder or Path(substitutions["package"])
     try:
         if target.exists() and any(target.iterdir()):
-            other = f"such as {folder / substitutions['package']}" if folder else "to be created"
-            raise PluginError(f"folder {target} is not empty; name another one with --out, {other}")
+            example = f", such as {folder / substitutions['package']}" if folder else ""
+            raise PluginError(f"folder {target} is not empty; name another one with --out{example}")
         (target / "tests").mkdir(parents=True, exist_ok=True)
         substitutions["case"] = _fill(templates_of_kind / "case.toml.template", substitutions).rstrip()
         for file, template in {

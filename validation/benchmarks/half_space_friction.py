@@ -23,7 +23,7 @@ from meeframe.mesh.body import Body
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, residual, solve
 from meeframe.system.reduced import ReducedSystem
 from meeframe.testing.closed_forms_friction import HertzContact, PartialSlip
-from meeframe.testing.force_control import SLIDE_2, PRESS, SLIDE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
 from meeframe.testing.operation_counter import OperationCounter
 
 TITLE = "Half space by fast Fourier transforms, with friction"

@@ -92,13 +92,15 @@ class PointResponse:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Of the entries that are not zero."""
+        """Numbers of the nonzero entries."""
         return [number for number in range(self.layout.n_values) if len(self.entry(number)[0])]
 
     @cached_property
     def parities(self) -> Indices | None:
-        """Of the entries, 1 if even and -1 if odd functions of the angle, as of a medium mirrored about the
-        first axis; None of other media."""
+        """Parities of the entries: 1 for even and -1 for odd functions of the angle, None if there are none.
+
+        Media that are mirrored about the first axis have parities.
+        """
         found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))

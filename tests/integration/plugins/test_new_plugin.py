@@ -130,7 +130,7 @@ def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwis
     (tmp_path / "meeframe-mine").mkdir()
     (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")
     status, _, err = invoke("new-plugin", "solver", "mine")
-    assert (status, err) == (2, "error: folder meeframe-mine is not empty; name another one with --out, to be created\n")
+    assert (status, err) == (2, "error: folder meeframe-mine is not empty; name another one with --out\n")
 
 
 @pytest.mark.parametrize("kind", KINDS)

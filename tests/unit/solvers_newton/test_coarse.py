@@ -25,7 +25,7 @@ from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import inset
 from meeframe.solvers.newton.residual import ROUNDED, Equation, Point
 from meeframe.solvers.newton.slip_boundary import relaxed_slip
-from meeframe.testing.force_control import SLIDE_2, PRESS, SLIDE, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 from meeframe.testing.half_space import indentation_problem
 
 COULOMB = IsotropicCoulomb(0.3)

@@ -14,7 +14,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.system.capabilities import diagonal
-from meeframe.testing.force_control import SLIDE_2, PRESS, SLIDE, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 
 MU, NODES = 0.3, 48
 COULOMB = IsotropicCoulomb(MU)

@@ -31,7 +31,7 @@ from meeframe.solvers import (
 from meeframe.solvers.newton.globalization import _coupled, _stated, newton_step
 from meeframe.solvers.newton.linear import krylov_step
 from meeframe.solvers.newton.residual import Equation
-from meeframe.testing.force_control import SLIDE_2, PRESS, SLIDE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.operation_counter import OperationCounter
 

@@ -139,7 +139,8 @@ WRONG = {
     "unknown": (('case = "case.toml"', 'case = "case.toml"\naxis = 1'), "axis = 1: unknown key; did you mean 'axes'?"),
     "axes.load": (('light = { "steps[1].approach" = "10 um" }', "light = 3"), "axes.load: allowed: a list of values"),
     "lengths": (
-        ("[axes.load]", "[axes.a]\nx = [1, 2]\ny = [1]\n[axes.load]"), "axes.a: allowed: non-empty lists of equal length", "y has 1"
+        ("[axes.load]", "[axes.a]\nx = [1, 2]\ny = [1]\n[axes.load]"),
+        "axes.a: allowed: non-empty lists of equal length", "y has 1",
     ),
     "empty": (("[0.0, 0.3, inf]", "[]"), "axes.contact.law.mu: allowed: non-empty lists of equal length"),
     "twice": (("[0.0, 0.3, inf]", "[0.3, 0.3]"), "axes.contact.law.mu: values: '0.3' is given twice"),
@@ -180,7 +181,7 @@ WRONG = {
         "plots[1].scale = 'log': needs positive numbers"),
     "map of one": (('x = "load"', 'kind = "map"'), "plots[1].kind = 'map': needs two axes"),
     "same key": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law.mu" = 0.1 }'),
-        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law.mu: one would override the other"),
+        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law.mu: one would override the"),
     "key in a table": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law" = "signorini" }'),
         "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law: one would override the other"),
     "same place": (("[0.0, 0.3, inf]", '["25 um", "0.025 mm"]'), "values: '0.025 mm' is given twice, also as '25 um'"),
