@@ -1,6 +1,6 @@
-"""The pictures of README.md and docs/gallery.md that have no command of their own: `uv run python docs/make_images.py`.
+"""Draw the pictures of README.md and docs/gallery.md that no command draws: `uv run python docs/make_images.py`.
 
-Indenters come from the cases of section 7.1 of the reference paper: one mesh, one material, so one reduced system.
+Indenters come from the cases of section 7.1 of the reference paper, with one mesh, one material and one reduced system.
 """
 
 from dataclasses import dataclass, replace
@@ -33,12 +33,12 @@ MM, GPA, KV = 1e-3, 1e9, 1e3
 
 
 def read_case(condition: str) -> meeframe.Case:
-    """The case of one of the paper's four conditions."""
+    """Return the case of one of the four conditions of the paper."""
     return meeframe.load_case(CASES / f"{condition.lower()}.toml")
 
 
 def solve(case: meeframe.Case, system: ReducedSystem) -> StepResult:
-    """The last step of a case; raises RuntimeError if it did not converge."""
+    """Return the last step of a case. Raises RuntimeError if it did not converge."""
     step = list(solve_steps(case, system))[-1]
     if step.status != "converged":
         raise RuntimeError(f"{case.title}: {step.message}")
@@ -46,14 +46,26 @@ def solve(case: meeframe.Case, system: ReducedSystem) -> StepResult:
 
 
 def closed_form(case: meeframe.Case, condition: str) -> Indentation:
-    """The half space under the sphere of a case (paper, eqs. 33-36, as corrected in docs/theory.md)."""
+    """Return the indentation of a half space by the sphere of a case (paper, eqs. 33-36, see docs/theory.md)."""
     xi = axisymmetric_compliance(case.material.stiffness)
     return indent(xi, Sphere(case.indenter.radius), case.steps[-1].approach, *CONDITIONS[condition])
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What is drawn: label with unit, nodal values in that unit, closed form in SI, and its unit."""
+    """A quantity to draw.
+
+    Attributes
+    ----------
+    label
+        Label with unit.
+    values
+        Function from a step to nodal values in this unit.
+    exact
+        Function from a closed form to its values in SI.
+    unit
+        The unit in SI.
+    """
 
     label: str
     values: Any
@@ -71,36 +83,36 @@ POTENTIAL = Quantity(
 
 
 def overview(system: ReducedSystem) -> Figure:
-    """Maps of the insulated indentation, and sections of it and of the conducting one against the half space."""
+    """Draw maps of the insulated indentation, and sections of it and of the conducting one with the half space."""
     figure = new_figure(11.4, 3.9)
     maps, sections = figure.subfigures(1, 2, width_ratios=(2.05, 1.0))
     axes = maps.subplots(1, 2, sharey=True)
-    rows = sections.subplots(2, sharex=True)
+    panels = sections.subplots(2, sharex=True)
     for condition in LINES:
         case = read_case(condition)
         step, form = solve(case, system), closed_form(case, condition)
-        for quantity, row in zip((PRESSURE, POTENTIAL), rows, strict=True):
-            draw_section(row, system, step, form, quantity, condition)
+        for quantity, panel in zip((PRESSURE, POTENTIAL), panels, strict=True):
+            draw_section(panel, system, step, form, quantity, condition)
         if condition == "EMII":
-            for quantity, place in zip((PRESSURE, POTENTIAL), axes, strict=True):
-                draw_map(figure, place, system, step, quantity)
-                draw_circle(place, form.contact_radius)
+            for quantity, panel in zip((PRESSURE, POTENTIAL), axes, strict=True):
+                draw_map(figure, panel, system, step, quantity)
+                draw_circle(panel, form.contact_radius)
     axes[0].set_ylabel("y [mm]")
-    rows[0].legend(fontsize=7.5, frameon=False, loc="lower center", handlelength=1.4)
-    rows[1].set_xlabel("x [mm], y = 0")
-    sections.align_ylabels(rows)
+    panels[0].legend(fontsize=7.5, frameon=False, loc="lower center", handlelength=1.4)
+    panels[1].set_xlabel("x [mm], y = 0")
+    sections.align_ylabels(panels)
     return figure
 
 
 def indenters(system: ReducedSystem) -> Figure:
-    """Pressure under five insulated indenters on the same block."""
+    """Draw the pressure under five insulated indenters on the same block."""
     sphere = read_case("EMII")
     step = sphere.steps[-1]
-    half = 1.6 * MM  # just outside a row of nodes
+    half = 1.6 * MM  # just outside a line of nodes
     approach = (replace(step, approach=4e-5),)
     cases = {
         "sphere": sphere,
-        "paraboloid, turned": replace(
+        "paraboloid, rotated": replace(
             sphere, indenter=Paraboloid(90 * MM, 30 * MM), steps=approach, placement=Placement(rotation=np.pi / 6)
         ),
         "cone": replace(sphere, indenter=Cone(0.02), steps=approach),
@@ -113,38 +125,40 @@ def indenters(system: ReducedSystem) -> Figure:
     }
     figure = new_figure(13.4, 3.2)
     axes = figure.subplots(1, len(cases), sharey=True)
-    for place, (name, case) in zip(axes, cases.items(), strict=True):
-        draw_map(figure, place, system, solve(case, system), PRESSURE)
-        place.set_title(name, fontsize=10)
+    for panel, (name, case) in zip(axes, cases.items(), strict=True):
+        draw_map(figure, panel, system, solve(case, system), PRESSURE)
+        panel.set_title(name, fontsize=10)
     axes[0].set_ylabel("y [mm]")
     return figure
 
 
 def hysteresis() -> Figure:
-    """What a load path of forces forth and back leads to, as `meeframe run` draws it."""
+    """Draw a load path of cyclic forces, as `meeframe run` does."""
     figure = history(meeframe.solve_case(meeframe.load_case(LOOP)))
     assert figure is not None, "it has many increments"
     return figure
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of a size [inch]."""
+    """Return an empty figure of a size [inch]."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def draw_map(figure: Figure, axes: Any, system: ReducedSystem, step: StepResult, quantity: Quantity) -> None:
-    """Filled contours over the contact zone."""
+    """Draw filled contours over the contact zone."""
     picture = Picture.of(zone_of(system))
     values = picture.values(quantity.values(step))
-    drawn = axes.tricontourf(picture.triangulation, values, levels=24, cmap=MAP_COLOURS)
-    figure.colorbar(drawn, ax=axes, label=quantity.label, location="top", shrink=0.9, aspect=30, ticks=MaxNLocator(5))
+    contours = axes.tricontourf(picture.triangulation, values, levels=24, cmap=MAP_COLOURS)
+    figure.colorbar(
+        contours, ax=axes, label=quantity.label, location="top", shrink=0.9, aspect=30, ticks=MaxNLocator(5)
+    )
     axes.set(aspect="equal", xlabel="x [mm]")
 
 
 def draw_circle(axes: Any, radius: float) -> None:
-    """The contact circle of the closed form [m]."""
+    """Draw the contact circle of the closed form [m]."""
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     axes.plot(radius / MM * np.cos(angle), radius / MM * np.sin(angle), "w--", linewidth=0.9)
 
@@ -152,7 +166,7 @@ def draw_circle(axes: Any, radius: float) -> None:
 def draw_section(
     axes: Any, system: ReducedSystem, step: StepResult, form: Indentation, quantity: Quantity, condition: str
 ) -> None:
-    """Nodal values on y = 0 as dots, closed form as a line."""
+    """Draw nodal values on y = 0 as dots, and the closed form as a line."""
     x, line = middle_row(system.points)
     fine = np.linspace(x.min(), x.max(), 600)
     exact = quantity.exact(form)(np.abs(fine)) / quantity.unit
@@ -164,7 +178,7 @@ def draw_section(
 
 
 def middle_row(points: Array) -> tuple[Array, Array]:
-    """x of the nodes on y = 0, rising, and their numbers."""
+    """Return x of the nodes on y = 0, ascending, and their numbers."""
     line = np.flatnonzero(np.abs(points[:, 1]) < 1e-9)
     line = line[np.argsort(points[line, 0])]
     return points[line, 0], line

@@ -1,4 +1,4 @@
-"""The command line, a module for each group of commands."""
+"""Command line of meeframe, with a module for each group of commands."""
 
 import gc
 import sys
@@ -6,7 +6,7 @@ import sys
 try:
     from meeframe.cli import cases, extensions, fclib, studies
     from meeframe.cli.app import app
-except KeyboardInterrupt:  # in the first third of a second
+except KeyboardInterrupt:  # while modules are imported
     print("interrupted", file=sys.stderr)
     sys.exit(130)
 
@@ -14,8 +14,11 @@ __all__ = ["app", "cases", "extensions", "fclib", "main", "studies"]
 
 
 def main() -> None:
-    """Run the command line; entry point of the console script."""
+    """Run the command line.
+
+    This is the entry point of the console script.
+    """
     try:
         app()
     finally:
-        gc.freeze()  # or Python looks through all there is for garbage before it ends, for a third of a second
+        gc.freeze()  # saves the garbage collection of a third of a second at exit

@@ -1,4 +1,4 @@
-"""The application, and arguments that several commands have."""
+"""The application and the arguments that several commands share."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,22 +8,22 @@ import typer
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",  # joins the lines of a paragraph
-    help="Three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
+    rich_markup_mode="markdown",  # lines of a paragraph are joined
+    help="Solve three-dimensional frictional contact of anisotropic magneto-electro-elastic solids.",
 )
 
 CaseFile = Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case file (docs/case-files.md).")]
-Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Name or inline table; repeatable.")]
+Choices = Annotated[list[str] | None, typer.Option(metavar="NAME", help="A name or an inline table; repeatable.")]
 PluginFiles = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load a plugin from a file; repeatable.")
 ]
 Threads = Annotated[
-    int | None, typer.Option(metavar="N", min=1, max=1024, help="Of this command; by default those of all processors.")
+    int | None, typer.Option(metavar="N", min=1, max=1024, help="Number of threads; by default one for each core.")
 ]
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         from meeframe import __version__
 
         print(f"meeframe {__version__}")

@@ -1,4 +1,4 @@
-"""Commands on one case: run, check, show."""
+"""Commands on one case: run, check and show."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,16 +12,14 @@ from meeframe.cli.app import CaseFile, PluginFiles, Threads, app
 @app.command()
 def run(
     case: CaseFile,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; made if it does not exist.")],
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", metavar="", help="Replace the results that DIR holds.")
-    ] = False,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results; created if it does not exist.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
     """Solve a case and write result.h5, summary.json, fields.vtu and figures.
 
-    Exit status 0 if every step converged, 1 if not, 2 for bad input, 130 if interrupted.
+    The exit status is 0 if every step converged, 1 if not, 2 for invalid input and 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         with console.loading():
@@ -42,20 +40,20 @@ def run(
 
 @app.command()
 def check(case: CaseFile, plugin: PluginFiles = None) -> None:
-    """Validate a case without running it."""
+    """Check a case file without running it."""
     with console.exit_status():
         with console.loading():
             from meeframe.mesh import find_contact_zone
             from meeframe.model.load import load_case
 
-            checked = load_case(case, console.registry(plugin))
-        steps = len(checked.steps)
-        nodes = len(find_contact_zone(checked.mesh, checked.zone).points)
+            loaded = load_case(case, console.registry(plugin))
+        steps = len(loaded.steps)
+        nodes = len(find_contact_zone(loaded.mesh, loaded.zone).points)
         print(
-            f"{case}: ok: material {checked.material.name or 'without a name'}, {checked.mesh.n_elements} elements, "
-            f"contact zone {checked.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"
+            f"{case}: ok: material {loaded.material.name or 'without a name'}, {loaded.mesh.n_elements} elements, "
+            f"contact zone {loaded.zone} of {nodes} nodes, {steps} step{'s' * (steps > 1)}"
         )
-        for warning in checked.warnings:
+        for warning in loaded.warnings:
             console.warn(warning)
 
 

@@ -1,4 +1,4 @@
-"""Commands on files of FCLIB: fclib export, fclib solve."""
+"""Commands on FCLIB files: fclib export and fclib solve."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ import typer
 from meeframe.cli import console
 from meeframe.cli.app import CaseFile, PluginFiles, app
 
-fclib_app = typer.Typer(no_args_is_help=True, help="Exchange contact problems with other solvers in files of FCLIB.")
+fclib_app = typer.Typer(no_args_is_help=True, help="Exchange contact problems with other solvers in FCLIB files.")
 app.add_typer(fclib_app, name="fclib")
 
 
@@ -16,13 +16,15 @@ app.add_typer(fclib_app, name="fclib")
 def fclib_export(
     case: CaseFile,
     out: Annotated[Path, typer.Argument(metavar="OUT.hdf5", help="The file to write.")],
-    increment: Annotated[int | None, typer.Option(metavar="K", help="From 1; the last one if not given.")] = None,
+    increment: Annotated[
+        int | None, typer.Option(metavar="K", help="Increment, counted from 1; by default the last one.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace the file.")] = False,
     plugin: PluginFiles = None,
 ) -> None:
-    """Run a case up to an increment and write its contact problem, with our solution if it converged.
+    """Run a case up to an increment and write its contact problem, with the solution if it converged.
 
-    Exit status 0 if the increment converged, 1 if not, 2 for bad input, 130 if interrupted.
+    The exit status is 0 if the increment converged, 1 if not, 2 for invalid input and 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"{out} was not written"):
         from meeframe.model.load import load_case
@@ -36,19 +38,19 @@ def fclib_export(
 
 @fclib_app.command("solve")
 def fclib_solve(
-    file: Annotated[Path, typer.Argument(metavar="FILE.hdf5", help="A local problem of FCLIB.")],
-    solver: Annotated[str, typer.Option(metavar="NAME", help="Name or inline table.")] = "auto",
-    tolerance: Annotated[float, typer.Option(help="Of the residual.")] = 1e-10,
+    file: Annotated[Path, typer.Argument(metavar="FILE.hdf5", help="A local problem in FCLIB format.")],
+    solver: Annotated[str, typer.Option(metavar="NAME", help="Name or inline table of the solver.")] = "auto",
+    tolerance: Annotated[float, typer.Option(help="Tolerance of the residual.")] = 1e-10,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", metavar="", help="Replace the solution that the file has.")
+        bool, typer.Option("--overwrite", metavar="", help="Replace the solution in the file.")
     ] = False,
     plugin: PluginFiles = None,
 ) -> None:
-    """Solve a problem and put the solution into its file; one that is there is compared, and stays.
+    """Solve a problem and store the solution in its file; an existing solution is compared and preserved.
 
-    Exit status 0 if the solver converged, 1 if not, 2 for bad input, 130 if interrupted.
+    The exit status is 0 if the solver converged, 1 if not, 2 for invalid input and 130 if interrupted.
     """
-    with console.exit_status(console.NOT_CONVERGED, f"{file} stays as it was"):
+    with console.exit_status(console.NOT_CONVERGED, f"{file} is unchanged"):
         from meeframe.study.fclib import solve_file
 
         solved = solve_file(file, solver, tolerance, overwrite, console.registry(plugin))

@@ -1,4 +1,4 @@
-"""Building blocks of boundary elements: unknowns, collocation and adaptive quadrature, as dense-bem uses them.
+"""Building blocks of boundary elements: unknowns, collocation and adaptive quadrature, as used by dense-bem.
 
 `lay_out` and `Units` serve any formulation that numbers the unknowns of a surface mesh. The other names are for
 formulations that assemble the same integrals in another way; kernels are compiled functions for compiled callers.

@@ -1,4 +1,4 @@
-"""Registration of the built-in laws, elements, formulations and solvers, through the same hooks as plugins."""
+"""Registration of the built-in laws, elements, formulations and solvers through the same hooks as plugins."""
 
 from collections.abc import Iterable
 
@@ -47,13 +47,13 @@ def meeframe_elements() -> Iterable[Record[SurfaceElement]]:
 
 @hookimpl
 def meeframe_formulations() -> Iterable[Record[Formulation]]:
-    """Return the boundary elements."""
+    """Return the boundary element formulation."""
     return [Record("dense-bem", DenseBEM, "collocation, one dense matrix", f"{_PAPER}, eqs. 19-26")]
 
 
 @hookimpl
 def meeframe_contact_laws() -> Iterable[Record[ContactLaw]]:
-    """Return the contact without and with Coulomb friction."""
+    """Return the contact laws without and with Coulomb friction."""
     return [
         Record("signorini", Signorini, "unilateral contact without friction", f"{_PAPER}, eqs. 10, 11"),
         Record("isotropic-coulomb", IsotropicCoulomb, "unilateral contact, Coulomb friction", f"{_PAPER}, eqs. 11-16"),
@@ -68,7 +68,7 @@ def meeframe_contact_laws() -> Iterable[Record[ContactLaw]]:
 
 @hookimpl
 def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
-    """Return the insulation, and conduction in contact."""
+    """Return the insulating and the conducting law."""
     return [
         Record("insulating", Insulating, "no flux through the contact", f"{_PAPER}, section 7.1 (EMII)"),
         Record("step", StepConductivity, "kappa under pressure; inf conducts perfectly", f"{_PAPER}, eqs. 17, 18"),
@@ -77,7 +77,7 @@ def meeframe_conductivity_laws() -> Iterable[Record[ConductivityLaw]]:
 
 @hookimpl
 def meeframe_solvers() -> Iterable[Record[Solver]]:
-    """Return the iterations on the contact problem."""
+    """Return the contact solvers."""
     return [
         Record("uzawa", Uzawa, "projected augmented tractions", f"{_PAPER}, eqs. 30-32"),
         Record(

@@ -1,4 +1,4 @@
-"""Descriptions of the parameters of registered things: names, units, allowed values, defaults."""
+"""Descriptions of the parameters of registered objects: names, units, allowed values and defaults."""
 
 import dataclasses
 import inspect
@@ -19,7 +19,19 @@ _SIGNS: Final = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 @dataclass(frozen=True)
 class Parameter:
-    """A key of a case file in words. unit: SI, "1" for pure numbers, "" for what is no quantity."""
+    """A key of a case file in words.
+
+    Attributes
+    ----------
+    name
+        Name of the key.
+    unit
+        SI unit, "1" for pure numbers, "" if it is not a quantity.
+    allowed
+        Allowed values.
+    default
+        Default value, or "required".
+    """
 
     name: str
     unit: str
@@ -28,18 +40,23 @@ class Parameter:
 
 
 def find(registry: Registry, name: str) -> list[Entry]:
-    """Return all entries of a name, of any kind; raise PluginError that lists similar and allowed names if there is
-    none."""
-    found = [entry for entry in registry.entries if entry.record.name == name]
-    if not found:
+    """Return all entries of a name, of any kind.
+
+    Raises
+    ------
+    PluginError
+        For an unknown name; the message lists similar and allowed names.
+    """
+    entries = [entry for entry in registry.entries if entry.record.name == name]
+    if not entries:
         names = sorted({entry.record.name for entry in registry.entries})
         broken = "".join(f"; {fault}" for fault in registry.broken)
         raise PluginError(f"unknown name {name!r}; {choices(name, names)}{broken}")
-    return found
+    return entries
 
 
 def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
-    """Return the keys that a case file may give; none if the factory is no dataclass."""
+    """Return the keys of an entry in case files; none if the factory is not a dataclass."""
     factory = entry.record.factory
     if not (isinstance(factory, type) and dataclasses.is_dataclass(factory)):
         return []
@@ -49,37 +66,38 @@ def parameters(entry: Entry, registry: Registry) -> list[Parameter]:
 
 
 def documentation(entry: Entry) -> str:
-    """Return the docstring of the factory, "" if it has none of its own."""
+    """Return the docstring of the factory; "" if it has none."""
     factory = entry.record.factory
     text = inspect.cleandoc(getattr(factory, "__doc__", None) or "")
     generated = f"{getattr(factory, '__name__', '')}("
     return "" if text.startswith(generated) else text
 
 
-def _parts(hint: Any) -> Iterable[Any]:
+def _alternatives(hint: Any) -> Iterable[Any]:
     return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
 
 
 def _unit(hint: Any) -> str:
-    marks = [mark for part in _parts(hint) for mark in getattr(part, "__metadata__", ()) if isinstance(mark, Quantity)]
-    return " or ".join(unit or "1" for mark in marks[:1] for unit in mark.units)
+    metadata = (item for alternative in _alternatives(hint) for item in getattr(alternative, "__metadata__", ()))
+    quantity = next((item for item in metadata if isinstance(item, Quantity)), None)
+    return "" if quantity is None else " or ".join(unit or "1" for unit in quantity.units)
 
 
 def _allowed(hint: Any) -> str:
-    return " or ".join(_allowed_part(part) for part in _parts(hint))
+    return " or ".join(_allowed_type(alternative) for alternative in _alternatives(hint))
 
 
-def _allowed_part(hint: Any) -> str:
+def _allowed_type(hint: Any) -> str:
     if get_origin(hint) is Annotated:
-        mark = next((mark for mark in hint.__metadata__ if isinstance(mark, Quantity)), None)
-        if mark is not None:
-            return mark.range or "any"
+        quantity = next((item for item in hint.__metadata__ if isinstance(item, Quantity)), None)
+        if quantity is not None:
+            return quantity.range or "any"
         return " ".join([_allowed(hint.__origin__), *_bounds(hint.__metadata__)])
     if get_origin(hint) is Literal:
         return " or ".join(repr(value) for value in get_args(hint))
     if get_origin(hint) is tuple:
-        inner = [part for part in get_args(hint) if part is not Ellipsis]
-        return f"list of {', '.join(_allowed(part) for part in inner)}"
+        inner = [alternative for alternative in get_args(hint) if alternative is not Ellipsis]
+        return f"list of {', '.join(_allowed(alternative) for alternative in inner)}"
     if hint in CONTRACTS:
         return f"{CONTRACTS[hint]}, name or table"
     if hint is type(None):
@@ -87,10 +105,10 @@ def _allowed_part(hint: Any) -> str:
     return _WORDS[hint] if hint in _WORDS else str(getattr(hint, "__name__", hint))
 
 
-def _bounds(marks: Iterable[Any]) -> list[str]:
-    """Return the bounds of pydantic's Field or of annotated-types."""
-    plain = [inner for mark in marks for inner in getattr(mark, "metadata", (mark,))]
-    return [f"{sign} {getattr(mark, name):g}" for mark in plain for name, sign in _SIGNS.items() if hasattr(mark, name)]
+def _bounds(metadata: Iterable[Any]) -> list[str]:
+    """Return the bounds in metadata of pydantic's Field or of annotated-types."""
+    items = [inner for item in metadata for inner in getattr(item, "metadata", (item,))]
+    return [f"{sign} {getattr(item, name):g}" for item in items for name, sign in _SIGNS.items() if hasattr(item, name)]
 
 
 def _default(field: "dataclasses.Field[Any]", registry: Registry) -> str:
@@ -100,7 +118,7 @@ def _default(field: "dataclasses.Field[Any]", registry: Registry) -> str:
         value = field.default
     else:
         return "required"
-    named = [entry.record.name for entry in registry.entries if entry.record.factory is type(value)]
-    if named:
-        return named[0]
+    names = [entry.record.name for entry in registry.entries if entry.record.factory is type(value)]
+    if names:
+        return names[0]
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""Hook specifications: one documented hook per kind of thing that can be registered."""
+"""Hook specifications, with one documented hook for each kind of object that can be registered."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,10 +22,18 @@ T_co = TypeVar("T_co", covariant=True)
 
 @dataclass(frozen=True)
 class Record(Generic[T_co]):
-    """One registered thing.
+    """One registered object.
 
-    name: as written in case files, in small letters, digits and hyphens; factory: a frozen dataclass (its fields are
-    the case file's keys) or, for elements, the element class; summary: one line; source: equation, paper or book.
+    Attributes
+    ----------
+    name
+        Name in case files, in lower-case letters, digits and hyphens.
+    factory
+        A frozen dataclass whose fields are the keys in case files or, for elements, the element class.
+    summary
+        Description in one line.
+    source
+        Equation, paper or book.
     """
 
     name: str
@@ -35,32 +43,35 @@ class Record(Generic[T_co]):
 
 
 class HookSpecs:
-    """The hooks. An implementation returns a list of records; see docs/plugins.md."""
+    """Hooks of meeframe.
+
+    An implementation returns a list of records; see docs/plugins.md.
+    """
 
     @hookspec
     def meeframe_fundamental_solutions(self) -> Iterable[Record[FundamentalSolution]]:  # type: ignore[empty-body]
-        """Return the fundamental solutions (contract: meeframe.greens.base)."""
+        """Return fundamental solutions (abstract class: meeframe.greens.base)."""
 
     @hookspec
     def meeframe_elements(self) -> Iterable[Record[SurfaceElement]]:  # type: ignore[empty-body]
-        """Return the surface elements (contract: meeframe.elements.base)."""
+        """Return surface elements (abstract class: meeframe.elements.base)."""
 
     @hookspec
     def meeframe_formulations(self) -> Iterable[Record[Formulation]]:  # type: ignore[empty-body]
-        """Return the formulations (contract: meeframe.system.reduced)."""
+        """Return formulations (abstract class: meeframe.formulations.base)."""
 
     @hookspec
     def meeframe_contact_laws(self) -> Iterable[Record[ContactLaw]]:  # type: ignore[empty-body]
-        """Return the normal and tangential contact laws (contract: meeframe.laws.base)."""
+        """Return normal and tangential contact laws (abstract class: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
-        """Return the electric and magnetic conductivity laws (contract: meeframe.laws.base)."""
+        """Return electric and magnetic conductivity laws (abstract class: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_solvers(self) -> Iterable[Record[Solver]]:  # type: ignore[empty-body]
-        """Return the contact solvers (contract: meeframe.contact.problem)."""
+        """Return contact solvers (abstract class: meeframe.contact.problem)."""
 
     @hookspec
     def meeframe_indenters(self) -> Iterable[Record[Indenter]]:  # type: ignore[empty-body]
-        """Return the indenter shapes (contract: meeframe.indenters.base)."""
+        """Return indenter shapes (abstract class: meeframe.indenters.base)."""

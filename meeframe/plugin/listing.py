@@ -1,4 +1,4 @@
-"""Terminal pages of registered things: the list of everything, and a page on each."""
+"""Terminal pages of registered objects: a list of all, and a page for each."""
 
 from collections.abc import Collection, Iterator
 
@@ -13,9 +13,17 @@ from meeframe.plugin.registry import Entry, Kind, Registry
 
 
 def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> RenderableType:
-    """Return the list of names by kind, one line each with its summary and, for plugins, its provider."""
+    """Return the list of names by kind, one line each with the summary and, for plugins, the provider.
+
+    Parameters
+    ----------
+    registry
+        The registry.
+    kinds
+        Kinds to list.
+    """
     width = max((len(entry.record.name) for entry in registry.entries), default=0)
-    parts: list[RenderableType] = []
+    blocks: list[RenderableType] = []
     for kind in kinds:
         table = LiteralTable(box=None, pad_edge=False, show_header=False)
         table.add_column(no_wrap=True, min_width=width)
@@ -23,16 +31,19 @@ def plugin_list(registry: Registry, kinds: Collection[Kind] = tuple(Kind)) -> Re
         for entry in (entry for entry in registry.entries if entry.kind is kind):
             plugin = f" ({entry.provider.name})" if entry.provider.name != PROJECT else ""
             table.add_row(entry.record.name, entry.record.summary + plugin)
-        parts += [Text(f"{kind}s", style="bold"), Padding(table, (0, 0, 1, 2), expand=False)]
-    return Group(*parts, Text("meeframe plugins show NAME: parameters, provider, source"))
+        blocks += [Text(f"{kind}s", style="bold"), Padding(table, (0, 0, 1, 2), expand=False)]
+    return Group(*blocks, Text("meeframe plugins show NAME: parameters, provider, source"))
 
 
 def plugin_page(registry: Registry, name: str) -> RenderableType:
-    """Return the page of a name: summary, parameters, documentation with formula and source.
+    """Return the page of a name: summary, parameters, and documentation with formula and source.
 
-    Raises PluginError if there is nothing of that name.
+    Raises
+    ------
+    PluginError
+        For an unknown name.
     """
-    return Group(*(part for entry in find(registry, name) for part in _page(registry, entry)))
+    return Group(*(block for entry in find(registry, name) for block in _page(registry, entry)))
 
 
 def _page(registry: Registry, entry: Entry) -> Iterator[RenderableType]:
@@ -51,6 +62,6 @@ def _page(registry: Registry, entry: Entry) -> Iterator[RenderableType]:
             table.add_row(key.name, key.unit, key.allowed, key.default)
         yield table
     else:
-        yield Text("It has no parameters.")
+        yield Text("No parameters.")
     text = documentation(entry)
     yield Text(f"\n{text}\n" if text else "")

@@ -1,4 +1,4 @@
-"""The registry: everything that has a name in a case file, whoever provides it."""
+"""Registry of everything that case files can name, from meeframe and from plugins."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ from meeframe.plugin.validation import Problem, TableError, build, choices
 
 
 class Kind(StrEnum):
-    """Kinds of things that can be registered, one hook each."""
+    """Kinds of objects that can be registered, with one hook each."""
 
     FUNDAMENTAL_SOLUTION = "fundamental solution"
     ELEMENT = "element"
@@ -37,7 +37,7 @@ class Kind(StrEnum):
 
     @property
     def hook(self) -> str:
-        """Name of the hook: meeframe_contact_laws."""
+        """Name of the hook, such as meeframe_contact_laws."""
         return f"{PROJECT}_{self.value.replace(' ', '_')}s"
 
 
@@ -54,12 +54,12 @@ CONTRACTS: Final[Mapping[type, Kind]] = {
 
 def contract_of(kind: Kind) -> type:
     """Return the abstract class of a kind."""
-    return next(contract for contract, its_kind in CONTRACTS.items() if its_kind is kind)
+    return next(contract for contract, kind_of_contract in CONTRACTS.items() if kind_of_contract is kind)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One registered thing and who provides it."""
+    """A registered object and its provider."""
 
     kind: Kind
     record: Record[Any]
@@ -68,10 +68,20 @@ class Entry:
 
 @dataclass(frozen=True)
 class Registry:
-    """Everything that is registered, and the plugins that failed. Made by `load` or `from_plugins`.
+    """Everything that is registered, and the plugins that failed; created by `load` or `from_plugins`.
 
-    folder: where relative paths in tables start; unit: those of keys whose dimension depends on where they are used,
-    with blanks between; scalar_fields: further ones that materials may have.
+    Attributes
+    ----------
+    entries
+        Registered objects.
+    broken
+        Plugins that failed.
+    folder
+        Folder that relative paths in tables refer to.
+    unit
+        Units of keys whose dimension depends on their use, separated by blanks.
+    scalar_fields
+        Further scalar fields that materials may have.
     """
 
     entries: tuple[Entry, ...]
@@ -82,15 +92,15 @@ class Registry:
 
     @classmethod
     def from_plugins(cls, plugins: Iterable[tuple[Provider, object]], broken: Iterable[Broken] = ()) -> "Registry":
-        """Return the registry of plugins (modules or objects with hook implementations).
+        """Create the registry of plugins, which are modules or objects with hook implementations.
 
         Plugins that fail are recorded as broken. Raises PluginError if two of them register the same name.
         """
         entries: list[Entry] = []
         failed = list(broken)
         for provider, plugin in plugins:
-            found, faults = _collect(provider, plugin)
-            entries += found
+            valid, faults = _collect(provider, plugin)
+            entries += valid
             failed += faults
         _refuse_duplicates(entries)
         return cls(tuple(entries), tuple(failed))
@@ -105,18 +115,34 @@ class Registry:
         return tuple(sorted(entry.record.name for entry in self.entries if entry.kind is kind))
 
     def get(self, kind: Kind, name: str) -> Record[Any]:
-        """Return the record of a name; raises PluginError that lists the choices (and broken plugins) if there is
-        none."""
+        """Return the record of a name.
+
+        Raises
+        ------
+        PluginError
+            For an unknown name; the message lists the choices and the broken plugins.
+        """
         for entry in self.entries:
             if entry.kind is kind and entry.record.name == name:
                 return entry.record
         raise PluginError(f"unknown {kind} {name!r}; {self._choices(kind, name)}")
 
     def create(self, kind: Kind, table: Any, other_keys: tuple[str, ...] = ()) -> Any:
-        """Return the object that a case file describes by a table {name = ..., key = ...} or by its name alone.
+        """Create an object from its description in a case file.
 
-        Objects of the kind itself pass through. other_keys: as of meeframe.plugin.validation.build. Raises TableError
-        with located problems.
+        Parameters
+        ----------
+        kind
+            Kind of the object.
+        table
+            A table {name = ..., key = ...}, a name, or an object of this kind, which is returned.
+        other_keys
+            As for `meeframe.plugin.validation.build`.
+
+        Raises
+        ------
+        TableError
+            With the location of each problem.
         """
         if isinstance(table, contract_of(kind)):
             return table
@@ -138,21 +164,21 @@ class Registry:
         return build(record.factory, options, self._convert, other_keys, self.unit)
 
     def _convert(self, hint: Any) -> Callable[[Any], Any] | None:
-        """Return how tables give a value of a type that pydantic does not know: a contract, or a path."""
+        """Return the converter of table values for types unknown to pydantic: abstract classes and paths."""
         if hint is Path:
             return lambda value: self.folder / value if isinstance(value, str) else value
         kind = CONTRACTS.get(hint) if isinstance(hint, type) else None
         return None if kind is None else lambda value: self.create(kind, value)
 
     def _choices(self, kind: Kind, name: str) -> str:
-        own = "; one of your own comes with --plugin FILE.py"
-        return choices(name, self.names(kind)) + own + "".join(f"; {broken}" for broken in self.broken)
+        hint = "; load a local plugin with --plugin FILE.py"
+        return choices(name, self.names(kind)) + hint + "".join(f"; {broken}" for broken in self.broken)
 
 
 def _hooks(plugin: object) -> Any:
-    """Return the hooks of one plugin, on a manager of its own so that it cannot touch the others.
+    """Return the hooks of one plugin, on a separate manager so that it cannot affect others.
 
-    Whatever the plugin does wrong comes out as an exception.
+    Any error of the plugin raises an exception.
     """
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(HookSpecs)
@@ -164,17 +190,17 @@ def _hooks(plugin: object) -> Any:
 
 
 def _check_names(manager: pluggy.PluginManager) -> None:
-    """Raise PluginError for an implementation of a hook that there is not."""
+    """Raise PluginError for an implementation of an unknown hook."""
     try:
         manager.check_pending()
     except pluggy.PluginValidationError as error:
-        what = str(error).partition(" in plugin ")[0]
-        name = what.partition("'")[2].rstrip("'")
-        raise PluginError(f"{what}; {choices(name, [kind.hook for kind in Kind])}") from None
+        message = str(error).partition(" in plugin ")[0]
+        name = message.partition("'")[2].rstrip("'")
+        raise PluginError(f"{message}; {choices(name, [kind.hook for kind in Kind])}") from None
 
 
 def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Broken]]:
-    """Return what a plugin registers, and what of it is broken; the one does not keep the other from being used."""
+    """Return the valid entries of a plugin and its broken hooks and records; the valid ones remain usable."""
     file = getattr(plugin, "__file__", None)
     entries: list[Entry] = []
     broken: list[Broken] = []
@@ -184,14 +210,14 @@ def _collect(provider: Provider, plugin: object) -> tuple[list[Entry], list[Brok
         return [], [Broken(provider, reason(error), line_in(error, file))]
     for kind in Kind:
         try:
-            records = [record for answer in getattr(hooks, kind.hook)() for record in answer]
+            records = [record for result in getattr(hooks, kind.hook)() for record in result]
         except (Exception, SystemExit) as error:
             broken.append(Broken(provider, f"{kind.hook}: {reason(error)}", line_in(error, file)))
             continue
         for record in records:
-            wrong = fault(kind, contract_of(kind), record)
-            if wrong:
-                broken.append(Broken(provider, f"{kind.hook}: {wrong}"))
+            problem = fault(kind, contract_of(kind), record)
+            if problem:
+                broken.append(Broken(provider, f"{kind.hook}: {problem}"))
             else:
                 entries.append(Entry(kind, record, provider))
     return entries, broken
@@ -210,11 +236,19 @@ def _refuse_duplicates(entries: list[Entry]) -> None:
 
 
 def load(*files: Path) -> Registry:
-    """Return the registry of the built-ins, of installed plugins (entry points of the group 'meeframe') and of local
-    files.
+    """Return the registry of the built-in objects, of installed plugins and of local plugin files.
 
-    Installed plugins that fail are recorded as broken; whoever names a file wants it: raises PluginError that names the
-    file, the line and the cause if a file fails, and if two plugins register the same name.
+    Installed plugins (entry points of the group 'meeframe') that fail are recorded as broken.
+
+    Parameters
+    ----------
+    *files
+        Local plugin files.
+
+    Raises
+    ------
+    PluginError
+        If a local file fails, with the file, the line and the cause, or if two plugins register the same name.
     """
     registry = _without_files()
     if not files:
@@ -232,5 +266,5 @@ def _without_files() -> Registry:
     from meeframe.plugin import builtins
 
     plugins, broken = installed()
-    own = Provider(PROJECT, metadata.version(PROJECT))
-    return Registry.from_plugins([(own, builtins), *plugins], broken)
+    provider = Provider(PROJECT, metadata.version(PROJECT))
+    return Registry.from_plugins([(provider, builtins), *plugins], broken)

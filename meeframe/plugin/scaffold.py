@@ -16,11 +16,14 @@ from meeframe.plugin.validation import choices
 
 _HALF_SPACE: Final = {"approach": "20 um", "translation": "4 um"}
 _LAYER: Final = {"approach": "1 um", "translation": "0.2 um"}
-"""Of the example: the contact of the example of a formulation, for thin layers, is some four times as wide as that."""
+"""Motions of the example of a formulation, where the contact is about four times as wide as for a half space."""
 
 
-def kind_called(text: str) -> Kind:
-    """Return the kind that a command line calls contact-law. Raises PluginError that lists the kinds."""
+def parse_kind(text: str) -> Kind:
+    """Return the kind for its name on the command line, such as contact-law.
+
+    Raises PluginError that lists the kinds.
+    """
     kinds = {kind.value.replace(" ", "-"): kind for kind in Kind}
     if text not in kinds:
         raise PluginError(f"unknown kind {text!r}; {choices(text, kinds)}")
@@ -28,39 +31,64 @@ def kind_called(text: str) -> Kind:
 
 
 def new_plugin(kind: Kind, name: str, registry: Registry, folder: Path | None = None) -> Path:
-    """Write a package that registers a new thing of a kind; returns its folder, by default meeframe-NAME here.
+    """Write a package that registers a new object of a kind.
 
-    name: as case files will write it, in small letters, digits and hyphens. The package works, and passes its own
-    tests, as it is: it is to be changed into what is wanted.
-    Raises PluginError if the name is taken or cannot be one, or if the folder holds anything or cannot be written.
+    The package works and passes its tests as it is; it is a starting point for changes.
+
+    Parameters
+    ----------
+    kind
+        Kind of the object.
+    name
+        Name in case files, in lower-case letters, digits and hyphens.
+    registry
+        Registry of plugins, whose names are taken.
+    folder
+        Folder of the package; by default meeframe-NAME in the working folder.
+
+    Returns
+    -------
+    Path
+        Folder of the package.
+
+    Raises
+    ------
+    PluginError
+        If the name is taken or invalid, or if the folder is not empty or cannot be written.
     """
     templates = resources.files("meeframe.plugin") / "templates"
-    own = templates / kind.value.replace(" ", "-")
-    words = _words(kind, name)
-    _check_name(kind, name, words["class_name"], registry, (own / "module.py.template").read_text(encoding="utf-8"))
-    target = folder or Path(words["package"])
+    templates_of_kind = templates / kind.value.replace(" ", "-")
+    substitutions = _substitutions(kind, name)
+    _check_name(
+        kind,
+        name,
+        substitutions["class_name"],
+        registry,
+        (templates_of_kind / "module.py.template").read_text(encoding="utf-8"),
+    )
+    target = folder or Path(substitutions["package"])
     try:
         if target.exists() and any(target.iterdir()):
-            other = f"the folder to make, such as {folder / words['package']}" if folder else "another one to make"
-            raise PluginError(f"folder {target} holds files; --out names {other}")
+            example = f", such as {folder / substitutions['package']}" if folder else ""
+            raise PluginError(f"folder {target} is not empty; name another one with --out{example}")
         (target / "tests").mkdir(parents=True, exist_ok=True)
-        words["case"] = _filled(own / "case.toml.template", words).rstrip()
+        substitutions["case"] = _fill(templates_of_kind / "case.toml.template", substitutions).rstrip()
         for file, template in {
             "pyproject.toml": templates / "pyproject.toml.template",
             "README.md": templates / "README.md.template",
             "example.toml": templates / "example.toml.template",
-            f"{words['module']}.py": own / "module.py.template",
-            f"tests/test_{words['module']}.py": own / "test.py.template",
-            f"tests/test_{words['module']}_example.py": templates / "test_example.py.template",
+            f"{substitutions['module']}.py": templates_of_kind / "module.py.template",
+            f"tests/test_{substitutions['module']}.py": templates_of_kind / "test.py.template",
+            f"tests/test_{substitutions['module']}_example.py": templates / "test_example.py.template",
         }.items():
-            (target / file).write_text(_filled(template, words), encoding="utf-8")
+            (target / file).write_text(_fill(template, substitutions), encoding="utf-8")
     except OSError as error:
         raise PluginError(f"folder {target} cannot be written: {error.strerror or error}") from None
     return target
 
 
-def _words(kind: Kind, name: str) -> dict[str, str]:
-    """Return what stands in the templates for what."""
+def _substitutions(kind: Kind, name: str) -> dict[str, str]:
+    """Return the substitutions for the templates."""
     return {
         "kind": kind.value,
         "name": name,
@@ -77,11 +105,11 @@ def _check_name(kind: Kind, name: str, class_name: str, registry: Registry, modu
     if not NAME.fullmatch(name):
         raise PluginError(f"name {name!r}: allowed: {NAME_RULE}")
     if name in registry.names(kind):
-        taken = next(entry for entry in registry.entries if entry.kind is kind and entry.record.name == name)
-        raise PluginError(f"{kind} {name!r} is there already, provided by {taken.provider}; choose another name")
+        existing = next(entry for entry in registry.entries if entry.kind is kind and entry.record.name == name)
+        raise PluginError(f"{kind} {name!r} already exists, provided by {existing.provider}; choose another name")
     if keyword.iskeyword(class_name) or re.search(rf"\b{class_name}\b", module):
-        raise PluginError(f"name {name!r} would make a class {class_name}, a name that Python or meeframe uses")
+        raise PluginError(f"name {name!r} needs a class {class_name}, a name that Python or meeframe uses")
 
 
-def _filled(template: Traversable, words: dict[str, str]) -> str:
-    return Template(template.read_text(encoding="utf-8")).substitute(words)
+def _fill(template: Traversable, substitutions: dict[str, str]) -> str:
+    return Template(template.read_text(encoding="utf-8")).substitute(substitutions)

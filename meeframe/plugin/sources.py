@@ -1,4 +1,4 @@
-"""Sources of plugins: installed distributions by their entry points, and local files that the user names."""
+"""Sources of plugins: entry points of installed distributions, and local files named by the user."""
 
 import dataclasses
 import hashlib
@@ -20,15 +20,15 @@ from meeframe.common.errors import MeeframeError, PluginError, PluginFault
 from meeframe.plugin.hookspecs import PROJECT
 
 LOCAL: Final = f"{PROJECT}_file_"
-"""How names of modules that come from local files begin."""
+"""Prefix of the names of modules from local files."""
 OWN_PACKAGES: Final = frozenset({"meeframe_halfspace", "meeframe_hmatrix", "meeframe_laws", "meeframe_skfem"})
-"""Plugins of this project: a failure in them is its own defect, for which there is the traceback."""
+"""Plugins of this project; failures in them are defects, reported by a traceback."""
 _LIBRARIES: Final = frozenset({"site-packages", "dist-packages"})
 
 
 @dataclass(frozen=True)
 class Provider:
-    """A provider of plugins: name and version of a distribution, or path and shortened SHA-256 of a local file."""
+    """Provider of plugins: name and version of a distribution, or path and shortened SHA-256 of a local file."""
 
     name: str
     version: str
@@ -39,7 +39,17 @@ class Provider:
 
 @dataclass(frozen=True)
 class Broken:
-    """A plugin, or one part of it, that failed. line: of the plugin's own module where it did, if it can be told."""
+    """A plugin, or a hook or record of it, that failed.
+
+    Attributes
+    ----------
+    provider
+        Provider of the plugin.
+    reason
+        Reason of the failure.
+    line
+        Line of the plugin's module where it failed, if known.
+    """
 
     provider: Provider
     reason: str
@@ -50,30 +60,37 @@ class Broken:
 
 
 Plugins = tuple[list[tuple[Provider, object]], list[Broken]]
-"""Modules with who provides them, and those that failed."""
+"""Modules with their providers, and the plugins that failed."""
 
 
 def installed() -> Plugins:
-    """Return the plugins of all distributions with entry points of the group 'meeframe'; one that fails is broken."""
+    """Return the plugins of all distributions with entry points of the group 'meeframe', and those that failed."""
     plugins: list[tuple[Provider, object]] = []
     broken: list[Broken] = []
-    for point in metadata.entry_points(group=PROJECT):
-        provider = Provider(point.dist.name, point.dist.version) if point.dist else Provider(point.name, "")
-        outdated = _unmet((point.dist.requires if point.dist else None) or ())
+    for entry_point in metadata.entry_points(group=PROJECT):
+        provider = (
+            Provider(entry_point.dist.name, entry_point.dist.version)
+            if entry_point.dist
+            else Provider(entry_point.name, "")
+        )
+        outdated = _unmet((entry_point.dist.requires if entry_point.dist else None) or ())
         if outdated:
             broken.append(Broken(provider, outdated))
             continue
         try:
-            plugins.append((provider, point.load()))
+            plugins.append((provider, entry_point.load()))
         except (Exception, SystemExit) as error:
-            broken.append(Broken(provider, f"{_place(error)}{reason(error)}"))
+            broken.append(Broken(provider, f"{_location(error)}{reason(error)}"))
     return plugins, broken
 
 
 def load_file(path: Path) -> tuple[Provider, ModuleType]:
-    """Return the module of a local file, run now.
+    """Load a plugin from a local file.
 
-    Raises PluginError that names the file, the line and the cause if it cannot be read or fails.
+    Raises
+    ------
+    PluginError
+        If the file cannot be read or fails; the message names the file, the line and the cause.
     """
     try:
         source = path.read_bytes()
@@ -83,12 +100,12 @@ def load_file(path: Path) -> tuple[Provider, ModuleType]:
 
 
 def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
-    """Load a plugin from source text, whose file need not be on this machine; otherwise as `load_file`."""
+    """Load a plugin from source code, whose file need not exist on this machine; otherwise like `load_file`."""
     name = source_name(path, source)
     module = ModuleType(name)
     module.__file__ = str(path.resolve())
     linecache.checkcache(module.__file__)
-    sys.modules[name] = module  # annotations are looked up there
+    sys.modules[name] = module  # annotations are resolved there
     try:
         exec(compile(source, module.__file__, "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
@@ -98,95 +115,108 @@ def load_source(path: Path, source: bytes) -> tuple[Provider, ModuleType]:
 
 
 def source_name(path: Path, source: bytes) -> str:
-    """Return the name of the module that a local file of this content becomes."""
+    """Return the module name for a local file with this content."""
     return f"{LOCAL}{path.stem}_{hashlib.sha256(source).hexdigest()[:12]}"
 
 
 def local_files(record: object) -> dict[str, str]:
-    """Return the names and shortened SHA-256 of the local files whose classes a dataclass object is made of, at any
-    depth."""
+    """Return the local files whose classes occur in a dataclass object at any depth.
+
+    Returns
+    -------
+    dict of str to str
+        Shortened SHA-256 by file name.
+    """
     if isinstance(record, tuple | list):
         return {name: digest for item in record for name, digest in local_files(item).items()}
     if not dataclasses.is_dataclass(record):
         return {}
-    found = {}
+    files = {}
     module = type(record).__module__
     if module.startswith(LOCAL):
-        found[Path(str(sys.modules[module].__file__)).name] = f"sha256:{module.rpartition('_')[2]}"
+        files[Path(str(sys.modules[module].__file__)).name] = f"sha256:{module.rpartition('_')[2]}"
     for field in dataclasses.fields(record):
-        found |= local_files(getattr(record, field.name))
-    return found
+        files |= local_files(getattr(record, field.name))
+    return files
 
 
 def file_fault(path: Path | str, cause: str, line: int | None) -> str:
-    """Return 'plugin file laws.py, line 3: cause'."""
+    """Return a message such as 'plugin file laws.py, line 3: cause'."""
     return f"plugin file {path}{'' if line is None else f', line {line}'}: {cause}"
 
 
 @contextmanager
-def faults_of_plugins(*said: type[Exception]) -> Iterator[None]:
-    """Turn an exception that came through the code of a plugin into a PluginFault that names file, line and cause.
+def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
+    """Turn an exception from the code of a plugin into a PluginFault that names file, line and cause.
 
-    The exception itself is its __cause__; the innermost frame is named too where it is not the plugin's. One in which
-    no plugin had a part passes, as a defect of meeframe, and so does what a user can mend, and what the plugin's caller
-    raised where it called back. said: further kinds of exceptions by which plugins say that.
+    The original exception is its __cause__, and the innermost frame is named if it is not in the plugin. These
+    exceptions pass unchanged: those without a plugin frame, which are defects of meeframe; MeeframeError and
+    MemoryError; and those raised by the caller of the plugin in a callback.
+
+    Parameters
+    ----------
+    *passing
+        Further types of exceptions that pass unchanged.
     """
     try:
         yield
     except Exception as error:
-        if isinstance(error, (MeeframeError, MemoryError, *said)):
+        if isinstance(error, (MeeframeError, MemoryError, *passing)):
             raise
-        packages = {point.module.partition(".")[0] for point in metadata.entry_points(group=PROJECT)} - OWN_PACKAGES
+        packages = {
+            entry_point.module.partition(".")[0] for entry_point in metadata.entry_points(group=PROJECT)
+        } - OWN_PACKAGES
         frames = list(traceback.walk_tb(error.__traceback__))
-        last = max((number for number, (frame, _) in enumerate(frames) if _of_plugin(frame, packages)), default=None)
-        if last is None or any(_of_caller(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
+        last = max(
+            (number for number, (frame, _) in enumerate(frames) if _is_plugin_code(frame, packages)), default=None
+        )
+        if last is None or any(_is_caller_code(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
             raise
         inner = f"; raised in {_where(*frames[-1])}" if last + 1 < len(frames) else ""
         raise PluginFault(f"plugin file {_where(*frames[last])}: {reason(error)}{inner}") from error
 
 
-def _of_plugin(frame: FrameType, packages: Set[str]) -> bool:
-    """Return whether its code is a plugin's, of a local file or of one of these installed packages."""
+def _is_plugin_code(frame: FrameType, packages: Set[str]) -> bool:
+    """Return whether a frame is in a local plugin file or in one of these installed packages."""
     module = frame.f_globals.get("__name__", "")
     return module.startswith(LOCAL) or module.partition(".")[0] in packages
 
 
-def _of_caller(frame: FrameType, plugin: FrameType) -> bool:
-    """Return whether its code is neither meeframe's, nor a library's, nor in the folder of a plugin, from which it
-    came."""
+def _is_caller_code(frame: FrameType, plugin: FrameType) -> bool:
+    """Return whether a frame is in none of meeframe, the libraries and the folder of the plugin."""
     package = frame.f_globals.get("__name__", "").partition(".")[0]
     if package in sys.stdlib_module_names | OWN_PACKAGES | {PROJECT}:
         return False
     file = Path(frame.f_globals.get("__file__") or frame.f_code.co_filename)
-    beside = Path(plugin.f_code.co_filename).parent in file.parents
-    return package == "__main__" or not (beside or _LIBRARIES & set(file.parts))
+    in_plugin_folder = Path(plugin.f_code.co_filename).parent in file.parents
+    return package == "__main__" or not (in_plugin_folder or _LIBRARIES & set(file.parts))
 
 
 def _where(frame: FrameType, line: int) -> str:
-    """Return 'laws.py, line 3, in project'."""
+    """Return a location such as 'laws.py, line 3, in project'."""
     return f"{frame.f_code.co_filename}, line {line}, in {frame.f_code.co_name}"
 
 
 def reason(error: BaseException) -> str:
-    """Return an exception in words."""
+    """Return the description of an exception."""
     if isinstance(error, MeeframeError):
         return str(error)
     text = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}"
     missing = error.name if isinstance(error, ImportError) else None
     if missing and missing.partition(".")[0] == PROJECT:
-        text += f"; it is written for another version of {PROJECT} than {metadata.version(PROJECT)}"
+        text += f"; it was written for another version of {PROJECT} than {metadata.version(PROJECT)}"
     return text
 
 
 def line_in(error: BaseException, file: str | None) -> int | None:
-    """Return the last line of a file through which an exception came, or where its syntax is wrong."""
+    """Return the last line of a file in the traceback of an exception, or the line of a syntax error in it."""
     if isinstance(error, SyntaxError) and error.filename == file:
         return error.lineno
     return next((f.lineno for f in reversed(traceback.extract_tb(error.__traceback__)) if f.filename == file), None)
 
 
-def _place(error: BaseException) -> str:
-    """Return 'laws.py, line 3: ', where an import came to its end, or '' if that was in the import system."""
+def _location(error: BaseException) -> str:
+    """Return the location where an import failed, such as 'laws.py, line 3: ', or '' if it is in the import system."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{Path(error.filename).name}, line {error.lineno}: "
     system = str(Path(importlib.__file__).parent)
@@ -195,7 +225,7 @@ def _place(error: BaseException) -> str:
 
 
 def _unmet(requirements: Iterable[str]) -> str:
-    """Return which version of meeframe is required if it is not this one, else ''."""
+    """Return a message if another version of meeframe is required, else ''."""
     version = metadata.version(PROJECT)
     for text in requirements:
         try:

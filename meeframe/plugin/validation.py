@@ -16,16 +16,17 @@ from meeframe.fields.units import Quantity
 from meeframe.plugin.sources import faults_of_plugins
 
 Converters = Callable[[Any], Callable[[Any], Any] | None]
-"""For a type hint, how what a table gives becomes a value of it; None if pydantic knows."""
+"""Function that returns, for a type hint, the converter of table values to it; None if pydantic needs no converter."""
 
 _MISSING = object()
-_HUGE: Final = 10**300  # whole numbers beyond are no floats
-_SIMILAR: Final = 0.7  # of difflib: 'form' is near to 'from', 'friction' not to 'rotation'
+_HUGE: Final = 10**300  # larger integers cannot be converted to float
+_SIMILAR: Final = 0.7  # cutoff of difflib: 'form' is similar to 'from', 'friction' is not to 'rotation'
 _CONFIG = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
-# pydantic's kinds of errors whose own texts speak of Python and not of TOML
 RENAMED_KEYS: Final = {"counter_body": "second_body"}
-"""Keys of earlier versions and what they are called now."""
+"""Keys of earlier versions and their present names."""
+
+# texts for errors of pydantic whose messages use terms of Python instead of TOML
 _TEXTS = {
     "dict_type": "should be a table",
     "model_type": "should be a table",
@@ -43,9 +44,21 @@ _TEXTS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One unacceptable entry. location: keys from the outside in; value: what was given; text: what is allowed;
-    unknown: whether it is a name under which nothing is registered; cause: the exception in a plugin's code behind it,
-    if there is one."""
+    """One invalid entry.
+
+    Attributes
+    ----------
+    location
+        Keys from the outermost table inwards.
+    text
+        Description of the allowed values.
+    value
+        The invalid value.
+    unknown
+        Whether it is a name that is not registered.
+    cause
+        Exception in the code of a plugin that caused the problem, if any.
+    """
 
     location: tuple[str | int, ...]
     text: str
@@ -54,12 +67,11 @@ class Problem:
     cause: BaseException | None = dataclasses.field(default=None, compare=False)
 
     def inside(self, *outer: str | int) -> "Problem":
-        """Return the same problem seen from an enclosing table."""
+        """Return the problem with its location relative to an enclosing table."""
         return replace(self, location=(*outer, *self.location))
 
     def quoting(self, tables: Mapping[str, Any]) -> "Problem":
-        """Return the same problem with the value that tables have in its place, as it was written there, if they have
-        one."""
+        """Return the problem with the value at its location in the tables, if there is one."""
         value: Any = tables
         try:
             for key in self.location:
@@ -74,12 +86,12 @@ class Problem:
             path += f"[{key + 1}]" if isinstance(key, int) else f".{key}"
         if not path:
             return self.text if self.value is _MISSING else f"{self.text}, not {_brief(self.value)}"
-        given = "" if self.value is _MISSING else f" = {_brief(self.value)}"
-        return f"{path.lstrip('.')}{given}: {self.text}"
+        assignment = "" if self.value is _MISSING else f" = {_brief(self.value)}"
+        return f"{path.lstrip('.')}{assignment}: {self.text}"
 
 
-class TableError(CaseError, ValueError):  # ValueError: so that pydantic lets it pass through its validators
-    """A table has unacceptable entries, listed in problems; its __cause__ is the first of theirs."""
+class TableError(CaseError, ValueError):  # a ValueError passes through validators of pydantic
+    """A table has invalid entries, listed in `problems`; `__cause__` is the first cause among them."""
 
     def __init__(self, *problems: Problem) -> None:
         super().__init__("; ".join(map(str, problems)))
@@ -94,10 +106,25 @@ def build(
     other_keys: tuple[str, ...] = (),
     unit: str = "",
 ) -> Any:
-    """Return factory(**table) with every entry checked against the fields of the dataclass `factory`.
+    """Return factory(**table) after checking every entry against the fields of the dataclass `factory`.
 
-    other_keys: what the table may hold beside `table`, named to whoever gives an unknown key. unit: the only one taken
-    by quantities that have it among others. Raises TableError.
+    Parameters
+    ----------
+    factory
+        The dataclass.
+    table
+        Entries of the table.
+    converters
+        Converters for types unknown to pydantic.
+    other_keys
+        Further keys that the table can contain, listed in messages on unknown keys.
+    unit
+        The only accepted unit of quantities that allow it among others.
+
+    Raises
+    ------
+    TableError
+        With the location of each problem.
     """
     try:
         model = _model(factory, converters, unit)
@@ -123,24 +150,24 @@ def _model(factory: Callable[..., Any], converters: Converters, unit: str) -> ty
     for field in dataclasses.fields(factory):
         if not field.init:
             continue
-        # the default is the dataclass's affair: only keys that were given are handed on
+        # the dataclass supplies defaults: only keys in the table are passed on
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        fields[field.name] = (_strict(_settled(hints[field.name], unit), converters), ... if required else None)
+        fields[field.name] = (_strict(_with_unit(hints[field.name], unit), converters), ... if required else None)
     return create_model(factory.__name__, __config__=_CONFIG, **fields)
 
 
-def _settled(hint: Any, unit: str) -> Any:
-    """Return the hint with every quantity in it settled on a unit if that is one of its units."""
+def _with_unit(hint: Any, unit: str) -> Any:
+    """Return the hint with every quantity restricted to a unit if it allows this unit."""
     if get_origin(hint) is Annotated:
         marks = [mark.only(unit) if isinstance(mark, Quantity) else mark for mark in hint.__metadata__]
         return Annotated[(hint.__origin__, *marks)]
     if get_origin(hint) in (Union, types.UnionType):
-        return Union[tuple(_settled(part, unit) for part in get_args(hint))]  # noqa: UP007  # parts known at run time
+        return Union[tuple(_with_unit(alternative, unit) for alternative in get_args(hint))]  # noqa: UP007  # alternatives known at run time
     return hint
 
 
 def _strict(hint: Any, converters: Converters) -> Any:
-    """Return the hint without silent conversions: true is no number, 3.0 no whole number, 5 no text."""
+    """Return the hint without silent conversions: true is not a number, 3.0 not an integer, 5 not a text."""
     convert = converters(hint)
     if convert is not None:
         return Annotated[hint, BeforeValidator(convert)]
@@ -151,15 +178,21 @@ def _strict(hint: Any, converters: Converters) -> Any:
     if get_origin(hint) is Annotated and hint.__origin__ in (int, bool, str):
         return Annotated[hint, Strict()]
     if get_origin(hint) in (Union, types.UnionType):
-        return Annotated[Any, BeforeValidator(_one_of([_strict(part, converters) for part in get_args(hint)]))]
+        return Annotated[
+            Any, BeforeValidator(_one_of([_strict(alternative, converters) for alternative in get_args(hint)]))
+        ]
     return hint
 
 
 def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
-    """Return the validator of a union that says in one text what all its parts allow; pydantic's own gives one error
-    for each."""
+    """Return the validator of a union, whose message lists what all alternatives allow.
+
+    The validator of pydantic gives one error for each alternative.
+    """
     models = [
-        create_model("Subsystem", __config__=_CONFIG, part=(hint, ...)) for hint in hints if hint is not type(None)
+        create_model("Alternative", __config__=_CONFIG, alternative=(hint, ...))
+        for hint in hints
+        if hint is not type(None)
     ]
 
     def choose(value: Any) -> Any:
@@ -168,7 +201,7 @@ def _one_of(hints: list[Any]) -> Callable[[Any], Any]:
         problems: list[Problem] = []
         for model in models:
             try:
-                return model.model_validate({"part": value}).part  # type: ignore[attr-defined]
+                return model.model_validate({"alternative": value}).alternative  # type: ignore[attr-defined]
             except ValidationError as error:
                 problems += problems_of(error, model)
         inner = [replace(problem, location=problem.location[1:]) for problem in problems if len(problem.location) > 1]
@@ -186,13 +219,24 @@ def _no_nan(value: Any) -> Any:
 
 
 def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tuple[str, ...] = ()) -> list[Problem]:
-    """Return the located problems of a pydantic error, those of nested tables included; unknown keys first, as they
-    often are the missing ones misspelt."""
+    """Return the located problems of a pydantic error, including those of nested tables.
+
+    Unknown keys come first, as they often are misspelt missing keys.
+
+    Parameters
+    ----------
+    error
+        The error.
+    model
+        The pydantic model of the table.
+    other_keys
+        Further keys that the table can contain.
+    """
     items = sorted(error.errors(), key=lambda item: item["type"] != "extra_forbidden")
     # pydantic also calls a list too short if its entries are wrong
     wrong_lists = {item["loc"][: len(item["loc"]) - k] for item in items for k in range(1, len(item["loc"]))}
-    told = [item for item in items if item["type"] != "too_short" or item["loc"] not in wrong_lists]
-    return [problem for item in told for problem in _problems(item, model, other_keys)]
+    items_to_report = [item for item in items if item["type"] != "too_short" or item["loc"] not in wrong_lists]
+    return [problem for item in items_to_report for problem in _problems(item, model, other_keys)]
 
 
 def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) -> Iterator[Problem]:
@@ -207,7 +251,7 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
         yield Problem(location, "missing key" if isinstance(location[-1], str) else "missing entry")
     elif kind == "value_error":
         yield Problem(location, str(inner), value)
-    elif kind == "tuple_type" and isinstance(value, Mapping) and _model_within(_hint_at(location, model)):
+    elif kind == "tuple_type" and isinstance(value, Mapping) and _model_in(_hint_at(location, model)):
         header = ".".join(key for key in location if isinstance(key, str))
         yield Problem(location, f"should be a list of tables, each under a header [[{header}]]", value)
     else:
@@ -216,18 +260,25 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) ->
 
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
-    """Say what is allowed where an unknown key was found, or its new name if it has been renamed."""
+    """Return the message for an unknown key: its new name if it was renamed, else the allowed keys."""
     if location[-1] in RENAMED_KEYS:
         return f"unknown key; it is now called {RENAMED_KEYS[str(location[-1])]!r}"
-    current = _model_within(_hint_at(location[:-1], model))
+    current = _model_in(_hint_at(location[:-1], model))
     fields = {} if current is None else current.model_fields
     keys = [*(field.alias or key for key, field in fields.items()), *other_keys]
-    return f"unknown key; {choices(str(location[-1]), keys) if keys else 'no keys are taken here'}"
+    return f"unknown key; {choices(str(location[-1]), keys) if keys else 'no keys are allowed here'}"
 
 
 def choices(name: str, names: Collection[str]) -> str:
-    """Return 'did you mean ...? allowed: ...' for a name that is not among those allowed: a word of some, or else like
-    one."""
+    """Return 'did you mean ...? allowed: ...' for an unknown name.
+
+    Parameters
+    ----------
+    name
+        The unknown name.
+    names
+        Allowed names. Those that have `name` as a word, or else the most similar one, are suggested.
+    """
     close = [other for other in names if str(name) in other.split("-")]
     close = close or difflib.get_close_matches(str(name), names, n=1, cutoff=_SIMILAR)
     hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
@@ -235,24 +286,24 @@ def choices(name: str, names: Collection[str]) -> str:
 
 
 def _hint_at(location: tuple[str | int, ...], model: type[BaseModel]) -> Any:
-    """Return what type a place in nested pydantic models has; None if they do not lead there."""
+    """Return the type hint at a location in nested pydantic models; None if there is none."""
     hint: Any = model
     for key in location:
         if isinstance(key, str):
-            field = getattr(_model_within(hint), "model_fields", {}).get(key)
+            field = getattr(_model_in(hint), "model_fields", {}).get(key)
             hint = field and field.annotation
     return hint
 
 
-def _model_within(hint: Any) -> type[BaseModel] | None:
+def _model_in(hint: Any) -> type[BaseModel] | None:
     if isinstance(hint, type) and issubclass(hint, BaseModel):
         return hint
-    return next((found for part in get_args(hint) if (found := _model_within(part)) is not None), None)
+    return next((nested for alternative in get_args(hint) if (nested := _model_in(alternative)) is not None), None)
 
 
 def _brief(value: Any) -> str:
     if isinstance(value, date | time):
-        return value.isoformat()  # as TOML has it
+        return value.isoformat()  # as in TOML
     if isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < _HUGE:
         text = f"{value:.12g}"
         return f"{text}.0" if isinstance(value, float) and text.lstrip("-").isdigit() else text

@@ -19,7 +19,7 @@ from meeframe.plugin.validation import TableError, choices
 from meeframe.solvers import StoppingCriteria
 from meeframe.study.declare import words
 
-# what decides on the reduced system comes first, so that it varies slowest and one system is held at a time
+# options that change the reduced system come first and vary slowest, so that one system is in memory at a time
 OPTIONS: Final = {
     "formulation": Kind.FORMULATION,
     "fundamental-solution": Kind.FUNDAMENTAL_SOLUTION,
@@ -27,7 +27,7 @@ OPTIONS: Final = {
     "conductivity-law": Kind.CONDUCTIVITY_LAW,
     "solver": Kind.SOLVER,
 }
-"""What can be varied, by the option of the command line."""
+"""Kinds that can be varied, by option of the command line."""
 
 NOTHING: Final = "-"
 """Choice of a fundamental solution where no formulation takes one."""
@@ -39,32 +39,58 @@ _BODIES: Final = ("body", "second_body")
 
 @dataclass(frozen=True)
 class Choice:
-    """One value of an option: the name of what is registered, or a table as in a case file. label: both in words."""
+    """One value of an option.
+
+    Attributes
+    ----------
+    label
+        The choice in words, for tables and figures.
+    value
+        Name of a registered object, or a table as in a case file.
+    """
 
     label: str
     value: str | Mapping[str, Any]
 
     @classmethod
     def read(cls, option: str, text: str) -> "Choice":
-        """Read a choice from the command line: a name, or an inline table of TOML. Raises CaseError."""
+        """Read a choice from the command line.
+
+        Parameters
+        ----------
+        option
+            Name of the option, for messages.
+        text
+            A name, or an inline table of TOML.
+
+        Raises
+        ------
+        CaseError
+            If the text starts an inline table that is not valid TOML.
+        """
         if not text.strip().startswith("{"):
             return cls(text, text)
         try:
             table = toml_tables(f"value = {text}")["value"]
         except (ValueError, RecursionError) as error:
-            raise CaseError(f"--{option} {text}: is no inline table of TOML: {error}") from None
+            raise CaseError(f"--{option} {text}: is not an inline table of TOML: {error}") from None
         return cls(words(table), table)
 
 
 def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]]:
-    """Return the choices of the options that have any, in the order of OPTIONS. Raises CaseError, also if there are
-    none."""
+    """Return the choices of all options that are used, in the order of OPTIONS.
+
+    Raises
+    ------
+    CaseError
+        For an invalid choice, a choice that is is given twice, or if there are no choices at all.
+    """
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
     for option, found in chosen.items():
         labels = [choice.label for choice in found]
-        twice = next((label for label in labels if labels.count(label) > 1), None)
-        if twice is not None:
-            raise CaseError(f"--{option} {twice}: given twice")
+        duplicate = next((label for label in labels if labels.count(label) > 1), None)
+        if duplicate is not None:
+            raise CaseError(f"--{option} {duplicate}: is given twice")
     chosen = {option: found for option, found in chosen.items() if found}
     if not chosen:
         raise CaseError(f"nothing to compare; give at least one of {', '.join(f'--{option}' for option in OPTIONS)}")
@@ -73,7 +99,17 @@ def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]
 
 @dataclass(frozen=True, eq=False)
 class Combination:
-    """labels: of its choices, by option; case: with them, None if they do not fit together; refusal: why not, if so."""
+    """A combination of choices.
+
+    Attributes
+    ----------
+    labels
+        Labels of the choices, by option.
+    case
+        The case with these choices; None if they do not fit together.
+    refusal
+        The reason if they do not fit together.
+    """
 
     labels: Mapping[str, str]
     case: Case | None
@@ -83,10 +119,27 @@ class Combination:
 def combinations(
     file: Path, tables: Mapping[str, Any], chosen: Mapping[str, list[Choice]], registry: Registry
 ) -> list[Combination]:
-    """Return every combination of choices with the tables of a case, at least one of which fits.
+    """Return every combination of choices with the tables of a case.
 
-    Formulations that take no fundamental solution appear once, with NOTHING for it. Raises CaseError that names the
-    file and the combination for unknown names in tables and if no combination fits, PluginError for other unknown ones.
+    Formulations that take no fundamental solution appear once, with NOTHING for it.
+
+    Parameters
+    ----------
+    file
+        The case file, which messages name.
+    tables
+        Tables of the case file.
+    chosen
+        Choices by option, from `read_choices`.
+    registry
+        The registry that the choices are looked up in.
+
+    Raises
+    ------
+    CaseError
+        For an unknown name in a table, or if no combination fits; the message names the file and the combination.
+    PluginError
+        For any other unknown name.
     """
     found: list[Combination] = []
     problems: dict[str, str] = {}
@@ -102,85 +155,89 @@ def combinations(
         try:
             found.append(Combination(labels, case_from_tables(changed, registry, file.parent)))
         except TableError as error:
-            told = {str(problem): f"{file}: {', '.join(labels.values())}: {problem}" for problem in error.problems}
+            messages = {str(problem): f"{file}: {', '.join(labels.values())}: {problem}" for problem in error.problems}
             if any(problem.unknown for problem in error.problems):
-                raise CaseError("\n".join(told.values())) from None
+                raise CaseError("\n".join(messages.values())) from None
             cause = cause or error.__cause__
-            problems |= {text: line for text, line in told.items() if text not in problems}
+            problems |= {text: line for text, line in messages.items() if text not in problems}
             found.append(Combination(labels, None, str(error)))
     if all(combination.case is None for combination in found):
         raise CaseError("\n".join(problems.values())) from cause
     if all(combination.labels.get("fundamental-solution") == NOTHING for combination in found):
-        raise CaseError(f"{file}: --fundamental-solution: the formulation takes none; allowed: without this option")
+        raise CaseError(
+            f"{file}: --fundamental-solution: the formulation takes no fundamental solution; omit this option"
+        )
     return found
 
 
 def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], registry: Registry) -> bool:
-    """Put a choice into the tables of a case; false if there is no place for it."""
+    """Enter a choice into the tables of a case; return False if the case has no place for it."""
     if option == "formulation":
         _enter_formulation(tables, value, registry)
     elif option == "fundamental-solution":
-        entered = [_enter_solution(body, value, registry) for body in bodies_of(tables).values()]
-        return any(entered)
+        results = [_enter_solution(body, value, registry) for body in bodies_of(tables).values()]
+        return any(results)
     elif option == "contact-law":
         contact = tables.setdefault("contact", {})
-        contact["law"] = _fitted(value, contact.get("law"), OPTIONS[option], registry)
+        contact["law"] = _fit(value, contact.get("law"), OPTIONS[option], registry)
     elif option == "conductivity-law":
         _enter_conductivity(tables, value, registry)
     else:
-        tables[option] = _fitted(value, tables.get(option), OPTIONS[option], registry)
+        tables[option] = _fit(value, tables.get(option), OPTIONS[option], registry)
     return True
 
 
 def bodies_of(tables: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the tables in which the formulations of a case are, one for each body."""
+    """Return the tables that contain the formulations of a case, by name of the body."""
     second_body = tables.get("second_body")
     return dict(zip(_BODIES, [tables, *([second_body] if isinstance(second_body, dict) else [])], strict=False))
 
 
 def _enter_formulation(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """Enter the formulation of both bodies, or of each in a table by _BODIES. Raises CaseError for another body, and
-    for a key that is neither a body nor, without a name, one of the default formulation."""
+    """Enter the formulation of both bodies, or of each body if the table has keys of _BODIES.
+
+    Raises CaseError for an unknown body, and for a table without a name that has a key which is neither a body nor a
+    parameter of the default formulation.
+    """
     bodies = bodies_of(tables)
-    each: dict[str, Any] = dict.fromkeys(bodies, value)
+    formulations: dict[str, Any] = dict.fromkeys(bodies, value)
     if isinstance(value, Mapping) and not value.keys().isdisjoint(_BODIES):
-        each = dict(value)
+        formulations = dict(value)
     elif isinstance(value, Mapping) and "name" not in value:
         keys = _keys(Kind.FORMULATION, DEFAULT_FORMULATION, registry)
         if unknown := value.keys() - keys:
             allowed = choices(min(unknown), ("name", *bodies, *sorted(keys)))
             raise CaseError(f"--formulation {words(value)}: unknown key {min(unknown)!r}; {allowed}")
-    for name, formulation in each.items():
+    for name, formulation in formulations.items():
         if name not in bodies:
             raise CaseError(f"--formulation {words(value)}: no body {name!r}; allowed: a name, or {', '.join(bodies)}")
         body = bodies[name]
-        body["formulation"] = _fitted(formulation, body.get("formulation"), Kind.FORMULATION, registry)
+        body["formulation"] = _fit(formulation, body.get("formulation"), Kind.FORMULATION, registry)
 
 
 def _enter_solution(body: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> bool:
-    """Enter the fundamental solution of the formulation of a body; return False if it takes none."""
+    """Enter the fundamental solution of the formulation of a body; return False if the formulation takes none."""
     formulation = _table(body.get("formulation", DEFAULT_FORMULATION))
     name = formulation.get("name", DEFAULT_FORMULATION)
     takes = isinstance(name, str) and _SOLUTION in _keys(Kind.FORMULATION, name, registry)
     if takes:
-        solution = _fitted(value, formulation.get(_SOLUTION), Kind.FUNDAMENTAL_SOLUTION, registry)
+        solution = _fit(value, formulation.get(_SOLUTION), Kind.FUNDAMENTAL_SOLUTION, registry)
         body["formulation"] = formulation | {_SOLUTION: solution}
     return takes
 
 
 def _enter_conductivity(tables: dict[str, Any], value: str | Mapping[str, Any], registry: Registry) -> None:
-    """Enter the conductivity law of both fields, or of each in a table that replaces the case's."""
+    """Enter the conductivity law of both fields, or of each field in a table that replaces that of the case."""
     if isinstance(value, Mapping) and "name" not in value:
         tables["conductivity"] = dict(value)
         return
     conductivity = tables.setdefault("conductivity", {})
     for field in _FIELDS:
-        conductivity[field] = _fitted(value, conductivity.get(field), Kind.CONDUCTIVITY_LAW, registry)
+        conductivity[field] = _fit(value, conductivity.get(field), Kind.CONDUCTIVITY_LAW, registry)
 
 
-def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: Registry) -> dict[str, Any]:
-    """Return the table of a choice: a name takes those keys present that it has. Raises PluginError if it is
-    unknown."""
+def _fit(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: Registry) -> dict[str, Any]:
+    """Return the table of a choice; a name takes present parameters that apply to it. Raises PluginError."""
     if not isinstance(value, str):
         return dict(value)
     keys = _keys(kind, value, registry)
@@ -188,7 +245,7 @@ def _fitted(value: str | Mapping[str, Any], present: Any, kind: Kind, registry: 
 
 
 def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
-    """Return the keys of the table of what is registered under a name."""
+    """Return the keys of the table of a registered object."""
     factory = registry.get(kind, name).factory
     records = [factory, StoppingCriteria] if kind is Kind.SOLVER else [factory]
     return {
@@ -197,7 +254,7 @@ def _keys(kind: Kind, name: str, registry: Registry) -> set[str]:
 
 
 def _table(value: Any) -> dict[str, Any]:
-    """Return a name, a table or nothing as a table."""
+    """Return a table for a name, a table or None."""
     if isinstance(value, str):
         return {"name": value}
     return dict(value) if isinstance(value, Mapping) else {}

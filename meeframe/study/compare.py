@@ -1,4 +1,4 @@
-"""One case with all combinations of laws, formulations and solvers, on reduced systems that combinations share."""
+"""Comparison of one case with all combinations of laws, formulations and solvers on shared reduced systems."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,35 +36,62 @@ def compare(
     progress: Progress = silent,
     warn: Warn = ignore,
 ) -> Comparison:
-    """Run all combinations of a case file; write compare.json, after every increment anew, and sections.png into `out`.
+    """Run all combinations of choices for a case; write compare.json and sections.png.
 
-    options: for options of OPTIONS names or inline tables. A table stands for that of the case; a name takes the keys
-    of the case's table that fit it. A conductivity law is that of both fields, but for a table with the keys electric
-    and magnetic; a formulation or fundamental solution that of both bodies, but for a formulation with the keys body
-    and second_body. Combinations that do not fit together, or that a formulation, solver or law refuses, say so in the
-    comparison. warn: is told first what formulations and cases warn of, each once.
-    Raises CaseError or PluginError, before anything is computed, for options with problems, unknown names, and if no
-    combination fits, ResultError if `out` cannot be written or holds anything and overwrite is false.
+    compare.json is rewritten after every increment. A conductivity law applies to both fields unless it is a table with
+    the keys electric and magnetic. A formulation or fundamental solution applies to both bodies unless it is a
+    formulation table with the keys body and second_body. Combinations that do not fit together, or that a formulation,
+    solver or law refuses, are marked in the comparison.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    options
+        Names or inline tables by option, see `meeframe.study.choices.OPTIONS`. A table replaces that of the case; a
+        name takes the parameters in the case file that apply to it.
+    out
+        Output folder; created if it does not exist.
+    overwrite
+        Whether earlier results in `out` are replaced.
+    registry
+        Registry of plugins; by default everything that is installed.
+    progress
+        Called with the stage and the fraction of it that is done.
+    warn
+        Called first, with each warning of formulations and cases once.
+
+    Returns
+    -------
+    Comparison
+        All runs.
+
+    Raises
+    ------
+    CaseError, PluginError
+        Before anything is computed, for invalid options, unknown names, and if no combination fits.
+    ResultError
+        If `out` cannot be written, or if it is not empty and overwrite is false.
     """
     registry = registry or plugins.load()
     text, tables = read_toml(file)
     chosen = combinations(file, tables, read_choices(options), registry)
     with open_output(out, overwrite):
-        return _compared(chosen, str(tables.get("title", "")), text, out, progress, warn)
+        return _run_all(chosen, str(tables.get("title", "")), text, out, progress, warn)
 
 
-def _compared(
+def _run_all(
     chosen: Sequence[Combination], title: str, text: str, out: Path, progress: Progress, warn: Warn
 ) -> Comparison:
-    """Run all combinations of a case with this title and text, in an output folder that is held."""
+    """Run all combinations of a case into a locked output folder."""
     cases = [combination.case for combination in chosen if combination.case is not None]
-    foreseen = dict.fromkeys(warning for case in cases for warning in case.preflight)
-    for warning in (*warnings_of(distinct_bodies(cases).values()), *foreseen):
+    preflight = dict.fromkeys(warning for case in cases for warning in case.preflight)
+    for warning in (*warnings_of(distinct_bodies(cases).values()), *preflight):
         warn(warning)
     versions = {name: version for case in cases for name, version in provenance(case).versions.items()}
     comparison = Comparison(title, text, versions)
     with rewriting(out / NUMBERS_FILE) as write:
-        for runs in _solved(chosen, cases[0], progress):
+        for runs in _solve(chosen, cases[0], progress):
             comparison = replace(comparison, runs=runs)
             out.mkdir(parents=True, exist_ok=True)
             write(comparison_json(comparison))
@@ -75,24 +102,23 @@ def _compared(
     return comparison
 
 
-def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
-    """Return the runs so far, after every increment and at the end of every run. model: any case, as to its zone and
-    steps."""
+def _solve(chosen: Sequence[Combination], model: Case, progress: Progress) -> Iterator[tuple[ComparedRun, ...]]:
+    """Yield the runs so far after every increment and every run; `model` is any case, for zone and steps."""
     done: tuple[ComparedRun, ...] = ()
-    shared = _Shared({})
-    place = find_contact_zone(model.mesh, model.zone)
-    zone = Zone(place.points, place.frames, place.weights, place.cells)
+    cache = _SystemCache({})
+    contact_zone = find_contact_zone(model.mesh, model.zone)
+    zone = Zone(contact_zone.points, contact_zone.frames, contact_zone.weights, contact_zone.cells)
     for number, combination in enumerate(chosen):
         case = combination.case
         run = ComparedRun(combination.labels, zone, model.n_increments, refusal=combination.refusal)
         try:
             if case is not None:
-                shared = shared.next(case, progress)
-                system = joined(case, map(shared.of, bodies_of(case)))
-                run = replace(run, zone=zone_of(system), system_seconds=shared.seconds)
+                cache = cache.next(case, progress)
+                system = joined(case, map(cache.of, bodies_of(case)))
+                run = replace(run, zone=zone_of(system), system_seconds=cache.seconds)
                 progress("combinations", number / len(chosen))
-                for longer in _increments(run, case, system):
-                    run = longer
+                for run_so_far in _increments(run, case, system):
+                    run = run_so_far
                     yield (*done, run)
         except MeeframeError as error:
             run = replace(run, refusal=str(error))
@@ -103,8 +129,8 @@ def _solved(chosen: Sequence[Combination], model: Case, progress: Progress) -> I
 
 
 @dataclass(frozen=True, eq=False)
-class _Shared:
-    """Reduced systems of a case's bodies, which the next case finds again by their keys. seconds: to compute them."""
+class _SystemCache:
+    """Reduced systems of the bodies of a case by key, which the next case reuses; seconds: time to compute them."""
 
     systems: Mapping[str, ReducedSystem]
     seconds: float = 0.0
@@ -113,19 +139,19 @@ class _Shared:
         """Return the system of a body with its formulation."""
         return self.systems[system_key(*body)]
 
-    def next(self, case: Case, progress: Progress) -> "_Shared":
-        """Return the reduced systems of a case. Raises as meeframe.model.solve.reduce."""
+    def next(self, case: Case, progress: Progress) -> "_SystemCache":
+        """Return the cache with the reduced systems of a case. Raises as meeframe.model.solve.reduce."""
         keyed = {system_key(*body): body for body in bodies_of(case)}
         if keyed.keys() == self.systems.keys():
             return self
         begin = time.perf_counter()
-        found = {key: system for key, system in self.systems.items() if key in keyed}
-        made = {key: reduce_for_contact(*body, progress) for key, body in keyed.items() if key not in found}
-        return _Shared(found | made, time.perf_counter() - begin)
+        reused = {key: system for key, system in self.systems.items() if key in keyed}
+        computed = {key: reduce_for_contact(*body, progress) for key, body in keyed.items() if key not in reused}
+        return _SystemCache(reused | computed, time.perf_counter() - begin)
 
 
 def _increments(run: ComparedRun, case: Case, system: ReducedSystem) -> Iterator[ComparedRun]:
-    """Return the run after every increment. Raises CaseError if a solver or law refuses it."""
+    """Yield the run after every increment. Raises CaseError if a solver or law refuses it."""
     begin = time.perf_counter()
     for step in solve_steps(case, system, boundary=False):
         run = replace(run, steps=(*run.steps, step), seconds=run.seconds + time.perf_counter() - begin)

@@ -1,4 +1,4 @@
-"""Schema of study files: one frozen model for each table. Documented in docs/reproduce.md."""
+"""Schema of study files, with one frozen model for each table; documented in docs/reproduce.md."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -19,14 +19,14 @@ from meeframe.study.quantities import TOTALS
 Changes = dict[str, Any]
 """Keys of a case file, written as in its error messages (steps[1].translation), with their new values."""
 
-_PART: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
+_COMPONENT: Final = re.compile(r"\.?([A-Za-z_][\w-]*)|\[([1-9]\d*)\]")
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def _without_nul(text: str) -> str:
-    if "\0" in text:  # neither paths nor names in files of results can hold it
-        raise ValueError("holds the character NUL; allowed: any other")
+    if "\0" in text:  # neither paths nor names in result files can contain it
+        raise ValueError("contains the character NUL; allowed: any other")
     return text
 
 
@@ -34,19 +34,35 @@ Text = Annotated[str, Strict(), Field(min_length=1), AfterValidator(_without_nul
 
 
 def key_parts(key: str) -> list[str | int]:
-    """Return the parts of a dotted key; numbers, which count from 1 in files, from 0. Raises ValueError."""
-    found, position = [], 0
+    """Split a dotted key into its components.
+
+    Parameters
+    ----------
+    key
+        Key as in error messages, such as ``steps[1].translation``.
+
+    Returns
+    -------
+    list of str or int
+        Names and indices; indices count from 1 in the key and from 0 in the list.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a key.
+    """
+    components, position = [], 0
     while position < len(key):
-        match = _PART.match(key, position)
+        match = _COMPONENT.match(key, position)
         if match is None:
             raise ValueError(f"{key!r} is not a key of a case file such as contact.law.mu or steps[1].translation")
-        found.append(match[1] or int(match[2]) - 1)
+        components.append(match[1] or int(match[2]) - 1)
         position = match.end()
-    return found
+    return components
 
 
 def checked_keys(changes: Changes) -> Changes:
-    """Return the changes, whose keys are such as may be. Raises ValueError."""
+    """Return the changes after checking their keys. Raises ValueError for an invalid key."""
     for key in changes:
         key_parts(key)
     return changes
@@ -56,18 +72,21 @@ CheckedChanges = Annotated[Changes, AfterValidator(checked_keys)]
 
 
 def words(value: Any) -> str:
-    """Return a value of a case file in one line: of a table its name and then its other keys, tables in it in
-    brackets."""
+    """Return a value of a case file in one line.
+
+    A table is its name followed by its other keys, with nested tables in brackets.
+    """
     if isinstance(value, Mapping):
         items = ((key, item) for key, item in value.items() if key != "name")
-        rest = (f"{key}=({words(item)})" if isinstance(item, Mapping) else f"{key}={item}" for key, item in items)
-        return " ".join(filter(None, [str(value.get("name", "")), *rest]))
+        items_in_words = (
+            f"{key}=({words(item)})" if isinstance(item, Mapping) else f"{key}={item}" for key, item in items
+        )
+        return " ".join(filter(None, [str(value.get("name", "")), *items_in_words]))
     return f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
-def place_of(value: Any) -> float | None:
-    """Return where a value lies on an axis: a number, or a text with a unit by its value in SI; None for anything
-    else."""
+def coordinate_of(value: Any) -> float | None:
+    """Return the coordinate of a value on an axis: a number, or a text with a unit in SI units; otherwise None."""
     if isinstance(value, str):
         with suppress(ValueError):
             return float(read_quantity(value).magnitude)
@@ -75,13 +94,23 @@ def place_of(value: Any) -> float | None:
 
 
 class Table(BaseModel):
-    """A table of a study file: unknown keys are refused."""
+    """A table of a study file that refuses unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class RunTable(Table):
-    """[[panels.runs]]: one run. label: its name in the figure; set: what it changes; value: its place on the axis."""
+    """[[panels.runs]]: one run.
+
+    Attributes
+    ----------
+    label
+        Name of the run in the figure.
+    set
+        Changed keys.
+    value
+        Coordinate of the run on the axis.
+    """
 
     label: Text
     set: CheckedChanges = Field(default_factory=dict)
@@ -89,11 +118,20 @@ class RunTable(Table):
 
 
 class PanelTable(Table):
-    """[[panels]]: runs shown together.
+    """[[panels]]: runs that are drawn together.
 
-    set: changed in all of them and in the references; vary, values: a run for each value of one key, texts with units
-    at their place in SI; runs: more runs, each with a label; axis: what the values are; quantities: as in StudyTable,
-    which has the default.
+    Attributes
+    ----------
+    set
+        Keys changed in all runs and in the references.
+    vary, values
+        Key that varies, and its values with a run for each; texts with units are converted to SI.
+    runs
+        Further runs, each with a label.
+    axis
+        Label of the axis of values.
+    quantities
+        As in StudyTable, which has the default.
     """
 
     title: Text
@@ -109,14 +147,14 @@ class PanelTable(Table):
         if (self.vary is None) != (not self.values):
             raise ValueError("vary and values belong together")
         if not self.values and not self.runs:
-            raise ValueError("nothing to run: give vary and values, or runs")
+            raise ValueError("nothing to run; give vary and values, or runs")
         key_parts(self.vary or "")
         return self
 
     def all_runs(self) -> tuple[RunTable, ...]:
         """Return the runs of `vary` and `values`, then the others."""
         varied = (
-            RunTable(label=words(value), set={self.vary: value}, value=place_of(value))
+            RunTable(label=words(value), set={self.vary: value}, value=coordinate_of(value))
             for value in self.values
             if self.vary
         )
@@ -126,10 +164,25 @@ class PanelTable(Table):
 class StudyTable(Table):
     """A study file.
 
-    title; paper: what the paper says of the figure; case: the case file that every run starts from, relative to this
-    one; kind: curves of totals over the varied value, sections along x through the middle of the zone, or maps of the
-    zone; scale: of the axis of the values; quantities: what is shown, and the number [SI] or the reference run that it
-    is divided by (a nodal quantity: by its largest value there); references: changes that make these runs.
+    Attributes
+    ----------
+    title
+        Title of the figure.
+    paper
+        Statement of the paper about the figure.
+    case
+        Case file that every run starts from, relative to the study file.
+    kind
+        Curves of totals over the varied value, sections along x through the middle of the zone, or maps of the zone.
+    scale
+        Scale of the axis of values.
+    quantities
+        Quantities shown, each with the number [SI] or the reference run that divides it. A nodal quantity is divided by
+        its largest value in the reference run.
+    references
+        Changes that define the reference runs.
+    panels
+        The panels of the figure.
     """
 
     title: Text
@@ -155,7 +208,7 @@ class StudyTable(Table):
                     known = choices(reference, tuple(self.references))
                     raise ValueError(f"references: unknown reference {reference!r}; {known}")
         if self.kind == "maps" and len({tuple(self.shown(panel)) for panel in self.panels}) > 1:
-            raise ValueError("maps: all panels have to show the same quantities")
+            raise ValueError("maps: all panels must show the same quantities")
         return self
 
     def shown(self, panel: PanelTable) -> dict[str, str | float]:
@@ -164,19 +217,21 @@ class StudyTable(Table):
 
 
 def load_study(file: Path) -> tuple[StudyTable, dict[str, Any]]:
-    """Return the checked study of a file, and the tables of its case file.
+    """Return the study of a file, and the tables of its case file.
 
-    Raises CaseError with a line for each problem found.
+    Raises CaseError with a line for each problem.
     """
     study = checked(StudyTable, file)
     return study, read_toml(file.parent / study.case)[1]
 
 
 def checked(model: type[Model], file: Path) -> Model:
-    """Return the tables of a file as a model. Raises CaseError with a line for each problem found."""
+    """Return the tables of a file as a model. Raises CaseError with a line for each problem."""
     _, tables = read_toml(file)
     if {"material", "mesh"} <= tables.keys():
-        raise CaseError(f"{file}: is a case file; allowed: a study, whose key `case` names one (docs/sweep.md)")
+        raise CaseError(
+            f"{file}: is a case file; allowed: a study file, whose key `case` names a case file (docs/sweep.md)"
+        )
     try:
         return model.model_validate(tables)
     except ValidationError as error:
@@ -185,21 +240,26 @@ def checked(model: type[Model], file: Path) -> Model:
 
 
 def _brief(problem: Problem) -> Problem:
-    """Return the problem; of a whole study without the study, as its text names what is wrong in it."""
+    """Return the problem without a location if it concerns the study as a whole."""
     return problem if problem.location else Problem((), problem.text)
 
 
 def changed(tables: Mapping[str, Any], *changes: Changes) -> dict[str, Any]:
-    """Return a copy of the tables of a case with keys changed, those of later arguments last; absent tables are made.
+    """Return a copy of the tables of a case with changed keys.
 
-    Raises TableError if a key leads into something that is no table or list, or past the end of a list.
+    Later arguments take precedence; absent tables are created.
+
+    Raises
+    ------
+    TableError
+        If a key leads into something that is not a table or list, or past the end of a list.
     """
     result = deepcopy(dict(tables))
     for key, value in _items(changes):
         *path, last = key_parts(key)
         inner: Any = result
-        for part in path:
-            inner = _inside(inner, part, key)
+        for component in path:
+            inner = _descend(inner, component, key)
         _enter(inner, last, key, deepcopy(value))
     return result
 
@@ -209,24 +269,24 @@ def _items(changes: tuple[Changes, ...]) -> Iterator[tuple[str, Any]]:
         yield from group.items()
 
 
-def _inside(table: Any, part: str | int, key: str) -> Any:
-    if isinstance(table, dict) and isinstance(part, str):
-        return table.setdefault(part, {})
-    _check_index(table, part, key)
-    return table[part]
+def _descend(table: Any, component: str | int, key: str) -> Any:
+    if isinstance(table, dict) and isinstance(component, str):
+        return table.setdefault(component, {})
+    _check_index(table, component, key)
+    return table[component]
 
 
-def _enter(table: Any, part: str | int, key: str, value: Any) -> None:
-    if not (isinstance(table, dict) and isinstance(part, str)):
-        _check_index(table, part, key)
-    table[part] = value
+def _enter(table: Any, component: str | int, key: str, value: Any) -> None:
+    if not (isinstance(table, dict) and isinstance(component, str)):
+        _check_index(table, component, key)
+    table[component] = value
 
 
-def _check_index(table: Any, part: str | int, key: str) -> None:
-    if not (isinstance(table, list) and isinstance(part, int)):
-        wanted = "table" if isinstance(part, str) else "list"
-        found = "a table" if isinstance(table, dict) else "a list" if isinstance(table, list) else repr(table)
-        raise TableError(Problem((key,), f"leads into {found}, not into a {wanted}"))
-    if part >= len(table):
+def _check_index(table: Any, component: str | int, key: str) -> None:
+    if not (isinstance(table, list) and isinstance(component, int)):
+        expected = "table" if isinstance(component, str) else "list"
+        actual = "a table" if isinstance(table, dict) else "a list" if isinstance(table, list) else repr(table)
+        raise TableError(Problem((key,), f"leads into {actual}, not into a {expected}"))
+    if component >= len(table):
         count = "is 1 entry" if len(table) == 1 else f"are {len(table)} entries"
         raise TableError(Problem((key,), f"there {count} only"))

@@ -1,4 +1,4 @@
-"""The quantities that a study can show."""
+"""Quantities that a study can show."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -23,8 +23,8 @@ TOTALS: Final[Mapping[str, Callable[[Resultants], float]]] = {
     "max_pressure": lambda totals: totals.max_pressure,
     **{f"max_{scalar.value_name}": _scalar(f"max_abs_{scalar.value_name}") for scalar in MEE.scalars},
 }
-"""Totals of a step: force of the indenter against x3 and of the indenter on the body along x1, x2 [N], charge [C],
-magnetic flux [Wb], contact area [m^2], largest pressure [Pa] and absolute potentials [V], [A]."""
+"""Totals of a step: force of the indenter against x3 and along x1, x2 on the body [N], charge [C], magnetic flux [Wb],
+contact area [m^2], largest pressure [Pa], and largest absolute potentials [V], [A]."""
 
 
 def nodal(quantity: str, zone: Zone, step: StepResult) -> Array:

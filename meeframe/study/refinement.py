@@ -1,4 +1,4 @@
-"""The same case on coarser meshes."""
+"""Coarser meshes of a case."""
 
 import math
 from collections.abc import Mapping
@@ -13,24 +13,42 @@ from meeframe.plugin.registry import Kind, Registry
 from meeframe.study.choices import bodies_of
 
 COUNTS: Final = ("divisions", "rings", "layers", "outside")
-"""Keys of [mesh] and [formulation] that count elements: half as many where elements are twice as large."""
+"""Keys of [mesh] and [formulation] that count elements, divided by the ratio of element sizes."""
 GROWTHS: Final = ("growth", "layer_growth")
-"""Keys that are the ratio of the widths of neighbours: squared where elements are twice as large."""
+"""Keys that are ratios of the widths of neighbouring elements, raised to the power of the ratio of element sizes."""
 
 
-def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[str, Any]:
-    """Return the tables of a case with elements `size` times as large, as far as whole numbers of them allow.
+def coarsen(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[str, Any]:
+    """Return the tables of a case with elements that are larger by a factor.
 
-    Of its meshes and formulations, in both bodies, by the keys COUNTS and GROWTHS, given or by default.
-    Raises CaseError if a mesh is read from a file or the case continues a run, PluginError for an unknown formulation.
+    The meshes and formulations of both bodies change by the keys COUNTS and GROWTHS, whether given or by default.
+    Counts are rounded to whole numbers.
+
+    Parameters
+    ----------
+    tables
+        Tables of a case file.
+    size
+        Element size relative to that of the case.
+    registry
+        Registry of plugins.
+
+    Raises
+    ------
+    CaseError
+        If a mesh is read from a file or the case continues a run.
+    PluginError
+        For an unknown formulation.
     """
     if "restart" in tables:
-        raise CaseError("restart: a run is continued on its own mesh; allowed: a case with the whole history")
+        raise CaseError(
+            "restart: a run can only be continued on the same mesh; allowed: a case with the complete load history"
+        )
     changed = deepcopy(dict(tables))
     for name, body in bodies_of(changed).items():
         if "file" in body["mesh"]:
-            where = "mesh" if name == "body" else f"{name}.mesh"
-            raise CaseError(f"{where}.file: a mesh that is read cannot be coarsened; allowed: a block or a half space")
+            key = "mesh" if name == "body" else f"{name}.mesh"
+            raise CaseError(f"{key}.file: a mesh from a file cannot be coarsened; allowed: a block or a half space")
         body["mesh"] = _scaled(body["mesh"], size, _mesh_growths(body["mesh"]))
         formulation = body.get("formulation")
         if formulation is not None:
@@ -40,8 +58,7 @@ def coarser(tables: Mapping[str, Any], size: float, registry: Registry) -> dict[
 
 
 def element_size(tables: Mapping[str, Any]) -> float:
-    """Return the width of the elements of the contact zone as part of the zone's, by `divisions`, geometric mean of
-    both ways."""
+    """Return the element size relative to the width of the contact zone, the geometric mean of both directions."""
     divisions = tables["mesh"]["divisions"]
     counts = divisions if isinstance(divisions, list | tuple) else [divisions]
     return float(math.prod(counts) ** (-1.0 / len(counts)))
@@ -51,14 +68,18 @@ def _scaled(table: Mapping[str, Any], size: float, growths: Mapping[str, float])
     changed = dict(growths) | dict(table)
     for key in changed:
         if key in COUNTS:
-            changed[key] = _fewer(changed[key], size)
+            changed[key] = _divide_count(changed[key], size)
         elif key in GROWTHS:
             changed[key] = float(changed[key]) ** size
     return changed
 
 
-def _fewer(count: Any, size: float) -> Any:
-    return [_fewer(each, size) for each in count] if isinstance(count, list | tuple) else max(1, round(count / size))
+def _divide_count(count: Any, size: float) -> Any:
+    return (
+        [_divide_count(item, size) for item in count]
+        if isinstance(count, list | tuple)
+        else max(1, round(count / size))
+    )
 
 
 def _mesh_growths(mesh: Mapping[str, Any]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Figures by name: the studies of a folder, solved and drawn."""
+"""Figures of the paper by name: the studies of a folder, solved and drawn."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,18 +19,17 @@ DPI: Final = 100
 
 
 def known_studies(folder: Path) -> dict[str, Path]:
-    """Return the study files by name, fig-05 being FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
+    """Return the study files by name; fig-05 is FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
     if not folder.is_dir():
-        raise CaseError(f"folder of studies {folder} does not exist; name the one that holds them with --validation")
-    found = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
-    if not found:
-        raise CaseError(f"folder of studies {folder} holds no */fig-*.toml; name another one with --validation")
-    return dict(sorted(found.items()))
+        raise CaseError(f"folder of studies {folder} does not exist; name another folder with --validation")
+    studies = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
+    if not studies:
+        raise CaseError(f"folder of studies {folder} contains no */fig-*.toml; name another folder with --validation")
+    return dict(sorted(studies.items()))
 
 
 def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
-    """Return the files of the named studies, each once; `all` stands for all of them. Raises CaseError for an unknown
-    name."""
+    """Return the files of the named studies, each once; `all` selects all. Raises CaseError for an unknown name."""
     for name in names:
         if name not in known and name != ALL:
             raise CaseError(f"unknown figure {name!r}; {choices(name, (*known, ALL))}")
@@ -40,11 +39,35 @@ def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
 def reproduce(
     names: Sequence[str], folder: Path, out: Path, progress: Progress = silent, pool: Pool | None = None
 ) -> Iterator[Study]:
-    """Solve and draw the named studies of a folder one after the other: NAME.png and NAME.json in `out`.
+    """Solve and draw studies of a folder one after the other; write NAME.png and NAME.json.
 
-    pool: where runs are solved, by default in this process. Finished runs are kept in the folder `points` there and
-    found again, reduced systems in `cache`. Each file is whole or as it was before. Raises CaseError for names, studies
-    and cases with problems, ResultError if `out` cannot be written.
+    Finished runs are stored in `out`/points and reduced systems in `out`/cache, from which later calls reuse them. Each
+    file is written atomically.
+
+    Parameters
+    ----------
+    names
+        Names of figures, or `all`.
+    folder
+        Folder of the studies.
+    out
+        Output folder; created if it does not exist.
+    progress
+        Called with the stage and the fraction of it that is done.
+    pool
+        Pool that solves the runs; by default this process.
+
+    Yields
+    ------
+    Study
+        Each study when it has been solved and drawn.
+
+    Raises
+    ------
+    CaseError
+        For unknown names and for invalid studies or cases.
+    ResultError
+        If `out` cannot be written.
     """
     files = choose(names, known_studies(folder))
     check_output(out, overwrite=True)

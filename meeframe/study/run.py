@@ -1,4 +1,4 @@
-"""From a case to files: each increment as it is finished, then result.h5, summary.json, figures and fields.vtu."""
+"""Run of a case into files: every finished increment, then result.h5, summary.json, figures and fields.vtu."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,25 +20,30 @@ from meeframe.system.reduced import Progress, silent
 def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progress: Progress = silent) -> Result:
     """Solve a case and write its results into a folder.
 
-    Nothing in the folder is touched before the first increment is finished; from then on finished increments can be
-    read from it whatever happens. An interruption carries a note that says what the folder then holds, and so does an
-    error after a finished increment.
+    Nothing in the folder is touched before the first increment is finished. From then on, finished increments can be
+    read from it whatever happens. An interruption, or an error after a finished increment, carries a note on the
+    contents of the folder.
 
     Parameters
     ----------
     case
         The case, or the path of its file.
     out
-        Output folder; made if it does not exist. Held by this run until it ends.
+        Output folder; created if it does not exist and locked until the run ends.
     overwrite
         Whether results of an earlier run in it are replaced.
     progress
-        Called with the stage and how much of it is done.
+        Called with the stage and the fraction of it that is done.
+
+    Returns
+    -------
+    Result
+        Results of all increments.
 
     Raises
     ------
     ResultError
-        Before anything is computed, if `out` cannot be written, if another run writes there, or if it holds files and
+        Before anything is computed, if `out` cannot be written, if another run writes there, or if it is not empty and
         overwrite is false.
     MeeframeError
         As load_case and solve_case.
@@ -52,10 +57,10 @@ def run(case: Case | str | Path, out: str | Path, overwrite: bool = False, progr
 
 
 def stored_fields(case: Case) -> frozenset[str]:
-    """Return the optional fields that the result file of a case holds.
+    """Return the optional fields stored in the result file of a case.
 
-    By default those that the case loads. The slips of a run that continues another one are always stored: they cannot
-    be found from its displacements alone.
+    By default these are the fields that the case loads. The slips of a run that continues another one are always
+    stored, because they cannot be computed from its displacements alone.
     """
     continues = case.restart is not None
     loaded = loaded_fields(continues or bool(case.contact_law.tangential_scaling().any()))
@@ -65,7 +70,7 @@ def stored_fields(case: Case) -> frozenset[str]:
 
 
 class _Run:
-    """One run into an output folder that it holds."""
+    """One run into an output folder."""
 
     def __init__(self, case: Case, folder: Path, clock: Clock) -> None:
         self._case, self._folder, self._clock = case, folder, clock
@@ -122,7 +127,7 @@ class _Run:
         return result
 
     def _content(self) -> str:
-        """Return what the folder holds now, in words."""
+        """Describe the present contents of the folder."""
         if self._finished:
             return f"{self._finished} of {self._case.n_increments} increments are finished and in {self._folder}"
         if not self._earlier:

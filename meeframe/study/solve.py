@@ -1,4 +1,4 @@
-"""Numbers of a study file: its runs, solved by the engine of sweeps on reduced systems that they share."""
+"""Solution of a study file by the engine of sweeps, on shared reduced systems."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,17 @@ from meeframe.system.reduced import Progress, silent
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """The last load step of a run, and whether every step converged."""
+    """Last load step of a run.
+
+    Attributes
+    ----------
+    zone
+        Contact zone.
+    step
+        Result of the last load step.
+    converged
+        True if every step converged.
+    """
 
     zone: Zone
     step: StepResult
@@ -31,9 +41,18 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """The runs of a study by label and the changes that make them, as points of the engine.
+    """Factory of the points of a study from labels and changes.
 
-    file: of the study; tables: of its case; folder: where relative paths in them start.
+    Attributes
+    ----------
+    file
+        The study file.
+    tables
+        Tables of its case file.
+    folder
+        Folder that relative paths in the tables refer to.
+    registry
+        Registry of plugins; by default everything that is installed.
     """
 
     file: Path
@@ -42,7 +61,7 @@ class Runs:
     registry: Registry | None = None
 
     def point(self, label: str, *changes: Changes) -> Point:
-        """Return a run. Raises CaseError that names the study and the run if the changed case is not one."""
+        """Return the point of a run. Raises CaseError, naming the study and the run, if the changed case is invalid."""
         try:
             point = Point.of(label, changed(self.tables, *changes), self.folder, self.registry)
             problems = point.problems
@@ -53,7 +72,7 @@ class Runs:
         return point
 
     def of(self, study: StudyTable, panel: PanelTable) -> tuple[dict[str, Point], list[Point]]:
-        """Return the references of a panel by name, and its runs."""
+        """Return the reference points of a panel by name, and the points of its runs."""
         names = dict.fromkeys(name for name in study.shown(panel).values() if isinstance(name, str))
         references = {name: self.point(f"{panel.title}, {name}", panel.set, study.references[name]) for name in names}
         runs = [self.point(f"{panel.title}, {run.label}", panel.set, run.set) for run in panel.all_runs()]
@@ -68,35 +87,56 @@ def solve_study(
     pool: Pool | None = None,
     store: Path | None = None,
 ) -> Study:
-    """Return the study of a file, solved; cache: folder of reduced systems, see meeframe.model.cache.
+    """Solve the study of a file.
 
-    pool: where runs are solved, by default in this process; store: folder in which finished runs are kept and found
-    again. Progress counts runs, each once however many panels show it. Runs that do not converge raise nothing: the
-    panel says so. Raises CaseError for a study or a case with problems, for a run that a formulation, law or solver
-    refuses, or if a quantity would be divided by zero; else as cached_reduce.
+    Progress counts runs, each once even if several panels show it. Runs that do not converge are marked in the panel
+    and raise no error.
+
+    Parameters
+    ----------
+    file
+        The study file.
+    cache
+        Folder of reduced systems, see `meeframe.model.cache`.
+    progress
+        Called with the stage and the fraction of it that is done.
+    registry
+        Registry of plugins; by default everything that is installed.
+    pool
+        Pool that solves the runs; by default this process.
+    store
+        Folder in which finished runs are stored and found again.
+
+    Raises
+    ------
+    CaseError
+        For an invalid study or case, for a run that a formulation, law or solver refuses, or if a quantity would be
+        divided by zero.
+    MeeframeError
+        As `meeframe.model.cache.cached_reduce`.
     """
     table, tables = load_study(file)
     planned = Runs(file, tables, (file.parent / table.case).parent, registry)
     panels = [planned.of(table, panel) for panel in table.panels]
     points = {point.key: point for references, runs in panels for point in (*references.values(), *runs)}
 
-    def counted(stage: str, fraction: float) -> None:
+    def count(stage: str, fraction: float) -> None:
         progress(file.stem if stage == "points" else stage, fraction)
 
-    solved = {}
-    for key, outcome in solve_points(list(points.values()), pool or InProcess(), cache, store, counted):
-        solved[key] = _run(f"{file}: {points[key].label}", outcome)
-    drawn = [
+    results = {}
+    for key, outcome in solve_points(list(points.values()), pool or InProcess(), cache, store, count):
+        results[key] = _run(f"{file}: {points[key].label}", outcome)
+    solved_panels = [
         _panel(
             file,
             table,
             panel,
-            {name: solved[point.key] for name, point in references.items()},
-            [solved[point.key] for point in runs],
+            {name: results[point.key] for name, point in references.items()},
+            [results[point.key] for point in runs],
         )
         for panel, (references, runs) in zip(table.panels, panels, strict=True)
     ]
-    return Study(file.stem, table.title, table.paper, table.kind, table.scale, tuple(drawn))
+    return Study(file.stem, table.title, table.paper, table.kind, table.scale, tuple(solved_panels))
 
 
 def _run(label: str, outcome: Outcome) -> Run:

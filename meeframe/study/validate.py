@@ -1,7 +1,7 @@
-"""Run the validation cases of a folder one after the other, and write table, numbers and report along the way.
+"""Run the validation cases of a folder one after the other; write the table, numbers and report along the way.
 
-A case is a folder with a module checks.py: TITLE, SOURCE (where the references are published) and a generator
-`run(quick)` of the records below. At its top it may import modules beside it, and those beside its folder, by name.
+A case is a folder with a module checks.py that defines TITLE, SOURCE (publication of the references) and a generator
+`run(quick)` of the records below. At module level it can import modules of its folder and of the folder above by name.
 """
 
 import importlib.util
@@ -48,7 +48,19 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba", "tamaas")
 
 @dataclass(frozen=True, eq=False)
 class ValidationCase:
-    """A case to run. items: function that yields its items, for a quick or a full validation."""
+    """A case to run.
+
+    Attributes
+    ----------
+    name
+        Name of the folder.
+    title
+        Title of the case.
+    source
+        Publication of the references.
+    items
+        Function that yields the items of a quick or a full validation.
+    """
 
     name: str
     title: str
@@ -57,19 +69,25 @@ class ValidationCase:
 
 
 def known_cases(folder: Path) -> dict[str, Path]:
-    """Return the case folders by name, FOLDER/*/checks.py. Raises CaseError if there are none."""
+    """Return the case folders (FOLDER/*/checks.py) by name. Raises CaseError if there are none."""
     if not folder.is_dir():
         raise CaseError(f"folder of validation cases {folder} does not exist; name another folder with --validation")
-    found = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
-    if not found:
+    cases = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
+    if not cases:
         raise CaseError(
             f"folder of validation cases {folder} contains no */{MODULE}; name another folder with --validation"
         )
-    return found
+    return cases
 
 
 def load_case(folder: Path) -> ValidationCase:
-    """Import the module of a case. Raises CaseError if it is no case; whatever the import raises passes."""
+    """Import the module of a case.
+
+    Raises
+    ------
+    CaseError
+        If the module lacks TITLE, SOURCE or run. Errors of the import itself are passed on.
+    """
     module = _import(folder / MODULE)
     for name, kind in (("TITLE", str), ("SOURCE", str), ("run", Callable)):
         if not isinstance(getattr(module, name, None), kind):  # type: ignore[arg-type]
@@ -80,13 +98,38 @@ def load_case(folder: Path) -> ValidationCase:
 def validate(
     folder: Path, out: Path, names: Sequence[str] = (), quick: bool = False, progress: Progress = silent
 ) -> Validation:
-    """Run the named cases of a folder, all if none is named; write validation.json and report.html into `out`.
+    """Run validation cases of a folder; write validation.json and report.html.
 
-    What an earlier run left there goes first. The numbers are written anew after every check, the report after every
-    case, each whole or as it was before. A case that breaks off is an error in the table, and the others run all the
-    same. A note on KeyboardInterrupt says what is there.
-    Raises CaseError for an unknown name or a folder without cases, ResultError if `out` cannot be written,
-    MeeframeError if the library of the report's plots is not installed.
+    Files of an earlier run in `out` are removed first. The numbers are rewritten after every check and the report after
+    every case, each atomically. A case that fails is an error in the table, and the others run nevertheless. A note on
+    KeyboardInterrupt says what has been written.
+
+    Parameters
+    ----------
+    folder
+        Folder of the cases.
+    out
+        Output folder; created if it does not exist.
+    names
+        Names of the cases to run; by default all.
+    quick
+        Whether to use coarser grids.
+    progress
+        Called with the name of the case when it starts.
+
+    Returns
+    -------
+    Validation
+        Outcomes of all cases.
+
+    Raises
+    ------
+    CaseError
+        For an unknown name or a folder without cases.
+    ResultError
+        If `out` cannot be written.
+    MeeframeError
+        If plotly, which draws the report, is not installed.
     """
     known = known_cases(folder)
     for name in names:
@@ -96,24 +139,24 @@ def validate(
     library = plot_library()
     check_output(out, overwrite=True)
     _clear(out)
-    found = Validation(quick, _versions(), planned=len(chosen))
+    validation = Validation(quick, _versions(), planned=len(chosen))
     try:
         for path in chosen:
             progress(path.name, 0.0)
             for case in _reports(path, quick):
                 with replacing(out / NUMBERS_FILE) as file:
-                    file.write_text(validation_json(_with(found, case)), encoding="utf-8")
-            found = _with(found, case)
+                    file.write_text(validation_json(_with(validation, case)), encoding="utf-8")
+            validation = _with(validation, case)
             with replacing(out / REPORT_FILE) as file:
-                file.write_text(page(found, library), encoding="utf-8")
+                file.write_text(page(validation, library), encoding="utf-8")
     except KeyboardInterrupt as error:
-        error.add_note(_left(found, out))
+        error.add_note(_progress_note(validation, out))
         raise
-    return found
+    return validation
 
 
 def _clear(out: Path) -> None:
-    """Make the folder, or take the two files of an earlier run out of it. Raises ResultError."""
+    """Create the folder, or remove the two files of an earlier run from it. Raises ResultError."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         for name in (NUMBERS_FILE, REPORT_FILE):
@@ -122,11 +165,11 @@ def _clear(out: Path) -> None:
         raise ResultError(f"output folder {out} cannot be written: {error.strerror or error}") from None
 
 
-def _left(found: Validation, out: Path) -> str:
-    """Return what an interruption leaves."""
-    done = f"{len(found.cases)} of {found.planned} cases finished"
+def _progress_note(validation: Validation, out: Path) -> str:
+    """Return a note on what an interrupted validation has finished and written."""
+    done = f"{len(validation.cases)} of {validation.planned} cases finished"
     written = [str(out / name) for name in (NUMBERS_FILE, REPORT_FILE) if (out / name).exists()]
-    return f"{done}; what was found so far is in {' and '.join(written)}" if written else f"{done}; nothing was written"
+    return f"{done}; results so far are in {' and '.join(written)}" if written else f"{done}; nothing was written"
 
 
 def _with(validation: Validation, case: CaseReport) -> Validation:
@@ -134,7 +177,7 @@ def _with(validation: Validation, case: CaseReport) -> Validation:
 
 
 def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
-    """Return the report of a case after every item, and at its end."""
+    """Yield the report of a case after every item and at its end."""
     report = CaseReport(folder.name, folder.name, "")
     begin = time.perf_counter()
     try:
@@ -153,51 +196,51 @@ def _reports(folder: Path, quick: bool) -> Iterator[CaseReport]:
         if not report.rows:
             raise CaseError(f"{folder / MODULE}: run(quick) checks nothing")
     except (Exception, SystemExit) as error:
-        # one broken case is a line of the table: the others tell as much without it
-        told = isinstance(error, MeeframeError) and not isinstance(error, PluginFault)
-        words = str(error) if told else traceback.format_exc()
-        report = replace(report, error=words or type(error).__name__)
+        # a case that fails is one line of the table and does not stop the others
+        expected = isinstance(error, MeeframeError) and not isinstance(error, PluginFault)
+        message = str(error) if expected else traceback.format_exc()
+        report = replace(report, error=message or type(error).__name__)
     yield replace(report, seconds=time.perf_counter() - begin, finished=True)
 
 
 def _import(file: Path) -> ModuleType:
-    """Return a module by its path, under a name of its own."""
+    """Import a module by path under a unique name."""
     with _importable(file.parent.resolve()):
         name = f"meeframe_validation_{file.parent.name}"
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise CaseError(f"{file}: cannot be imported")
         module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module  # dataclasses look themselves up there
+        sys.modules[name] = module  # dataclasses look up their module there
         spec.loader.exec_module(module)
     return module
 
 
 @contextmanager
 def _importable(folder: Path) -> Iterator[None]:
-    """Let a module import those of its folder and of the one above by their plain names, for as long as this takes.
+    """Allow a module to import modules of its folder and of the folder above by plain names.
 
-    Every case may have a study.py: modules of these names are set aside before, and no trace is left after.
+    Several cases may have modules of the same name, such as study.py: modules loaded before are set aside and restored.
     """
-    places = (folder, folder.parent)
-    names = {file.stem for place in places for file in place.glob("*.py")}
-    others = {name: sys.modules.pop(name) for name in names & set(sys.modules)}
-    sys.path[:0] = map(str, places)
+    folders = (folder, folder.parent)
+    names = {file.stem for parent in folders for file in parent.glob("*.py")}
+    modules = {name: sys.modules.pop(name) for name in names & set(sys.modules)}
+    sys.path[:0] = map(str, folders)
     try:
         yield
     finally:
-        for place in places:
-            sys.path.remove(str(place))
+        for parent in folders:
+            sys.path.remove(str(parent))
         for name in names:
             sys.modules.pop(name, None)
-        sys.modules.update(others)
+        sys.modules.update(modules)
 
 
 def _versions() -> dict[str, str]:
-    """Return the versions of the software that the numbers depend on: libraries, plugins, reference codes."""
-    found = {"python": platform.python_version()}
-    found |= {provider.name: provider.version for provider in plugins.load().providers}
+    """Return the versions of the software that affects the numbers: libraries, plugins and reference codes."""
+    versions = {"python": platform.python_version()}
+    versions |= {provider.name: provider.version for provider in plugins.load().providers}
     for name in _LIBRARIES:
-        with suppress(metadata.PackageNotFoundError):  # judges need not be there
-            found[name] = metadata.version(name)
-    return found
+        with suppress(metadata.PackageNotFoundError):  # reference codes are optional
+            versions[name] = metadata.version(name)
+    return versions

@@ -1,4 +1,4 @@
-"""One case by all formulations that take it, on several meshes, compared within their own errors."""
+"""Verification of one case by several formulations on several meshes, compared within their error estimates."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ from meeframe.results.output import open_output, replacing, rewriting
 from meeframe.results.records import StepResult, Zone, resultants, zone_of
 from meeframe.study.choices import Choice, enter
 from meeframe.study.quantities import TOTALS
-from meeframe.study.refinement import coarser, element_size
+from meeframe.study.refinement import coarsen, element_size
 from meeframe.study.reports.extrapolation import MESHES, SECOND
 from meeframe.study.reports.verified import Measured, Verification, VerifiedRun
 from meeframe.study.reports.verify import verification_figure, verification_json
@@ -35,7 +35,7 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 NUMBERS_FILE: Final = "verify.json"
 FIGURE_FILE: Final = "convergence.png"
 
-_MOST_MESHES: Final = 20
+_MAX_MESHES: Final = 20
 
 _TOTALS_OF: Final = {
     "normal_force": ("force",),
@@ -45,21 +45,35 @@ _TOTALS_OF: Final = {
     "charge": ("charge",),
     "magnetic_flux": ("magnetic_flux",),
 }
-"""What a prescribed resultant leaves nothing to compare of; the motion it works on is found in its place."""
+"""Totals that a prescribed resultant fixes; the work-conjugate motion is compared instead."""
 
 
 @dataclass(frozen=True)
 class Meshes:
-    """levels: how many meshes, the finest that of the case; factor: between the sizes of their elements; order:
-    theoretical order of totals, for where none is observed. Raises CaseError if one is not allowed."""
+    """Meshes of a verification.
+
+    Attributes
+    ----------
+    levels
+        Number of meshes; the finest is that of the case.
+    factor
+        Ratio of the element sizes of successive meshes.
+    order
+        Theoretical order of totals, used where no order is observed.
+
+    Raises
+    ------
+    CaseError
+        If a value is out of range.
+    """
 
     levels: int = MESHES
     factor: float = 1.5
     order: float = SECOND
 
     def __post_init__(self) -> None:
-        if not MESHES <= self.levels <= _MOST_MESHES:
-            needed = f"{MESHES} to {_MOST_MESHES}; an observed order needs {MESHES}"
+        if not MESHES <= self.levels <= _MAX_MESHES:
+            needed = f"{MESHES} to {_MAX_MESHES}; an observed order needs {MESHES}"
             raise CaseError(f"levels = {self.levels}: allowed: {needed}")
         if not 1.0 < self.factor <= 4.0:
             raise CaseError(f"factor = {self.factor:g}: allowed: above 1, at most 4")
@@ -67,13 +81,23 @@ class Meshes:
             raise CaseError(f"order = {self.order:g}: allowed: 0.5 to 4")
 
     def sizes(self) -> Iterator[float]:
-        """Return the element sizes relative to those of the case, falling to 1."""
+        """Yield the element sizes relative to those of the case, decreasing to 1."""
         return (self.factor**level for level in reversed(range(self.levels)))
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """A run to be done. size: of the elements, as part of the contact zone's width."""
+    """A run to be done.
+
+    Attributes
+    ----------
+    formulation
+        Label of the formulation.
+    size
+        Element size relative to the width of the contact zone.
+    case
+        The case of the run.
+    """
 
     formulation: str
     size: float
@@ -92,15 +116,46 @@ def verify(
     cache: Path | None = None,
     warn: Warn = ignore,
 ) -> Verification:
-    """Run a case by several formulations on several meshes; write verify.json, after every run anew, and a picture.
+    """Run a case with several formulations on several meshes; write verify.json and a figure.
 
-    formulations: names or inline tables, as of `meeframe compare`; none: all that are registered, and those that refuse
-    the case are told in the verification. every_step: compare at the end of every load step, not of the last alone;
-    cache: folder of reduced systems that are shared with other verifications, see meeframe.model.cache.
-    warn: is told first what the formulations warn of, each on each mesh, and what the case itself does.
-    Raises CaseError or PluginError, before anything is computed, for a case with problems, a mesh that cannot be
-    coarsened, a named formulation that refuses it, or if fewer than two take it; ResultError if `out` cannot be written
-    or holds anything and overwrite is false. Runs that do not converge say so in the verification.
+    verify.json is rewritten after every run. Runs that do not converge are marked in the verification.
+
+    Parameters
+    ----------
+    file
+        The case file.
+    out
+        Output folder; created if it does not exist.
+    formulations
+        Names or inline tables, as for `meeframe compare`. By default all registered formulations; those that refuse the
+        case are listed in the verification.
+    meshes
+        Meshes to use.
+    every_step
+        Whether to compare at the end of every load step instead of the last one only.
+    overwrite
+        Whether earlier results in `out` are replaced.
+    registry
+        Registry of plugins; by default everything that is installed.
+    progress
+        Called with the stage and the fraction of it that is done.
+    cache
+        Folder of reduced systems shared with other verifications, see `meeframe.model.cache`.
+    warn
+        Called first, with the warnings of each formulation on each mesh and of the case.
+
+    Returns
+    -------
+    Verification
+        All runs, extrapolated values and comparisons.
+
+    Raises
+    ------
+    CaseError, PluginError
+        Before anything is computed, for an invalid case, a mesh that cannot be coarsened, a named formulation that
+        refuses the case, or if fewer than two formulations accept it.
+    ResultError
+        If `out` cannot be written, or if it is not empty and overwrite is false.
     """
     registry, meshes = registry or plugins.load(), meshes or Meshes()
     case = load_case(file, registry)
@@ -109,54 +164,54 @@ def verify(
     if refusals and formulations:
         raise CaseError("\n".join(f"--formulation {name}: {text}" for name, text in refusals.items()))
     if len({run.formulation for run in planned}) < 2:
-        told = "".join(f"\n{name}: {text}" for name, text in refusals.items())
-        raise CaseError(f"{file}: a verification needs two formulations or more that take the case{told}")
+        reasons = "".join(f"\n{name}: {text}" for name, text in refusals.items())
+        raise CaseError(f"{file}: a verification needs at least two formulations that accept the case{reasons}")
     with open_output(out, overwrite):
         for text in (*warnings_of(body for run in planned for body in bodies_of(run.case)), *case.preflight):
             warn(text)
         versions = {name: version for run in planned for name, version in provenance(run.case).versions.items()}
-        found = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
+        verification = Verification(case.title, case.text, versions, refusals, meshes.order, len(planned))
         reducer = (
             partial(reduce, progress=progress)
             if cache is None
             else partial(cached_reduce, folder=cache, progress=progress)
         )
-        return _verified(found, planned, partial(_solved, every_step=every_step, reducer=reducer), out, progress)
+        solve = partial(_solve, every_step=every_step, reducer=reducer)
+        return _run_all(verification, planned, solve, out, progress)
 
 
-def _verified(
-    found: Verification,
+def _run_all(
+    verification: Verification,
     planned: Sequence[Planned],
     solve: Callable[[Planned], VerifiedRun],
     out: Path,
     progress: Progress,
 ) -> Verification:
-    """Solve the planned runs and write what they give into an output folder that is held."""
+    """Solve the planned runs and write the verification into a locked output folder."""
     with rewriting(out / NUMBERS_FILE) as write:
         for number, run in enumerate(planned):
             progress("runs", number / len(planned))
-            found = replace(found, runs=(*found.runs, solve(run)))
-            write(verification_json(found))
+            verification = replace(verification, runs=(*verification.runs, solve(run)))
+            write(verification_json(verification))
     progress("runs", 1.0)
-    figure = verification_figure(found)
+    figure = verification_figure(verification)
     if figure is not None:
         with replacing(out / FIGURE_FILE) as path:
             save_figure(figure, path)
-    return found
+    return verification
 
 
 def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
 ) -> tuple[list[Planned], dict[str, str]]:
-    """Return all runs of a verification, those on the coarsest mesh first, and why formulations refuse one of their
-    cases.
+    """Return all runs of a verification, coarsest meshes first, and the reasons of formulations that refuse the case.
 
-    Raises CaseError if the meshes cannot be coarsened or two of them are one.
+    Raises CaseError if the meshes cannot be coarsened or two of them are equal.
     """
     _, tables = read_toml(file)
     runs: list[Planned] = []
     refusals: dict[str, str] = {}
-    sizes = [element_size(coarser(tables, size, registry)) for size in meshes.sizes()]
+    sizes = [element_size(coarsen(tables, size, registry)) for size in meshes.sizes()]
     if any(coarse <= fine for coarse, fine in pairwise(sizes)):
         counts = ", ".join(f"{1 / size:g}" for size in sizes)
         raise CaseError(
@@ -175,48 +230,51 @@ def planned_runs(
 
 
 def _case(file: Path, tables: Mapping[str, Any], choice: Choice, size: float, registry: Registry) -> Case:
-    """Return the case with a formulation on a coarser mesh. Raises as case_from_tables and
-    meeframe.study.refinement."""
-    changed = coarser(tables, 1.0, registry)
+    """Return the case with a formulation on a coarser mesh.
+
+    Raises as case_from_tables and meeframe.study.refinement.coarsen.
+    """
+    changed = coarsen(tables, 1.0, registry)
     enter(changed, "formulation", choice.value, registry)
-    return case_from_tables(coarser(changed, size, registry), registry, file.parent)
+    return case_from_tables(coarsen(changed, size, registry), registry, file.parent)
 
 
-def _solved(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
-    """Solve one run and return its quantities, or why a solver, law or formulation refuses it."""
-    found = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
+def _solve(run: Planned, every_step: bool, reducer: Callable[[Case], ReducedSystem]) -> VerifiedRun:
+    """Solve one run and return its quantities, or the reason why a solver, law or formulation refuses it."""
+    result = VerifiedRun(run.formulation, run.size, run.case.mesh.n_elements)
     begin = time.perf_counter()
     try:
         system = reducer(run.case)
         increments = tuple(solve_steps(run.case, system, boundary=False))
     except MeeframeError as error:
-        return replace(found, status="refused", message=str(error), seconds=time.perf_counter() - begin)
+        return replace(result, status="refused", message=str(error), seconds=time.perf_counter() - begin)
     failed = next((step for step in increments if step.status is not Status.CONVERGED), None)
     ends = [step for step in increments if step.increment == run.case.steps[step.step - 1].increments]
-    kept = ends if every_step else ends[-1:]
+    compared = ends if every_step else ends[-1:]
     return replace(
-        found,
+        result,
         status=str(failed.status if failed else Status.CONVERGED),
         message=failed.message if failed else "",
-        steps={step.step: measured(system, step) for step in kept},
+        steps={step.step: measured(system, step) for step in compared},
         seconds=time.perf_counter() - begin,
     )
 
 
 def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
-    """Return the totals of meeframe.study.quantities, moments, and motions found in place of prescribed resultants.
+    """Return the quantities of a load step that a verification compares, by name.
 
-    Without what was prescribed. See Measured.
+    These are the totals of meeframe.study.quantities and the moments without those that are prescribed, and the motions
+    that were found for prescribed resultants.
     """
     zone = zone_of(system)
     totals = resultants(zone, step)
-    values = {name: of(totals) for name, of in TOTALS.items()}
+    values = {name: total(totals) for name, total in TOTALS.items()}
     values |= {"moment_x": totals.moment[0], "moment_y": totals.moment[1], "torque": totals.torque}
     for key in step.loading.prescribed:
         for name in _TOTALS_OF.get(key, ()):
             values.pop(name, None)
     values |= _free_motions(step)
-    scales, noise = _scales(system, step), {"contact_area": _area_in_doubt(zone, totals.contact_area)}
+    scales, noise = _scales(system, step), {"contact_area": _area_uncertainty(zone, totals.contact_area)}
     return {
         name: Measured(float(value), scales.get(name, abs(float(value))), noise.get(name, 0.0))
         for name, value in values.items()
@@ -224,8 +282,7 @@ def measured(system: ReducedSystem, step: StepResult) -> dict[str, Measured]:
 
 
 def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
-    """Return what totals would be without cancellation: forces of the moduli of tractions, potentials of tractions
-    alone."""
+    """Return the totals without cancellation: forces from moduli of tractions, potentials due to tractions alone."""
     load = step.state.load
     moduli = np.column_stack([np.linalg.norm(step.traction, axis=1), np.abs(step.fluxes)])
     force, charge, flux = (float(total) for total in system.weights @ moduli)
@@ -243,23 +300,23 @@ def _scales(system: ReducedSystem, step: StepResult) -> dict[str, float]:
 
 
 def _free_motions(step: StepResult) -> dict[str, float]:
-    """Return the motions whose resultants were prescribed, by name, with their components."""
-    found: dict[str, float] = {}
+    """Return the components of the motions whose resultants were prescribed, by name."""
+    motions: dict[str, float] = {}
     for key in step.loading.prescribed:
-        place = COLUMNS[key]
-        name = next(motion for motion, columns in MOTIONS.items() if columns == place)
-        values = step.loading.motion[place]
+        columns_of_motion = COLUMNS[key]
+        name = next(motion for motion, columns in MOTIONS.items() if columns == columns_of_motion)
+        values = step.loading.motion[columns_of_motion]
         potential = "indenter_" * (name.endswith("potential"))
         suffixes = ("",) if len(values) == 1 else ("_1", "_2")
-        found |= {f"{potential}{name}{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
-    return found
+        motions |= {f"{potential}{name}{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
+    return motions
 
 
-def _area_in_doubt(zone: Zone, area: float) -> float:
-    """Return how far a disc's area may be off that is counted by elements of this zone.
+def _area_uncertainty(zone: Zone, area: float) -> float:
+    """Return the uncertainty [m^2] of the area of a disc that is counted by elements of this zone.
 
-    Each of the N = P/h elements that its outline P crosses counts with an error spread over its area, h^2 sqrt(N/12)
-    for all of them if they were independent; symmetric grids scatter more: h^2 sqrt(N).
+    Each of the N = P/h elements that its perimeter P crosses counts with an error spread over its area; the sum is h^2
+    sqrt(N/12) if the errors were independent, and h^2 sqrt(N) is used because symmetric grids scatter more.
     """
     size = np.sqrt(zone.weights.sum() / sum(len(nodes) for _, nodes in zone.cells))
     crossed = 2.0 * np.sqrt(np.pi * area) / size

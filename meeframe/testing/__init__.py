@@ -1,7 +1,7 @@
-"""Conformance kits and what tests of numerical parts need, for meeframe itself and for whoever writes a plugin.
+"""Conformance checks for plugins and for meeframe, and references for numerical tests.
 
-One call for each kind of thing; each raises AssertionError that says which property fails, for which input, and why it
-matters. The names below are imported when they are first used.
+There is one check for each kind of object; it raises AssertionError that says which property fails, for which input,
+and why it matters. The names below are imported when they are first used.
 """
 
 from importlib import import_module
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from meeframe.testing.fundamental import check_fundamental_solution as check_fundamental_solution
     from meeframe.testing.indenter import check_indenter as check_indenter
 
-_HOMES = {
+_MODULES = {
     "check_conductivity_law": "meeframe.testing.contact",
     "check_contact_law": "meeframe.testing.contact",
     "check_solver": "meeframe.testing.contact",
@@ -28,13 +28,13 @@ _HOMES = {
     "check_indenter": "meeframe.testing.indenter",
 }
 
-__all__ = [*_HOMES]
+__all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module 'meeframe.testing' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_MODULES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""Square cells with constant densities: the grid on which the half spaces for tests are reduced systems."""
+"""Square cells with constant densities, the grid of the half spaces in closed form."""
 
 import numpy as np
 
@@ -16,10 +16,16 @@ def cell_centres(side: float, cells: int) -> tuple[Array, Array]:
 
 
 def cell_system(matrix: Array, side: float, offset: Array | None = None) -> DenseSystem:
-    """Return the reduced system of a compliance (n, 5, n, 5) between densities on the cells and displacements at their
-    centres.
+    """Return the reduced system of a compliance between densities on the cells and displacements at their centres.
 
-    side: of the square [m]; offset: (n, 5) as in ReducedSystem, zero if not given.
+    Parameters
+    ----------
+    matrix
+        Compliance (n, 5, n, 5).
+    side
+        Side of the square [m].
+    offset
+        Offset (n, 5) as in ReducedSystem; zero by default.
     """
     n = len(matrix)
     cells = round(n**0.5)

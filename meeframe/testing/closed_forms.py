@@ -1,14 +1,17 @@
 """Closed forms for frictionless indentation of an axisymmetric magneto-electro-elastic half space.
 
 The half space lies at x3 < 0 and is poled along x3, its outward normal; t3, q and s are the extended tractions on that
-normal, and xi (3, 3) is its point-source response (see meeframe.material.half_space.axisymmetric_compliance).
-Pressing is described by positive numbers: approach g, force P, pressure p = -t3. Charge and magnetic flux are outward
-fluxes, the limit of q = +kappa (phi - phi_o) for kappa -> inf.
-Source: paper, eqs. (33)-(36), with the corrections of docs/theory.md; basic potentials from Johnson, Contact Mechanics
-(1985), chapter 3, and Sneddon, Int. J. Eng. Sci. 3 (1965) 47.
+normal, and xi (3, 3) is its point-source response (see `meeframe.material.half_space.axisymmetric_compliance`).
+Indentation is described by positive numbers: approach g, force P, pressure p = -t3. Charge and magnetic flux are
+outward fluxes, the limit of q = +kappa (phi - phi_o) for kappa -> inf.
 
-Each density is a combination of two axisymmetric ones on the disc of radius a: an edge-singular one, 1/sqrt(a^2 - r^2),
-and a bounded one that belongs to the indenter's shape. Both have elementary potentials, integral of density/|x - y|.
+Each density is a combination of two axisymmetric ones on the disc of radius a: a singular one, 1/sqrt(a^2 - r^2), and a
+bounded one that belongs to the shape of the indenter. Both have elementary potentials, integrals of density/|x - y|.
+
+References
+----------
+Paper, eqs. (33)-(36), with the corrections of docs/theory.md; basic potentials from Johnson, Contact Mechanics (1985),
+chapter 3, and Sneddon, Int. J. Eng. Sci. 3 (1965) 47.
 """
 
 from abc import ABC, abstractmethod
@@ -27,23 +30,23 @@ CONDITIONS: Final = {
     "EIMCI": (None, 0.0),
     "EMCI": (0.0, 0.0),
 }
-"""The paper's four conditions as (electric, magnetic) potential of the indenter; None where it insulates."""
+"""The four conditions of the paper as (electric, magnetic) potential of the indenter; None if it insulates."""
 
 
 class Shape(ABC):
-    """An axisymmetric indenter: what the contact radius is, and the bounded density that its curvature calls for."""
+    """Abstract axisymmetric indenter: its contact radius, and the bounded density due to its curvature."""
 
     @abstractmethod
     def contact_radius(self, approach: float) -> float:
-        """Return the radius a [m] at which an uncharged indenter has no edge singularity."""
+        """Return the radius a [m] for which an uncharged indenter has no singularity at the contact edge."""
 
     @abstractmethod
     def flat_part(self, a: float) -> float:
-        """Return the approach [m] that is used up by the bounded density; the rest acts like a flat punch."""
+        """Return the approach [m] due to the bounded density; the remainder acts like that of a flat punch."""
 
     @abstractmethod
     def density(self, r: Array, a: float) -> Array:
-        """Bounded density on r < a whose potential is (flat part - height) inside."""
+        """Return the bounded density on r < a whose potential is (flat part - height) inside."""
 
     @abstractmethod
     def potential(self, r: Array, a: float) -> Array:
@@ -61,23 +64,23 @@ class FlatPunch(Shape):
     radius: float
 
     def contact_radius(self, approach: float) -> float:
-        """Return the punch's radius."""
+        """Return the radius of the punch."""
         return self.radius
 
     def flat_part(self, a: float) -> float:
-        """None: all of the approach acts at the flat end."""
+        """Return zero, because all of the approach acts at the flat end."""
         return 0.0
 
     def density(self, r: Array, a: float) -> Array:
-        """Return the zero."""
+        """Return zeros."""
         return np.zeros_like(r)
 
     def potential(self, r: Array, a: float) -> Array:
-        """Return the zero."""
+        """Return zeros."""
         return np.zeros_like(r)
 
     def total(self, a: float) -> float:
-        """Return the zero."""
+        """Return zero."""
         return 0.0
 
 
@@ -100,7 +103,7 @@ class Sphere(Shape):
         return 2.0 * np.sqrt(a**2 - r**2) / (np.pi**2 * self.radius)
 
     def potential(self, r: Array, a: float) -> Array:
-        """Return (2 a^2 - r^2)/(2 R) inside, continued outside."""
+        """Return (2 a^2 - r^2)/(2 R) inside, and its continuation outside."""
         angle = _contact_angle(r, a)
         outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
         return ((2.0 * a**2 - r**2) * angle + a * outside) / (np.pi * self.radius)
@@ -112,7 +115,7 @@ class Sphere(Shape):
 
 @dataclass(frozen=True)
 class Cone(Shape):
-    """A cone of height r tan(angle), angle [rad] between its side and the surface."""
+    """A cone of height r tan(angle), with the angle [rad] between its side and the surface."""
 
     angle: float
 
@@ -131,7 +134,7 @@ class Cone(Shape):
         return spike
 
     def potential(self, r: Array, a: float) -> Array:
-        """Return tan(angle) (pi a/2 - r) inside, continued outside."""
+        """Return tan(angle) (pi a/2 - r) inside, and its continuation outside."""
         outside = np.sqrt(np.maximum(r**2 - a**2, 0.0))
         return float(np.tan(self.angle)) * (a * _contact_angle(r, a) + outside - r)
 
@@ -144,13 +147,25 @@ class Cone(Shape):
 class Indentation:
     """A solved indentation; radii r (n,) [m] are distances from the axis on the surface.
 
-    xi: (3, 3); contact_radius [m]; shift: by how much the potentials add to the approach in the contact radius [m];
-    edge, bounded: (3,) amplitudes of the two densities in the outward extended tractions (t3, q, s).
+    Attributes
+    ----------
+    xi
+        Point-source response, (3, 3).
+    shape
+        Shape of the indenter.
+    contact_radius
+        Contact radius [m].
+    shift
+        Contribution of the potentials to the approach that determines the contact radius [m].
+    edge, bounded
+        Amplitudes (3,) of the singular and the bounded density in the outward extended tractions (t3, q, s).
 
+    Notes
+    -----
     A negative shift under a sphere or cone makes the surface rise like a square root just outside the contact, through
-    the indenter: the published form, kept here, is then only an approximation, and conditions that switch from
-    insulating to perfectly conducting at the contact's edge have no exact solution. (Thermoelastic contact knows the
-    same for one direction of heat flow: Barber, J. Elasticity 8 (1978) 409.)
+    the indenter: the published form, used here, is then only an approximation, and conditions that switch from
+    insulating to perfectly conducting at the contact edge have no exact solution. Thermoelastic contact has the same
+    property for one direction of heat flow: Barber, J. Elasticity 8 (1978) 409.
     """
 
     xi: Array
@@ -207,12 +222,12 @@ class Indentation:
         radii, a = np.asarray(r, dtype=float), self.contact_radius
         densities = np.zeros((len(radii), 3))
         inside = radii < a
-        within = radii[inside]
-        singular = 1.0 / np.sqrt(a**2 - within**2)
+        radii_inside = radii[inside]
+        singular = 1.0 / np.sqrt(a**2 - radii_inside**2)
         densities[inside] = np.outer(singular, self.edge)
         # a bounded density that is infinite at a cone's tip must not meet an amplitude of zero
         fields = np.flatnonzero(self.bounded)
-        densities[np.ix_(inside, fields)] += np.outer(self.shape.density(within, a), self.bounded[fields])
+        densities[np.ix_(inside, fields)] += np.outer(self.shape.density(radii_inside, a), self.bounded[fields])
         return densities
 
     def _values(self, r: Array) -> Array:
@@ -230,17 +245,30 @@ def indent(
     electric_potential: float | None = None,
     magnetic_potential: float | None = None,
 ) -> Indentation:
-    """Return the indentation by a rigid shape, approach [m] > 0.
+    """Return the indentation by a rigid shape.
 
-    xi: (3, 3) point-source response in SI units; electric_potential [V], magnetic_potential [A]: those of a conducting
-    indenter, None where it insulates (EMII: None, None). Raises MeeframeError if the potentials push the indenter off.
+    Parameters
+    ----------
+    xi
+        Point-source response (3, 3) in SI units.
+    shape
+        Shape of the indenter.
+    approach
+        Approach > 0 [m].
+    electric_potential, magnetic_potential
+        Potentials of a conducting indenter [V], [A]; None if it insulates (EMII: None, None).
+
+    Raises
+    ------
+    MeeframeError
+        If the potentials push the indenter off.
     """
-    given = (electric_potential, magnetic_potential)
-    conducting = [field for field, value in enumerate(given, start=1) if value is not None]
-    potentials = np.array([value for value in given if value is not None])
+    prescribed = (electric_potential, magnetic_potential)
+    conducting = [field for field, value in enumerate(prescribed, start=1) if value is not None]
+    potentials = np.array([value for value in prescribed if value is not None])
     active = [_NORMAL, *conducting]
     inverse = _inverse(xi[np.ix_(active, active)])
-    # a flat punch lowered by g and held at the potentials, seen from x3 > 0: u3 = -g
+    # a flat punch at approach g and these potentials: u3 = -g
     shift = -float(inverse[0, 1:] @ potentials) / inverse[0, 0]
     if approach + shift <= 0.0:
         raise MeeframeError(f"no contact: approach {approach:g} m, and the potentials lift the surface by {-shift:g} m")
@@ -250,7 +278,7 @@ def indent(
     edge[active] = inverse @ flat / np.pi**2
     bounded[active] = -inverse[:, 0]
     if not isinstance(shape, FlatPunch):
-        edge[_NORMAL] = 0.0  # the contact radius is the one that makes it so; remove the round-off
+        edge[_NORMAL] = 0.0  # zero by definition of the contact radius; remove the round-off
     return Indentation(xi, shape, a, shift, edge, bounded)
 
 

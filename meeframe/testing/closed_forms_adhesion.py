@@ -1,7 +1,7 @@
-"""Closed forms of adhesive contact, and a quarter of a half space: what tests and pictures compare the laws with.
+"""Closed forms of adhesive contact and a quarter of a half space, references for contact laws with adhesion.
 
-A rigid paraboloid of radius R, height r^2 / (2 R), without friction on an elastic half space of plane-strain modulus
-E* = E / (1 - nu^2). Forces are positive where they press.
+A rigid paraboloid of radius R, height r^2 / (2 R), without friction on an elastic half space of plane-strain modulus E*
+= E / (1 - nu^2). Forces are positive in compression.
 """
 
 from collections.abc import Callable
@@ -20,10 +20,22 @@ from meeframe.testing.half_space import inverse_distance_integral
 
 @dataclass(frozen=True)
 class Maugis:
-    """The theory of Maugis & Dugdale: constant attraction `stress` [Pa] across gaps up to work / stress.
+    """Theory of Maugis and Dugdale: constant attraction across gaps up to work / stress.
 
-    radius [m], modulus E* [Pa], work of adhesion [J/m^2]. Source: Maugis, J. Colloid Interface Sci. 150 (1992) 243,
-    eqs. (6.15)-(6.17), with K = 4 E* / 3.
+    Attributes
+    ----------
+    radius
+        Radius of the paraboloid [m].
+    modulus
+        Plane-strain modulus E* [Pa].
+    work
+        Work of adhesion [J/m^2].
+    stress
+        Attraction [Pa].
+
+    References
+    ----------
+    Maugis, J. Colloid Interface Sci. 150 (1992) 243, eqs. (6.15)-(6.17), with K = 4 E* / 3.
     """
 
     radius: float
@@ -33,22 +45,22 @@ class Maugis:
 
     @property
     def contact_unit(self) -> float:
-        """(pi w R^2 / K)^(1/3) [m], unit of contact radii."""
+        """Unit of contact radii, (pi w R^2 / K)^(1/3) [m]."""
         return float((np.pi * self.work * self.radius**2 / self._stiffness) ** (1.0 / 3.0))
 
     @property
     def approach_unit(self) -> float:
-        """(pi^2 w^2 R / K^2)^(1/3) [m], unit of approaches."""
+        """Unit of approaches, (pi^2 w^2 R / K^2)^(1/3) [m]."""
         return self.contact_unit**2 / self.radius
 
     @property
     def force_unit(self) -> float:
-        """pi w R [N]: the pull-off force is 2 of it without elasticity (DMT) and 1.5 for soft bodies (JKR)."""
+        """Unit of forces, pi w R [N]; the pull-off force is 2 units for rigid (DMT) and 1.5 for soft bodies (JKR)."""
         return float(np.pi * self.work * self.radius)
 
     @property
     def transition(self) -> float:
-        """Maugis' parameter lambda = 2 sigma_0 (R / (pi w K^2))^(1/3): DMT below 0.1, JKR above 5."""
+        """Transition parameter lambda = 2 sigma_0 (R / (pi w K^2))^(1/3): DMT below 0.1, JKR above 5."""
         return float(2.0 * self.stress * (self.radius / (np.pi * self.work * self._stiffness**2)) ** (1.0 / 3.0))
 
     def at(self, contact_radius: float) -> tuple[float, float, float]:
@@ -61,10 +73,10 @@ class Maugis:
             elastic = 0.5 * lam * a**2 * (root + (m * m - 2.0) * angle)
             return float(elastic + 4.0 / 3.0 * lam**2 * a * (root * angle - m + 1.0) - 1.0)
 
-        farthest = 2.0
-        while opening(farthest) < 0.0:
-            farthest *= 2.0
-        m = brentq(opening, 1.0, farthest, xtol=1e-14, rtol=1e-14)
+        upper = 2.0
+        while opening(upper) < 0.0:
+            upper *= 2.0
+        m = brentq(opening, 1.0, upper, xtol=1e-14, rtol=1e-14)
         root = np.sqrt(m * m - 1.0)
         force = a**3 - lam * a**2 * (root + m * m * np.arctan(root))
         approach = a**2 - 4.0 / 3.0 * a * lam * root
@@ -76,44 +88,75 @@ class Maugis:
 
 
 def bradley_force(work: float, radius: float, distance: float, range_: float) -> float:
-    """Return the force [N] between rigid paraboloid and plane at a distance >= 0 [m], for sigma = 2 w / z_0 (1 + g /
-    z_0)^-3.
+    """Return the force [N] between a rigid paraboloid and a plane at a distance >= 0 [m].
 
-    range_: z_0 [m]. Source: Derjaguin's approximation, 2 pi R times the work from the distance to infinity.
+    Parameters
+    ----------
+    work
+        Work of adhesion w [J/m^2].
+    radius
+        Radius of the paraboloid [m].
+    distance
+        Distance [m].
+    range_
+        Range z_0 [m] of the attraction sigma = 2 w / z_0 (1 + g / z_0)^-3.
+
+    References
+    ----------
+    Derjaguin's approximation: 2 pi R times the work from the distance to infinity.
     """
     return float(-2.0 * np.pi * radius * work / (1.0 + distance / range_) ** 2)
 
 
 def hertz_gap(r: Array, contact_radius: float, radius: float) -> Array:
-    """Return the gap (n,) [m] outside of a Hertzian contact at r >= contact_radius [m] (Johnson (1985), section
-    4.2)."""
+    """Return the gap (n,) [m] outside a Hertzian contact, r >= contact_radius [m] (Johnson (1985), section 4.2)."""
     m = np.maximum(np.asarray(r, float) / contact_radius, 1.0)
     root = np.sqrt(m * m - 1.0)
     return np.asarray(contact_radius**2 / (np.pi * radius) * (root + (m * m - 2.0) * np.arctan(root)))
 
 
 def weak_attraction(sigma: Callable[[Array], Array], contact_radius: float, radius: float, reach: float) -> float:
-    """Pull [N] of an attraction sigma(gap) that is too weak to change the Hertzian gap, at fixed approach.
+    """Return the pull [N] of an attraction that is too weak to change the Hertzian gap, at fixed approach.
 
+    Parameters
+    ----------
+    sigma
+        Attraction [Pa] as a function of the gap [m].
+    contact_radius
+        Contact radius [m].
+    radius
+        Radius of the paraboloid [m].
+    reach
+        Radius up to which the attraction is integrated [m].
+
+    Notes
+    -----
     Attracted at r, the surface presses on the indenter with 2/pi arcsin(a/r) of the attraction (reciprocity with the
-    flat punch), so that 1 - 2/pi arcsin(a/r) of it is left. reach: radius up to which it counts [m].
+    flat punch), so that 1 - 2/pi arcsin(a/r) of it remains.
     """
 
     def density(t: float) -> float:
         r = np.hypot(contact_radius, t)  # r dr = t dt: smooth at the edge
-        left = 1.0 - 2.0 / np.pi * np.arcsin(contact_radius / r)
-        return float(2.0 * np.pi * t * left * sigma(hertz_gap(np.array([r]), contact_radius, radius))[0])
+        remainder = 1.0 - 2.0 / np.pi * np.arcsin(contact_radius / r)
+        return float(2.0 * np.pi * t * remainder * sigma(hertz_gap(np.array([r]), contact_radius, radius))[0])
 
-    farthest = np.sqrt(reach**2 - contact_radius**2)
-    return float(quad(density, 0.0, farthest, limit=500, epsrel=1e-8)[0])
+    upper = np.sqrt(reach**2 - contact_radius**2)
+    return float(quad(density, 0.0, upper, limit=500, epsrel=1e-8)[0])
 
 
 def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSystem:
-    """Return cells x cells square cells on 0 < x, y < half_side [m] of a half space loaded symmetrically about both
-    axes.
+    """Return the system of square cells on a quarter of a half space loaded symmetrically about both axes.
 
-    Normal response of modulus E* [Pa]; other fields answer to nothing but themselves. Weights are those of all four
-    quarters.
+    Only the normal response is coupled between nodes. Weights are those of all four quarters.
+
+    Parameters
+    ----------
+    modulus
+        Modulus E* of the normal response [Pa].
+    half_side
+        Side of the quarter 0 < x, y < half_side [m].
+    cells
+        Number of cells along a side.
     """
     side = half_side / cells
     centres = (np.arange(cells) + 0.5) * side
@@ -124,9 +167,9 @@ def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSys
     for i, j in images:
         matrix[:, 2, :, 2] += inverse_distance_integral(x[:, None] - i * x, y[:, None] - j * y, side / 2)
     matrix[:, 2, :, 2] /= np.pi * modulus
-    own = np.arange(n)
+    diagonal = np.arange(n)
     for field in (0, 1, 3, 4):
-        matrix[own, field, own, field] = matrix[0, 2, 0, 2]
+        matrix[diagonal, field, diagonal, field] = matrix[0, 2, 0, 2]
     points = np.column_stack([x, y, np.zeros(n)])
     frames, weights = np.tile(np.eye(3), (n, 1, 1)), np.full(n, len(images) * side**2)
     return DenseSystem(points, frames, weights, (), np.zeros((n, 5)), matrix, _refuse)

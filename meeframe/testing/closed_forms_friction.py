@@ -1,9 +1,13 @@
 """Closed forms for a rigid indenter with friction on an isotropic elastic half space.
 
-The half space lies at x3 < 0. Pressing is described by positive numbers (approach, force, pressure), tangential forces
-and tractions are those of the indenter on the body. E* = E/(1 - nu^2), G = E/(2 (1 + nu)): the indenter is rigid.
-Source: Johnson, Contact Mechanics (1985), chapters 3 to 7; Spence, Proc. R. Soc. A 305 (1968) 55 and Mossakovskii,
-J. Appl. Math. Mech. 27 (1963) 418 for full stick; Lubkin, J. Appl. Mech. 18 (1951) 183 for torsion.
+The half space lies at x3 < 0. Indentation is described by positive numbers (approach, force, pressure); tangential
+forces and tractions are those of the indenter on the body. E* = E/(1 - nu^2) and G = E/(2 (1 + nu)), as the indenter is
+rigid.
+
+References
+----------
+Johnson, Contact Mechanics (1985), chapters 3 to 7; Spence, Proc. R. Soc. A 305 (1968) 55 and Mossakovskii, J. Appl.
+Math. Mech. 27 (1963) 418 for full stick; Lubkin, J. Appl. Mech. 18 (1951) 183 for torsion.
 """
 
 from collections.abc import Callable
@@ -18,39 +22,57 @@ from scipy.special import ellipe, ellipkm1, hyp2f1
 from meeframe.common.errors import MeeframeError
 from meeframe.fields import Array
 
-_FAR: Final = 40.0
-"""Where 1/cosh has died out."""
+_UPPER_LIMIT: Final = 40.0
+"""Argument at which 1/cosh is negligible."""
 
 
 def shear_modulus(young: float, poisson: float) -> float:
-    """Return G [Pa]."""
+    """Return the shear modulus G [Pa]."""
     return young / (2.0 * (1.0 + poisson))
 
 
 def contact_modulus(young: float, poisson: float) -> float:
-    """Return E* [Pa] of the body under a rigid indenter."""
+    """Return the plane-strain modulus E* [Pa] of a body in contact with a rigid indenter."""
     return young / (1.0 - poisson**2)
 
 
 def bonding_factor(poisson: float) -> float:
-    """Return c = (1 - nu) ln(3 - 4 nu)/(1 - 2 nu), load of a bonded flat punch over that of a frictionless one; 1 at
-    nu = 1/2.
+    """Return the ratio c = (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) of the loads of a bonded and a frictionless flat punch.
 
-    poisson in (-1, 1/2]. Written as x coth(x), tanh(x) = (1 - 2 nu)/(2 (1 - nu)), which has no 0/0 in between.
+    Parameters
+    ----------
+    poisson
+        Poisson's ratio in (-1, 1/2]; c = 1 at 1/2.
+
+    Notes
+    -----
+    Evaluated as x coth(x), tanh(x) = (1 - 2 nu)/(2 (1 - nu)), which has no singular quotient.
     """
     x = _half_logarithm(poisson)
     return float(x / np.tanh(x)) if x > 0.0 else 1.0
 
 
 def _half_logarithm(poisson: float) -> float:
-    """Return ln(3 - 4 nu)/2, that is pi theta in Spence's notation."""
+    """Return ln(3 - 4 nu)/2, which is pi theta in Spence's notation."""
     return 0.5 * float(np.log1p(2.0 - 4.0 * poisson))
 
 
 @final
 @dataclass(frozen=True)
 class HertzContact:
-    """Sphere of `radius` [m], a paraboloid, pressed in by `approach` [m] > 0 without friction or coupling."""
+    """Hertzian contact of a sphere (paraboloid) without friction or coupling.
+
+    Attributes
+    ----------
+    young
+        Young's modulus [Pa].
+    poisson
+        Poisson's ratio.
+    radius
+        Radius of the sphere [m].
+    approach
+        Approach > 0 [m].
+    """
 
     young: float
     poisson: float
@@ -59,17 +81,17 @@ class HertzContact:
 
     @property
     def contact_radius(self) -> float:
-        """a = sqrt(R g) [m]."""
+        """Contact radius a = sqrt(R g) [m]."""
         return float(np.sqrt(self.radius * self.approach))
 
     @property
     def force(self) -> float:
-        """P = 4 E* a^3/(3 R) [N]."""
+        """Normal force P = 4 E* a^3/(3 R) [N]."""
         return 4.0 * contact_modulus(self.young, self.poisson) * self.contact_radius**3 / (3.0 * self.radius)
 
     @property
     def peak_pressure(self) -> float:
-        """p_0 = 3 P/(2 pi a^2) [Pa]."""
+        """Largest pressure p_0 = 3 P/(2 pi a^2) [Pa]."""
         return 3.0 * self.force / (2.0 * np.pi * self.contact_radius**2)
 
     def pressure(self, r: Array) -> Array:
@@ -80,12 +102,22 @@ class HertzContact:
 @final
 @dataclass(frozen=True)
 class PartialSlip:
-    """Cattaneo-Mindlin: a Hertz contact under constant normal force and a tangential displacement that is turned once.
+    """Cattaneo-Mindlin contact: Hertz contact under constant force and a tangential displacement with one reversal.
 
-    friction: coefficient mu > 0. Exact where normal and tangential loads do not know of each other (nu = 1/2, or
-    Goodman's approximation) and nu = 0; elsewhere the small slip across the direction of the force is neglected.
-    Forces are at most mu P in size, displacements of the indenter at most the limit. Raises MeeframeError beyond.
-    Source: Johnson (1985), sections 7.2 and 7.4; Mindlin and Deresiewicz, J. Appl. Mech. 20 (1953) 327.
+    Exact if normal and tangential loads are uncoupled (nu = 1/2, or Goodman's approximation) and nu = 0; otherwise the
+    small slip across the direction of the force is neglected. The modulus of forces is at most mu P, and displacements
+    of the indenter are at most the limit; larger ones raise MeeframeError.
+
+    Attributes
+    ----------
+    hertz
+        The normal contact.
+    friction
+        Coefficient of friction mu > 0.
+
+    References
+    ----------
+    Johnson (1985), sections 7.2 and 7.4; Mindlin and Deresiewicz, J. Appl. Mech. 20 (1953) 327.
     """
 
     hertz: HertzContact
@@ -93,47 +125,51 @@ class PartialSlip:
 
     @property
     def limit_force(self) -> float:
-        """mu P [N]."""
+        """Largest tangential force mu P [N]."""
         return self.friction * self.hertz.force
 
     @property
     def limit_displacement(self) -> float:
-        """3 mu P (2 - nu)/(16 G a) [m], at which all of the contact begins to slip."""
+        """Displacement 3 mu P (2 - nu)/(16 G a) [m] at which full slip begins."""
         shear = shear_modulus(self.hertz.young, self.hertz.poisson)
         return 3.0 * self.limit_force * (2.0 - self.hertz.poisson) / (16.0 * shear * self.hertz.contact_radius)
 
     def displacement(self, force: float) -> float:
-        """Return the indenter's displacement [m] at first loading to a tangential force [N] >= 0 (Johnson, eq.
-        7.42)."""
+        """Return the displacement of the indenter [m] on first loading to a tangential force [N] >= 0 (Johnson, eq.
+
+        7.42).
+        """
         return self.limit_displacement * float(1.0 - (1.0 - self._share(force, self.limit_force)) ** (2 / 3))
 
     def force(self, displacement: float) -> float:
-        """Return the tangential force [N] at first loading to a displacement [m] >= 0."""
+        """Return the tangential force [N] on first loading to a displacement [m] >= 0."""
         return self.limit_force * float(1.0 - (1.0 - self._share(displacement, self.limit_displacement)) ** 1.5)
 
     def stick_radius(self, force: float) -> float:
-        """Return c = a (1 - Q/(mu P))^(1/3) [m] at first loading."""
+        """Return the stick radius c = a (1 - Q/(mu P))^(1/3) [m] on first loading."""
         return self.hertz.contact_radius * float((1.0 - self._share(force, self.limit_force)) ** (1 / 3))
 
     def traction(self, r: Array, force: float) -> Array:
-        """Return the tangential traction [Pa] along the force at radii r (n,) [m], first loading."""
+        """Return the tangential traction [Pa] along the force at radii r (n,) [m] on first loading."""
         a, c = self.hertz.contact_radius, self.stick_radius(force)
         return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
 
     def turned_force(self, displacement: float, turning: float) -> float:
-        """Return the tangential force [N] on the way back from the displacement `turning` [m] > 0, as far as
-        -turning."""
+        """Return the tangential force [N] after a reversal at the displacement `turning` [m] > 0, down to -turning."""
         return self.force(turning) - 2.0 * self.force((turning - displacement) / 2.0)
 
     def turned_traction(self, r: Array, displacement: float, turning: float) -> Array:
-        """Return the tangential traction [Pa] on the way back from the displacement `turning` [m] > 0, as far as
-        -turning."""
-        back = self.force((turning - displacement) / 2.0)
-        return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, back)
+        """Return the tangential traction [Pa] after a reversal at the displacement `turning` [m] > 0, to -turning."""
+        reversal = self.force((turning - displacement) / 2.0)
+        return self.traction(r, self.force(turning)) - 2.0 * self.traction(r, reversal)
 
     def loop_dissipation(self, force: float) -> float:
-        """Return the work of friction [J] in a full loop between the tangential forces -force and +force [N] (Johnson,
-        7.57)."""
+        """Return the work of friction [J] in a full loop between the tangential forces -force and +force [N].
+
+        References
+        ----------
+        Johnson (1985), eq. (7.57).
+        """
         share = self._share(force, self.limit_force)
         bracket = 1.0 - (1.0 - share) ** (5 / 3) - 5.0 / 6.0 * share * (1.0 + (1.0 - share) ** (2 / 3))
         return 4.8 * self.limit_force * self.limit_displacement * float(bracket)
@@ -148,15 +184,25 @@ class PartialSlip:
 @final
 @dataclass(frozen=True)
 class FullStick:
-    """A blunt indenter pressed in little by little, points stick where they touch: f(r) = coefficient r^power [m].
+    """A blunt indenter pressed in gradually with full stick where it touches: f(r) = coefficient r^power [m].
 
-    power: 1 (cone, coefficient tan(angle)), 2 (sphere, coefficient 1/(2 R)) or any other positive number.
-    The contact grows as if by bonded flat punches of ever larger radius: dP = 2 c E* a dg. What is left to find is the
-    radius, from the surface beside the contact. Radial tractions do not move it along the normal, so that, with h the
-    Abel transform of the pressure under a bonded punch of unit radius,
+    Attributes
+    ----------
+    young, poisson
+        Young's modulus [Pa] and Poisson's ratio.
+    power
+        1 (cone, coefficient tan(angle)), 2 (sphere, coefficient 1/(2 R)) or any other positive number.
+    coefficient
+        Coefficient of the shape.
+
+    Notes
+    -----
+    The contact grows as if by bonded flat punches of increasing radius: dP = 2 c E* a dg. The radius follows from the
+    surface outside the contact. Radial tractions do not move it along the normal, so that, with h the Abel transform of
+    the pressure under a bonded punch of unit radius,
         W(r) = (2/pi) int_0^1 h(t)/sqrt(r^2 - t^2) dt,   h(t) = cosh(pi theta) cos(theta ln((1 + t)/(1 - t))),
     theta = ln(3 - 4 nu)/(2 pi), is the displacement at r > 1 for a unit one of the punch. A point at r touches when
-    g(r) - int_0^r W(r/b) g'(b) db = f(r); for a power of r, g is one of a.
+    g(r) - int_0^r W(r/b) g'(b) db = f(r); for a power of r, g is a power of a.
     """
 
     young: float
@@ -166,7 +212,7 @@ class FullStick:
 
     @property
     def approach_factor(self) -> float:
-        """K in g = K a^power; without friction 2 coefficient for the sphere and pi/2 coefficient for the cone."""
+        """Factor K in g = K a^power; without friction it is 2 coefficient (sphere) or pi/2 coefficient (cone)."""
         p = self.power
         # int_0^1 W(1/s) s^(p - 1) ds, integrated over s first
         moment = _bonded_transform(
@@ -175,49 +221,61 @@ class FullStick:
         return self.coefficient / (1.0 - p * moment)
 
     def contact_radius(self, approach: float) -> float:
-        """Return a [m] at an approach [m]."""
+        """Return the contact radius a [m] at an approach [m]."""
         return float((approach / self.approach_factor) ** (1.0 / self.power))
 
     def stiffness(self, approach: float) -> float:
-        """Return dP/dg = 2 c E* a [N/m]."""
+        """Return the stiffness dP/dg = 2 c E* a [N/m]."""
         modulus = bonding_factor(self.poisson) * contact_modulus(self.young, self.poisson)
         return 2.0 * modulus * self.contact_radius(approach)
 
     def force(self, approach: float) -> float:
-        """Return P [N]: the stiffness, which goes with g^(1/power), integrated over the approach [m]."""
+        """Return the force P [N], the integral of the stiffness, proportional to g^(1/power), over the approach [m]."""
         return self.stiffness(approach) * approach * self.power / (self.power + 1.0)
 
 
 def beside_bonded_punch(r: float, poisson: float) -> float:
-    """Return W(r), r >= 1: normal displacement beside a bonded flat punch of unit radius and displacement (see
-    FullStick)."""
-    return _bonded_transform(poisson, lambda _, rest: float((r**2 - 1.0 + rest) ** -0.5))
+    """Return W(r), r >= 1: normal displacement outside a bonded flat punch of unit radius and displacement.
+
+    See the notes of `FullStick`.
+    """
+    return _bonded_transform(poisson, lambda _, complement: float((r**2 - 1.0 + complement) ** -0.5))
 
 
 def _bonded_transform(poisson: float, function: Callable[[float, float], float]) -> float:
     """Return (2/pi) int_0^1 h(t) function(t, 1 - t^2) dt.
 
-    With t = tanh(x) the logarithm that oscillates at the edge becomes 2 x, and the integrand dies out with 1/cosh(x).
+    With t = tanh(x) the logarithm that oscillates at the edge becomes 2 x, and the integrand decays like 1/cosh(x).
     """
     half = _half_logarithm(poisson)
 
     def integrand(x: float) -> float:
-        rest = np.cosh(x) ** -2
-        return float(np.cos(2.0 * half / np.pi * x) * function(np.tanh(x), rest) * rest)
+        complement = np.cosh(x) ** -2
+        return float(np.cos(2.0 * half / np.pi * x) * function(np.tanh(x), complement) * complement)
 
-    integral, _ = quad(integrand, 0.0, _FAR, epsabs=0.0, epsrel=1e-11, limit=200)
+    integral, _ = quad(integrand, 0.0, _UPPER_LIMIT, epsabs=0.0, epsrel=1e-11, limit=200)
     return float(2.0 / np.pi * np.cosh(half) * integral)
 
 
 @final
 @dataclass(frozen=True)
 class SphereTorsion:
-    """A sphere, pressed in first, twisted about its axis: full stick or, with friction, a slipping ring (Lubkin).
+    """A sphere that is pressed in and then twisted about its axis, with full stick or a slipping annulus (Lubkin).
 
-    Exact where the pressure does not move the surface tangentially (nu = 1/2, or Goodman's approximation). friction:
-    coefficient mu > 0; inf sticks. The twist is that of the indenter [rad], the torque that on the body [N m].
+    Exact if the pressure does not move the surface tangentially (nu = 1/2, or Goodman's approximation). The twist is
+    that of the indenter [rad], the torque that on the body [N m].
+
+    Attributes
+    ----------
+    hertz
+        The normal contact.
+    friction
+        Coefficient of friction mu > 0; inf for full stick.
+
+    Notes
+    -----
     The tractions are sums of those of rigid discs (Reissner and Sagoci), (4 G/pi) r/sqrt(s^2 - r^2) for a unit twist,
-    of radii s from c to a; Coulomb's law on the ring fixes their twists, (mu p_0/(2 G)) E(1 - s^2/a^2)/s ds.
+    of radii s from c to a; Coulomb's law on the annulus determines their twists, (mu p_0/(2 G)) E(1 - s^2/a^2)/s ds.
     """
 
     hertz: HertzContact
@@ -225,20 +283,20 @@ class SphereTorsion:
 
     @property
     def initial_stiffness(self) -> float:
-        """16 G a^3/3 [N m]: torque over twist without slip (Johnson, section 3.9)."""
+        """Ratio of torque and twist without slip, 16 G a^3/3 [N m] (Johnson, section 3.9)."""
         return 16.0 / 3.0 * self._shear * self.hertz.contact_radius**3
 
     @property
     def limit_torque(self) -> float:
-        """3 pi mu P a/16 [N m], at which all of the contact slips."""
+        """Torque of full slip, 3 pi mu P a/16 [N m]."""
         return 3.0 * np.pi / 16.0 * self.friction * self.hertz.force * self.hertz.contact_radius
 
     def twist(self, stick_share: float) -> float:
-        """Return (mu p_0/(2 G)) (K - E)(1 - k^2) [rad], k = c/a the share of the radius that sticks, in (0, 1]."""
+        """Return the twist (mu p_0/(2 G)) (K - E)(1 - k^2) [rad] for the relative stick radius k = c/a in (0, 1]."""
         return self._unit_twist * float(ellipkm1(stick_share**2) - ellipe(1.0 - stick_share**2))
 
     def stick_share(self, twist: float) -> float:
-        """Return k = c/a at a twist [rad] >= 0."""
+        """Return the relative stick radius k = c/a at a twist [rad] >= 0."""
         return float(brentq(lambda k: self.twist(k) - twist, 1e-12, 1.0, xtol=1e-14))
 
     def torque(self, twist: float) -> float:
@@ -252,14 +310,14 @@ class SphereTorsion:
         """Return the traction [Pa] along the circles at radii r (n,) [m], zero outside the contact."""
         a = self.hertz.contact_radius
         k = self.stick_share(twist)
-        found = self.friction * self.hertz.pressure(r)
+        traction = self.friction * self.hertz.pressure(r)
         for index in np.flatnonzero(r < k * a):
             x = float(r[index]) / a
-            # s^2 = x^2 + v^2 takes away the root
+            # the substitution s^2 = x^2 + v^2 removes the root
             limits = (np.sqrt(k**2 - x**2), np.sqrt(1.0 - x**2))
             discs, _ = quad(lambda v, x=x: ellipe(1.0 - x**2 - v**2) / (x**2 + v**2), *limits, epsrel=1e-11)
-            found[index] = 4.0 * self._shear / np.pi * self._unit_twist * x * discs
-        return found
+            traction[index] = 4.0 * self._shear / np.pi * self._unit_twist * x * discs
+        return traction
 
     @property
     def _shear(self) -> float:
@@ -267,7 +325,7 @@ class SphereTorsion:
 
     @property
     def _unit_twist(self) -> float:
-        """mu p_0/(2 G)."""
+        """Unit of twists, mu p_0/(2 G)."""
         return self.friction * self.hertz.peak_pressure / (2.0 * self._shear)
 
 

@@ -1,6 +1,6 @@
-"""Conformance of contact laws, conductivity laws and solvers: one call each, for the tests of whoever writes one.
+"""Conformance checks of contact laws, conductivity laws and solvers, one call each.
 
-Each check raises AssertionError that says which property fails and shows an offending value.
+Each check raises AssertionError that names the property that fails and shows an offending value.
 """
 
 from meeframe.testing.conductivity_laws import check_conductivity_law, check_growing_flux

@@ -1,8 +1,8 @@
-"""Contact problems on which solvers are compared: real anisotropic media, no boundary elements.
+"""Contact problems for the comparison of solvers: real anisotropic media without boundary elements.
 
-The reduced system is that of a half space under a periodic pattern of loads: its compliance is the surface compliance
-of the medium (Barnett-Lothe) over the wave numbers, so that it holds every coupling of the five fields and is symmetric
-and, in mechanical and potential blocks, positive definite by construction.
+The reduced system is that of a half space under a periodic pattern of loads. Its compliance is the surface compliance
+of the medium (Barnett-Lothe) over the wave numbers; it contains every coupling of the five fields, is symmetric and, in
+its mechanical and potential blocks, positive definite by construction.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,13 @@ Condition = Literal["EMII", "ECMII", "EIMCI", "EMCI"]
 RADIUS: Final = 0.1
 APPROACH: Final = 5e-5
 MEAN_RESPONSE: Final = 4.0
-"""Response to a uniform load over that to the longest wave: what the periodic pattern leaves open."""
+"""Response to a uniform load relative to that of the longest wave, which a periodic pattern does not determine."""
 _SIGNS: Final = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 @cache
 def _wave_compliance(material: Material, cells: int) -> Array:
-    """Return the response (2c, 2c, 5, 5) at the cells of a period of 2c cells of unit side to a unit load on the first
-    cell."""
+    """Return the response (2c, 2c, 5, 5) of a period of 2c cells of unit side to a unit load on the first cell."""
     size = 2 * cells
     numbers = 2.0 * np.pi * np.fft.fftfreq(size)
     ky, kx = (grid.ravel() for grid in np.meshgrid(numbers, numbers, indexing="ij"))
@@ -43,14 +42,23 @@ def _wave_compliance(material: Material, cells: int) -> Array:
     spectrum[1:] = surface_compliance(material.stiffness, (0.0, 0.0, 1.0), directions) / length[1:, None, None]
     shortest = spectrum[np.argsort(length[1:])[:4] + 1].mean(axis=0)
     spectrum[0] = MEAN_RESPONSE * np.diag(np.diag(shortest.real))
-    # on a line of highest wave number the phases of +k and -k agree: only their mean is a real field
+    # at the highest wave number the phases of +k and -k agree: only their mean is a real field
     kernel = np.fft.ifft2(spectrum.reshape(size, size, 5, 5), axes=(0, 1)).real
     return np.asarray(kernel * _SIGNS[:, None])
 
 
 def periodic_half_space(material: Material, side: float, cells: int) -> DenseSystem:
-    """Return the reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m], one half of a
-    period."""
+    """Return the reduced system of a square of half a period.
+
+    Parameters
+    ----------
+    material
+        The material.
+    side
+        Side of the square |x|, |y| < side/2 [m].
+    cells
+        Number of cells along a side.
+    """
     kernel = _wave_compliance(material, cells)
     h = side / cells
     row, column = (grid.ravel() for grid in np.meshgrid(range(cells), range(cells), indexing="ij"))
@@ -60,9 +68,22 @@ def periodic_half_space(material: Material, side: float, cells: int) -> DenseSys
 
 @dataclass(frozen=True)
 class SphereCase:
-    """A sphere of radius 0.1 m pressed 50 um into the half space, dragged by `drag` approaches along an angle.
+    """A sphere of radius 0.1 m pressed 50 um into the half space and dragged along an angle.
 
-    potentials: electric [V] and magnetic [A] of the indenter; cells: along a side of the contact zone.
+    Attributes
+    ----------
+    material
+        Material of the half space.
+    law, electric, magnetic
+        Contact law and conductivity laws.
+    cells
+        Number of cells along a side of the contact zone.
+    drag
+        Tangential displacement in approaches.
+    angle
+        Direction of the tangential displacement [rad].
+    potentials
+        Electric [V] and magnetic [A] potential of the indenter.
     """
 
     material: Material

@@ -22,24 +22,41 @@ def check_contact_law(
     duration: float = 1.0,
     extent: float = 1e-3,
 ) -> None:
-    """Check the whole contract of meeframe.laws.base.ContactLaw. Raises AssertionError that names what fails, where,
-    and why it matters.
+    """Check all properties required by meeframe.laws.base.ContactLaw.
 
-    `project`: pure, admissible, idempotent and local; its tangential part non-expansive in the law's metric between
-    trials of equal normal component (between others no friction is: the limit grows with the pressure).
-    `resolve`: pure, local, finite, zero where open and where there is no indenter; `project` admits what it gives; the
-    normal traction rises with its trial, and no more than that; solutions do not depend on the steps r; slip
-    dissipates. `tangent`, `tangents`: the derivatives of the two where those have some.
-    `adhesion`: pure, local, finite, >= 0, zero at infinity, continuous, that of contact where surfaces overlap. It may
-    grow with the gap; check_fading asks that it does not. `initial_gap`: pure, local, finite.
-    `for_increment`: a contact law of which all this holds, for no slip and long ways; pure and local; does not
-    see a duration unless the law needs one.
+    `project` is pure, admissible, idempotent and local. Its tangential part is non-expansive in the metric of the law
+    between trials of equal normal component; between others no friction law is, as the limit grows with the pressure.
 
-    pressure [Pa], gap [m], duration [s]: magnitudes of the random states; pass some that are typical for the law.
-    Beside them hypothesis looks for simple states that break it. extent: half width of the surface [m]. reference: a
-    law that has to agree in all but the derivatives, as the plain one of a compiled one.
-    Properties that a law need not have are checked apart: check_homogeneous, check_associated, check_monotone,
-    check_isotropic, check_orthotropic, check_fading.
+    `resolve` is pure, local, finite, and zero where open and where there is no indenter; `project` leaves its tractions
+    unchanged; the normal traction increases with its trial, and not more than the trial; solutions do not depend on the
+    steps r; slip dissipates. `tangent` and `tangents` are the derivatives of the two where these exist.
+
+    `adhesion` is pure, local, finite, >= 0, zero at infinity, continuous, and that of contact where surfaces overlap.
+    It may grow with the gap, see `check_fading`. `initial_gap` is pure, local and finite.
+
+    `for_increment` returns a contact law with all these properties, for no slip and for long slip paths; it is pure and
+    local and does not depend on a duration unless the law needs one.
+
+    Optional properties are checked separately: check_homogeneous, check_associated, check_monotone, check_isotropic,
+    check_orthotropic, check_fading.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    pressure, gap, duration
+        Typical magnitudes of the random states [Pa], [m], [s]. Simple states found by hypothesis are checked, too.
+    seed
+        Seed of the random states.
+    reference
+        A law that must agree in everything but the derivatives, such as a plain version of a compiled law.
+    extent
+        Half width of the surface [m].
+
+    Raises
+    ------
+    AssertionError
+        If a property fails; the message names the property, the state and why it matters.
     """
     check_frozen(law)
     random = np.random.default_rng(seed)
@@ -60,14 +77,18 @@ def _check_equal(law: ContactLaw, reference: ContactLaw, units: Units, random: n
     close(law.initial_gap(points), reference.initial_gap(points), units.gap, f"initial_gap {_DIFFERS}")
     require(law.needs_duration == reference.needs_duration, f"needs_duration {_DIFFERS}", law.needs_duration)
     _check_same_maps(law, reference, units, random)
-    way = units.gap * 10.0 ** random.uniform(-3.0, 3.0, SAMPLES)
-    for path, duration in ((0.0 * way, units.duration), (way, units.duration), (way, 1e-3 * units.duration)):
-        given = duration if law.needs_duration else None
-        one, other = (whole.for_increment(path, given) for whole in (law, reference))
+    slip_path = units.gap * 10.0 ** random.uniform(-3.0, 3.0, SAMPLES)
+    for path, duration in (
+        (0.0 * slip_path, units.duration),
+        (slip_path, units.duration),
+        (slip_path, 1e-3 * units.duration),
+    ):
+        step_duration = duration if law.needs_duration else None
+        first, second = (each_law.for_increment(path, step_duration) for each_law in (law, reference))
         try:
-            _check_same_maps(one, other, units, random)
+            _check_same_maps(first, second, units, random)
         except AssertionError as error:
-            text = f"for_increment with slip paths up to {path.max():g} m, duration {given}: {error}"
+            text = f"for_increment with slip paths up to {path.max():g} m, duration {step_duration}: {error}"
             raise AssertionError(text) from None
 
 
@@ -75,10 +96,10 @@ def _check_same_maps(law: ContactLaw, reference: ContactLaw, units: Units, rando
     trial, gap = random.normal(size=(2, SAMPLES, 3))
     close(law.tangential_scaling(), reference.tangential_scaling(), 1.0, f"tangential_scaling {_DIFFERS}")
     for factor in (1e-3, 1.0, 1e3):
-        pressed, moved = factor * units.pressure * trial, factor * units.gap * gap
+        trials, gaps = factor * units.pressure * trial, factor * units.gap * gap
         scale = factor * units.pressure
-        close(law.project(pressed), reference.project(pressed), scale, f"project {_DIFFERS}")
+        close(law.project(trials), reference.project(trials), scale, f"project {_DIFFERS}")
         for r in units.lengths():
-            found, expected = (one.resolve(pressed, moved, r) for one in (law, reference))
-            close(found, expected, scale, f"resolve {_DIFFERS}")
-        close(law.adhesion(moved[:, 2]), reference.adhesion(moved[:, 2]), units.pressure, f"adhesion {_DIFFERS}")
+            value, expected = (first.resolve(trials, gaps, r) for first in (law, reference))
+            close(value, expected, scale, f"resolve {_DIFFERS}")
+        close(law.adhesion(gaps[:, 2]), reference.adhesion(gaps[:, 2]), units.pressure, f"adhesion {_DIFFERS}")

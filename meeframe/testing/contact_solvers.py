@@ -53,26 +53,39 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
         "kappa": st.tuples(st.sampled_from([0.0, 1e-5, np.inf]), st.sampled_from([0.0, 0.4, np.inf])),
     }
 )
-"""Of paraboloids on a half space; SI units."""
+"""Paraboloids on a half space; SI units."""
 
 
 def check_solver(solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True) -> None:
-    """Check that a solver is frozen and pure, and that it takes and solves insulated, conducting and frictional
-    indentation, across a gap that conducts, between surfaces that are soft, attract each other and wear smooth by
-    slip, under given motions and under prescribed resultants, and to the right answer.
+    """Check that a solver is frozen and pure and solves a range of contact problems correctly.
 
-    The insulated problem is compared with non-negative least squares; every state is judged by the residual and
-    condition by condition; a solution handed in as start is one at once; units, moduli and lengths do not matter.
-    Beside these hypothesis looks for small indentations that break it: no contact, full contact, cylinders.
-    friction: False for a solver that takes frictionless contact of hard surfaces only.
+    The problems are insulated, conducting and frictional indentation, conduction across a gap, and compliant surfaces
+    with attraction and slip-weakening friction, under prescribed motions and under prescribed resultants. The insulated
+    problem is compared with non-negative least squares. Every state is tested by the residual and condition by
+    condition; a solution used as start is accepted at once; units, moduli and lengths do not matter. In addition
+    hypothesis searches for small indentations that fail: no contact, full contact, cylinders.
+
+    Parameters
+    ----------
+    solver
+        The solver.
+    limits
+        Stopping criteria.
+    friction
+        False for a solver of frictionless contact of rigid surfaces only.
+
+    Raises
+    ------
+    AssertionError
+        If a property fails.
     """
     check_frozen(solver)
     limits = limits or StoppingCriteria()
     for name, problem in _problems(friction).items():
         with _unchanged(problem, name):
-            _check_taken(solver, problem, name)
+            _check_accepted(solver, problem, name)
             _check_pure(solver, problem, name)
-            solution = _solved(problem, solver, limits, name)
+            solution = _solve(problem, solver, limits, name)
             _check_start(solver, problem, limits, solution, name)
         _check_units(solver, problem, limits, solution, name)
         if name == "insulated":
@@ -84,7 +97,7 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
 def exact_pressure(problem: ContactProblem) -> Array:
     """Return the pressure (n,) >= 0 [Pa] of frictionless insulated contact by non-negative least squares.
 
-    The compliance is symmetric. Raises ValueError unless the system holds it as a matrix.
+    The compliance must be symmetric. Raises ValueError unless the system has a dense matrix.
     """
     matrix = problem.system.dense()
     if matrix is None:
@@ -99,12 +112,23 @@ def exact_pressure(problem: ContactProblem) -> Array:
 
 
 def rescaled(problem: ContactProblem, displacement: Array, load: Array) -> ContactProblem:
-    """Return the same problem in other units: displacements and loads multiplied by factors (fields,), alike in the
-    first three.
+    """Return the same problem in other units.
 
-    For dense systems, and laws of meeframe.testing.interfaces, step conductivities, or laws without fields of a unit.
-    Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Motions of
-    freedoms keep their numbers, the unit of each being another. Raises ValueError unless the system is a DenseSystem.
+    Lengths, moduli and potentials in other units, or bodies of other size and stiffness, are special cases. Laws can be
+    those of meeframe.testing.interfaces, step conductivities, or laws without parameters that have units. Motions of
+    prescribed resultants keep their values because their units change.
+
+    Parameters
+    ----------
+    problem
+        The contact problem.
+    displacement, load
+        Factors (fields,) of displacements and loads, equal for the first three fields.
+
+    Raises
+    ------
+    ValueError
+        Unless the system is a DenseSystem.
     """
     system = problem.system
     if not isinstance(system, DenseSystem):
@@ -139,7 +163,7 @@ def _rescaled_law(law: ConductivityLaw, length: float, potential: float, flux: f
 
 
 def _rescaled_freedom(freedom: PrescribedResultant, displacement: Array, load: Array) -> PrescribedResultant:
-    """Return a prescribed resultant in the units of work of the fields that it moves, which have to agree."""
+    """Return a prescribed resultant in the units of work of its fields, which must be equal."""
     work = (displacement * load)[freedom.mode.any(axis=0)]
     if not np.allclose(work, work[0], rtol=1e-12, atol=0.0):
         raise ValueError(f"a freedom moves fields whose work is scaled differently: {work}")
@@ -155,14 +179,14 @@ def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution:
 def _check_drawn(
     solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, drawn: dict[str, Any]
 ) -> None:
-    """Check an indentation that hypothesis has drawn."""
+    """Check an indentation drawn by hypothesis."""
     x, y, _ = system.points.T
     law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
     height = (x**2 + drawn["aspect"] * y**2) / 0.2
     approach, kappa, drag = (drawn[name] for name in ("approach", "kappa", "drag"))
     problem = indentation_problem(system, height, approach, law, kappa, (1e4, -20.0), drag)
     name = f"indentation {drawn}"
-    solution = _solved(problem, solver, limits, name)
+    solution = _solve(problem, solver, limits, name)
     if law == Signorini() and kappa == (0.0, 0.0):
         _check_pressure(problem, limits, solution, name)
 
@@ -180,53 +204,55 @@ def _problems(friction: bool) -> dict[str, ContactProblem]:
         "conducting": indentation_problem(prestressed, height, 5e-5, Signorini(), perfect, (1e4, -20.0)),
         "resistive": indentation_problem(system, height, 5e-5, Signorini(), finite),
     }
-    across = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
+    laws = (GapConductivity(2e-11, 2e-6, 5e3), GapConductivity(8e-7, 2e-6, 10.0))
     conducting = problems["conducting"]
-    problems["across the gap"] = replace(conducting, channels=flux_channels(across[0], across[1]))
+    problems["across the gap"] = replace(conducting, channels=flux_channels(laws[0], laws[1]))
     if friction:
         law, drag = OrthotropicCoulomb(0.1, 0.5, 0.4), (8e-6, 3e-6)
         problems["friction"] = indentation_problem(system, height, 5e-5, law, (0.0, np.inf), translation=drag)
         soft = SoftAttractedContact(1e9, 1e-5, 0.3, 0.05)
         problems["soft surfaces"] = indentation_problem(system, height, 5e-5, soft, translation=drag)
-    moved = problems["friction" if friction else "conducting"]
-    push, pull, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
-    prescribed_resultants = (push, pull, charge) if friction else (push, charge)
+    base = problems["friction" if friction else "conducting"]
+    normal, tangential, charge = ((2, -1.0, 1e4), (0, 1.0, 1.2e3), (4, -1.0, 1e-4))
+    prescribed_resultants = (normal, tangential, charge) if friction else (normal, charge)
     problems["resultants"] = replace(
-        moved, prescribed_resultants=tuple(_freedom(system.weights, *which) for which in prescribed_resultants)
+        base, prescribed_resultants=tuple(_freedom(system.weights, *arguments) for arguments in prescribed_resultants)
     )
     return problems
 
 
 def _freedom(weights: Array, field: int, direction: float, total: float) -> PrescribedResultant:
-    """Return the indenter moves along one field, so far that the total of that is as prescribed."""
+    """Return the prescribed resultant of a motion along one field."""
     mode = np.zeros((len(weights), 5))
     mode[:, field] = direction
     sign = direction if field < 3 else 1.0  # a force along its motion, a charge that leaves the body
     return PrescribedResultant(mode, np.where(mode == 0.0, 0.0, sign * weights[:, None]), total)
 
 
-def _solved(
+def _solve(
     problem: ContactProblem, solver: Solver, limits: StoppingCriteria, name: str, start: ContactState | None = None
 ) -> ContactSolution:
-    """Return the solution of a problem, all conditions of which hold."""
+    """Return the solution of a problem after checking all its conditions."""
     with _unchanged(problem, name):
         solution = solve(problem, solver, limits, start)
-    found = violations(problem, solution.state)
-    worst = max(found, key=lambda condition: found[condition])
-    text = f"{name}: {solution.message}; the worst condition is {worst!r}"
-    require(solution.status is Status.CONVERGED, text, found[worst])
+    violation = violations(problem, solution.state)
+    worst = max(violation, key=lambda condition: violation[condition])
+    message = f"{name}: {solution.message}; the worst condition is {worst!r}"
+    require(solution.status is Status.CONVERGED, message, violation[worst])
     value = residual(problem, solution.state)
     require(value <= 10.0 * limits.tolerance, f"{name}: residual of the state handed over", value)
-    require(found[worst] <= 100.0 * limits.tolerance, f"{name}: converged, but the {worst} is wrong", found[worst])
+    require(
+        violation[worst] <= 100.0 * limits.tolerance, f"{name}: converged, but the {worst} is wrong", violation[worst]
+    )
     return solution
 
 
 @contextmanager
 def _unchanged(problem: ContactProblem, name: str) -> Iterator[None]:
-    """Require that the problem stays as it is."""
-    kept = {part: array.copy() for part, array in _arrays(problem).items()}
+    """Require that the problem is unchanged."""
+    copies = {key: array.copy() for key, array in _arrays(problem).items()}
     yield
-    changed = [part for part, array in _arrays(problem).items() if not np.array_equal(array, kept[part])]
+    changed = [key for key, array in _arrays(problem).items() if not np.array_equal(array, copies[key])]
     require(not changed, f"{name}: changes the problem", changed)
 
 
@@ -243,28 +269,28 @@ def _arrays(problem: ContactProblem) -> dict[str, Array]:
     }
 
 
-def _check_taken(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """Check that the solver accepts the problem, and its preview on a rigid body, as for a case file."""
+def _check_accepted(solver: Solver, problem: ContactProblem, name: str) -> None:
+    """Check that the solver accepts the problem, and the same on a rigid body, as in preflight checks of a case."""
     assert isinstance(problem.system, DenseSystem)
     rigid = replace(problem, system=replace(problem.system, matrix=np.zeros_like(problem.system.matrix)))
-    for asked, body in ((problem, ""), (rigid, " on a rigid body")):
+    for case, body in ((problem, ""), (rigid, " on a rigid body")):
         try:
-            solver.check(asked)
+            solver.check(case)
         except Exception as error:
             require(False, f"{name}{body}: check refuses it", f"{type(error).__name__}: {error}")
 
 
 def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
-    """Check that a step changes no argument and that equal iterates lead to equal ones."""
+    """Check that a step changes no argument and that equal iterates give equal results."""
     with np.errstate(all="ignore"), _unchanged(problem, name):
         before = solver.init(problem, None)
-        kept = _copy_of(before)
+        copies = _copy_of(before)
         after = solver.step(problem, before)
-        require(_same(before, kept), f"{name}: step changes its argument", name)
-        once = _copy_of(after)
+        require(_equal(before, copies), f"{name}: step changes its argument", name)
+        result = _copy_of(after)
         solver.step(problem, after)
-        require(_same(after, once), f"{name}: step changes what it gave before", name)
-        require(_same(solver.step(problem, before), once), f"{name}: step depends on earlier calls", name)
+        require(_equal(after, result), f"{name}: step changes what it gave before", name)
+        require(_equal(solver.step(problem, before), result), f"{name}: step depends on earlier calls", name)
 
 
 def _check_start(
@@ -274,23 +300,25 @@ def _check_start(
     start = _copy_of(solution.state)
     with np.errstate(all="ignore"):
         solver.step(problem, solver.init(problem, start))
-    require(_same(start, solution.state), f"{name}: init or step changes the start", name)
-    again = _solved(problem, solver, limits, name, start)
+    require(_equal(start, solution.state), f"{name}: init or step changes the start", name)
+    again = _solve(problem, solver, limits, name, start)
     require(again.iterations <= solver.check_interval, f"{name}: leaves its own solution", again.iterations)
 
 
 def _copy_of(record: Record) -> Record:
-    """Return a copy with arrays of its own."""
-    copies: dict[str, Any] = {name: array.copy() for name, array in _parts(record).items()}
-    return replace(record, **copies)
+    """Return a deep copy."""
+    arrays: dict[str, Any] = {name: array.copy() for name, array in _array_fields(record).items()}
+    return replace(record, **arrays)
 
 
-def _same(one: Record, other: Record) -> bool:
+def _equal(one: Record, other: Record) -> bool:
     """Return whether the arrays of two records are equal."""
-    return all(np.array_equal(array, _parts(other)[name], equal_nan=True) for name, array in _parts(one).items())
+    return all(
+        np.array_equal(array, _array_fields(other)[name], equal_nan=True) for name, array in _array_fields(one).items()
+    )
 
 
-def _parts(record: Iterate | ContactState) -> dict[str, Array]:
+def _array_fields(record: Iterate | ContactState) -> dict[str, Array]:
     values = {field.name: getattr(record, field.name) for field in fields(record)}
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
@@ -301,10 +329,10 @@ def _check_units(
     for displacement, load in ((1e-9, 1e9), (1e9, 1e-9), (1e6, 1e6)):
         displacements = displacement * np.array([1.0, 1.0, 1.0, 1e-7, 1e5])
         loads = load * np.array([1.0, 1.0, 1.0, 1e6, 1e-8])
-        other = _solved(rescaled(problem, displacements, loads), solver, limits, f"{name}: in other units")
+        other = _solve(rescaled(problem, displacements, loads), solver, limits, f"{name}: in other units")
         change = abs(other.iterations - solution.iterations)
         require(change <= solver.check_interval, f"{name}: the number of iterations depends on units", change)
-        # at round-off a grazing node may settle a step earlier or later, so that answers agree to the tolerance only
+        # at round-off a biactive node may converge a step earlier or later, so that results agree to the tolerance only
         error = np.abs(other.state.load / loads - solution.state.load).max(axis=0)
         largest = np.maximum(np.abs(solution.state.load).max(axis=0), np.finfo(float).tiny)
         agrees = bool((error <= 1e3 * limits.tolerance * largest).all())

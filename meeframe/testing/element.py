@@ -1,4 +1,4 @@
-"""Conformance of a surface element with its contract (meeframe.elements.base)."""
+"""Conformance of a surface element with its abstract class (meeframe.elements.base)."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -19,54 +19,66 @@ _SHARES = st.sampled_from([0.0, 1.0, 0.5, 0.25]) | st.floats(0.0, 1.0, allow_sub
 
 
 def check_element(element: SurfaceElement, seed: int = 0) -> None:
-    """Check an element by all tests of this module, at random points and at simple ones that hypothesis finds. Raises
-    AssertionError that names the property, the point and why it matters."""
+    """Check an element by all tests of this module, at random points and at simple ones drawn by hypothesis.
+
+    Parameters
+    ----------
+    element
+        The element.
+    seed
+        Seed of the random points.
+
+    Raises
+    ------
+    AssertionError
+        If a property fails; the message names the property, the point and why it matters.
+    """
     with explained(element):
         check_nodes(element)
         check_points(element, reference_points(element, 20, seed))
-        search_for(st.tuples(_SHARES, _SHARES), lambda shares: check_points(element, _placed(element, *shares)))
+        search_for(st.tuples(_SHARES, _SHARES), lambda shares: check_points(element, _point_at(element, *shares)))
         check_traces(element)
         check_orientation(element)
 
 
 def reference_points(element: SurfaceElement, count: int, seed: int) -> Array:
-    """Return random points of the reference domain, (count, 2): weighted means of its corners."""
+    """Return random points of the reference domain, (count, 2), as weighted means of its corners."""
     corners = _CORNERS[element.reference]
     shares = np.random.default_rng(seed).dirichlet(np.ones(len(corners)), count)
     points: Array = shares @ corners
     return points
 
 
-def _placed(element: SurfaceElement, first: float, second: float) -> Array:
-    """Return the point (1, 2) of the reference domain at shares in [0, 1] of its two directions."""
+def _point_at(element: SurfaceElement, first: float, second: float) -> Array:
+    """Return the point (1, 2) of the reference domain at fractions in [0, 1] of its two directions."""
     if element.reference == "triangle":
         return np.array([[first, second * (1.0 - first)]])
     return np.array([[2.0 * first - 1.0, 2.0 * second - 1.0]])
 
 
 def check_nodes(element: SurfaceElement) -> None:
-    """Check names, corners (first and counter-clockwise), nodes in the domain, whole exponents, equality and hash."""
+    """Check names, corners (first and counter-clockwise), nodes in the domain, integer exponents, equality and hash."""
     require(bool(element.name), "the element has no name", element)
     require(bool(element.meshio_type), "no meshio cell type", element)
     nodes, exponents, corners = element.nodes, element.exponents, _CORNERS[element.reference]
-    alike = nodes.shape == exponents.shape == (len(nodes), 2)
-    require(alike, "as many monomials as nodes are needed, (n, 2) each", (nodes.shape, exponents.shape))
+    same_shape = nodes.shape == exponents.shape == (len(nodes), 2)
+    require(same_shape, "as many monomials as nodes are needed, (n, 2) each", (nodes.shape, exponents.shape))
     first = nodes[: len(corners)]
     require(np.array_equal(first, corners), "the first nodes must be the corners", first)
-    whole = (exponents == np.round(np.abs(exponents))).all(axis=1)
-    each(whole, "exponents must be whole, >= 0", np.arange(len(nodes)), exponents)
+    integer = (exponents == np.round(np.abs(exponents))).all(axis=1)
+    each(integer, "exponents must be whole, >= 0", np.arange(len(nodes)), exponents)
     low = -1.0 if element.reference == "quadrilateral" else 0.0
     inside = ((nodes >= low) & (nodes <= 1.0)).all(axis=1)
     if element.reference == "triangle":
         inside &= nodes.sum(axis=1) <= 1.0
     each(inside, "a node lies outside the reference domain", np.arange(len(nodes)), nodes)
-    twin = type(element)()
-    require(twin == element, "two elements of the type must be equal", twin)
-    require(hash(twin) == hash(element), "equal elements must have equal hashes", twin)
+    copy = type(element)()
+    require(copy == element, "two elements of the type must be equal", copy)
+    require(hash(copy) == hash(element), "equal elements must have equal hashes", copy)
     require(bool(np.isfinite(shape_coefficients(element)).all()), "the shape functions are not determined", nodes)
     values = shape_functions(element, nodes)
-    own = (np.abs(values - np.eye(len(nodes))) <= _ROUND_OFF).all(axis=1)
-    each(own, "shape functions at a node are not one for it and zero for others", nodes, values)
+    nodal = (np.abs(values - np.eye(len(nodes))) <= _ROUND_OFF).all(axis=1)
+    each(nodal, "shape functions at a node are not one for it and zero for others", nodes, values)
 
 
 def check_points(element: SurfaceElement, points: Array) -> None:
@@ -76,7 +88,7 @@ def check_points(element: SurfaceElement, points: Array) -> None:
 
 
 def check_interpolation(element: SurfaceElement, points: Array) -> None:
-    """Check that shape functions sum to one and reproduce polynomials up to the element's order."""
+    """Check that shape functions sum to one and reproduce polynomials up to the order of the element."""
     nodes, values = element.nodes, shape_functions(element, points)
     total = values.sum(axis=1)
     each(np.abs(total - 1.0) <= _ROUND_OFF, "sum of shape functions", points, total)
@@ -84,9 +96,9 @@ def check_interpolation(element: SurfaceElement, points: Array) -> None:
     for i in range(element.order + 1):
         for j in range(element.order + 1 - i):
             exact = points[:, 0] ** i * points[:, 1] ** j
-            found = values @ (nodes[:, 0] ** i * nodes[:, 1] ** j)
-            what = f"xi^{i} eta^{j} is off by {np.abs(found - exact).max():.1e}; the order is overstated"
-            each(np.abs(found - exact) < _ROUND_OFF, what, points, found)
+            value = values @ (nodes[:, 0] ** i * nodes[:, 1] ** j)
+            message = f"xi^{i} eta^{j} is off by {np.abs(value - exact).max():.1e}; the order is overstated"
+            each(np.abs(value - exact) < _ROUND_OFF, message, points, value)
 
 
 def check_derivatives(element: SurfaceElement, points: Array) -> None:
@@ -101,20 +113,20 @@ def check_derivatives(element: SurfaceElement, points: Array) -> None:
 
 
 def check_traces(element: SurfaceElement) -> None:
-    """Check that only the nodes of a side contribute on it, so that neighbours fit without gaps."""
+    """Check that only the nodes of a side contribute on it, so that neighbouring elements are continuous."""
     corners = _CORNERS[element.reference]
     share = np.linspace(0.0, 1.0, 7)[:, None]
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         points = (1 - share) * start + share * end
         values = shape_functions(element, points)
-        along, across = end - start, element.nodes - start
-        elsewhere = np.abs(along[0] * across[:, 1] - along[1] * across[:, 0]) > _ROUND_OFF
-        leak = np.abs(values[:, elsewhere]).max(axis=1, initial=0.0)
+        side, relative = end - start, element.nodes - start
+        off_side = np.abs(side[0] * relative[:, 1] - side[1] * relative[:, 0]) > _ROUND_OFF
+        leak = np.abs(values[:, off_side]).max(axis=1, initial=0.0)
         each(leak < _ROUND_OFF, "nodes off a side contribute on it", points, leak)
 
 
 def check_orientation(element: SurfaceElement) -> None:
-    """Check that an element laid flat, counter-clockwise from above, has its normal upwards and its full area."""
+    """Check that a flat element, counter-clockwise from above, has its normal upwards and its full area."""
     flat = np.column_stack([element.nodes, np.zeros(len(element.nodes))])
     rule = tensor_rule(element, flat, 4)
     upwards = (np.abs(rule.normals - [0.0, 0.0, 1.0]) <= _ROUND_OFF).all(axis=1)

@@ -1,4 +1,4 @@
-"""Contact under prescribed forces and charges: freedoms, problems with them, and checks of their solutions."""
+"""Contact under prescribed forces and charges: prescribed resultants, problems, and checks of their solutions."""
 
 from dataclasses import replace
 from typing import Final
@@ -27,7 +27,7 @@ from meeframe.testing.requirements import require
 
 PRESS: Final = np.array([0.0, 0.0, -1.0, 0.0, 0.0])
 SLIDE: Final = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
-ASIDE: Final = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+SLIDE_2: Final = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
 VOLTAGE, MAGNETOMOTIVE = -np.eye(5)[[ELECTRIC, MAGNETIC]]
 TIGHT: Final = StoppingCriteria(tolerance=1e-11, max_iterations=5000)
 BALANCED: Final = 1e-11
@@ -35,9 +35,18 @@ SAME: Final = 1e-8
 
 
 def freedom(system: ReducedSystem, mode: Array, total: float, measure: Array | None = None) -> PrescribedResultant:
-    """Return the force or moment along a mode, or its outward charge or flux, is the total [N, N m, C, Wb].
+    """Return a prescribed resultant, positive outwards for charges and fluxes.
 
-    mode: (5,) of every node or (n, 5); measure: as mode, of which the resultant is the weighted sum instead.
+    Parameters
+    ----------
+    system
+        The reduced system.
+    mode
+        Motion (5,) of every node or (n, 5), which the resultant works on.
+    total
+        Force, moment, charge or flux [N, N m, C, Wb].
+    measure
+        Weights of the resultant, like `mode`; by default the mode.
     """
     outward = -1.0 if mode[..., 3:].any() else 1.0
     modes = np.broadcast_to(mode, system.offset.shape).copy()
@@ -53,22 +62,41 @@ def conducting_sphere(
     cells: int = 8,
     potentials: tuple[float, float] = (2e4, -15.0),
 ) -> ContactProblem:
-    """Return the sphere of SphereCase on the orthotropic medium; kappa in units of the inverse own response of a
-    node."""
+    """Return the sphere of SphereCase on the orthotropic medium.
+
+    Parameters
+    ----------
+    law
+        Contact law.
+    kappa
+        Electric and magnetic conductivity in units of the inverse diagonal response of a node.
+    drag
+        Tangential displacement in approaches.
+    cells
+        Number of cells along a side of the contact zone.
+    potentials
+        Electric [V] and magnetic [A] potential of the indenter.
+    """
     medium = library_material("orthotropic-mee")
     case = SphereCase(medium, law, Insulating(), Insulating(), cells, drag, potentials=potentials)
-    own = own_response(case.problem())[0]
-    electric, magnetic = (StepConductivity(float(k / o)) for k, o in zip(kappa, own, strict=True))
+    scales = own_response(case.problem())[0]
+    electric, magnetic = (StepConductivity(float(k / o)) for k, o in zip(kappa, scales, strict=True))
     return replace(case, electric=electric, magnetic=magnetic).problem()
 
 
 def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple[ContactProblem, Array]:
-    """Return a problem of SphereCase with the resultants of its solution instead of motions, and the motions to be
-    found.
+    """Return a problem of SphereCase with the resultants of its solution as data, and the motions to be found.
 
-    given: those that are set free, of 'approach', 'translation' and 'potentials'.
+    Parameters
+    ----------
+    problem
+        A problem of SphereCase.
+    state
+        Its solution.
+    *given
+        Motions that become unknown, of 'approach', 'translation' and 'potentials'.
     """
-    system, nothing = problem.system, np.zeros_like(problem.potentials)
+    system, zero = problem.system, np.zeros_like(problem.potentials)
     force, (charge, flux) = resultant(system, state.load)
     prescribed_resultants: list[PrescribedResultant] = []
     motions: list[float] = []
@@ -77,20 +105,20 @@ def released(problem: ContactProblem, state: ContactState, *given: str) -> tuple
         motions += [APPROACH]
         problem = replace(problem, gap=problem.gap + APPROACH)
     if "translation" in given:
-        prescribed_resultants += [freedom(system, SLIDE, force[0]), freedom(system, ASIDE, force[1])]
+        prescribed_resultants += [freedom(system, SLIDE, force[0]), freedom(system, SLIDE_2, force[1])]
         motions += [*problem.translation[0]]
-        problem = replace(problem, translation=nothing)
+        problem = replace(problem, translation=zero)
     if "potentials" in given:
         prescribed_resultants += [freedom(system, VOLTAGE, charge), freedom(system, MAGNETOMOTIVE, flux)]
         motions += [*problem.potentials[0]]
-        problem = replace(problem, potentials=nothing)
+        problem = replace(problem, potentials=zero)
     return replace(problem, prescribed_resultants=tuple(prescribed_resultants)), np.array(motions)
 
 
 def balanced_solution(
     problem: ContactProblem, solver: Solver, limits: StoppingCriteria = TIGHT, start: ContactState | None = None
 ) -> ContactSolution:
-    """Return the solution of a problem; AssertionError unless it has converged and has the prescribed resultants."""
+    """Return the solution of a problem. Raises AssertionError unless it converged to the prescribed resultants."""
     solution = solve(problem, solver, limits, start)
     state = solution.state
     require(solution.status is Status.CONVERGED, f"{solver}: {solution.message}", solution.residual)
@@ -99,13 +127,13 @@ def balanced_solution(
     require(
         len(state.motion) == len(problem.prescribed_resultants), f"{solver}: one motion for each freedom", state.motion
     )
-    for off, free in zip(unbalance(problem, state.load), problem.prescribed_resultants, strict=True):
+    for error, free in zip(unbalance(problem, state.load), problem.prescribed_resultants, strict=True):
         size = max(abs(free.total), float(np.abs(free.measure * state.load).sum()))
-        require(abs(off) <= BALANCED * size, f"{solver}: resultant off by", off)
+        require(abs(error) <= BALANCED * size, f"{solver}: resultant off by", error)
     return solution
 
 
 def check_same(state: ContactState, expected: ContactState) -> None:
     """Raise AssertionError unless tractions and fluxes agree to 1e-8 of the largest."""
-    off = np.abs(state.load - expected.load).max(axis=0)
-    require((off <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", off)
+    error = np.abs(state.load - expected.load).max(axis=0)
+    require((error <= SAME * np.abs(expected.load).max(axis=0)).all(), "tractions and fluxes differ by", error)

@@ -90,7 +90,7 @@ def check_form(system: ReducedSystem, body: Body) -> None:
 
 
 def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) -> None:
-    """apply is linear, pure and what diagonal_blocks and dense say; data move the offset and nothing else."""
+    """Check that apply is linear, pure and agrees with diagonal_blocks and dense; data affect the offset only."""
     random = np.random.default_rng(0)
     n = len(system.points)
     loads = random.normal(size=(3, n, 5)) * typical_load(system)
@@ -140,9 +140,9 @@ def check_edges(formulation: Formulation, system: ReducedSystem) -> None:
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:
-    """offset + compliance(load of an exact field) is that field: signs, frames, units and data are right together."""
-    load = _turned(system, field.fluxes(system.points, system.frames[:, 2]))
-    exact = _turned(system, field.values(system.points))
+    """Check that offset + compliance(load of an exact field) is that field: signs, frames, units and data are right."""
+    load = _to_local(system, field.fluxes(system.points, system.frames[:, 2]))
+    exact = _to_local(system, field.values(system.points))
     exact[:, ELECTRIC:] *= -1.0
     computed = system.offset + system.apply(load)
     error = np.abs(computed - exact).max(axis=0) / np.abs(exact).max(axis=0)
@@ -152,7 +152,7 @@ def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> N
 
 
 def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
-    """The work of one load on the displacement of another is that of the other (Betti); own works are positive."""
+    """Check the reciprocal theorem of Betti, and that every load does positive work on its displacement."""
     loads = smooth_loads(system)
     answers = np.array([system.apply(load) for load in loads])
     own = np.einsum("n,knf,knf->k", system.weights, loads, answers)
@@ -164,7 +164,7 @@ def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
 
 
 def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -> None:
-    """A load of five fields, in one of the shapes of `shapes`, works on its own displacement."""
+    """Check that a load of five fields, in one of the shapes of `shapes`, does positive work on its displacement."""
     load = np.outer(shapes(system)[shape], fields) * typical_load(system)
     work = float(np.einsum("n,nf,nf->", system.weights, load, system.apply(load)))
     what = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
@@ -172,7 +172,7 @@ def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -
 
 
 def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
-    """recover has, on the zone, the load and its displacement, and on supports the prescribed values."""
+    """Check that recover returns the load and its displacement on the zone, and prescribed values on supports."""
     load = smooth_loads(system)[0]
     fields = system.recover(load)
     shape = (len(fields.points), 5)
@@ -182,7 +182,7 @@ def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
     distance = np.linalg.norm(system.points[:, None] - fields.points, axis=2)
     found, reach = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
     require(bool((distance.min(axis=1) <= reach).all()), "recover has no point at a node of the zone", distance.min())
-    error = worst(_turned(system, fields.values[found]), expected)
+    error = worst(_to_local(system, fields.values[found]), expected)
     require(error <= tolerance, "recover has other values on the zone than the compliance", error)
     scale = np.abs(fields.values).max(axis=0)
     for condition in body.conditions:
@@ -197,7 +197,7 @@ def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
 
 
 def check_refusals(formulation: Formulation, body: Body) -> None:
-    """check refuses what reduce cannot do, by an error that a user can mend."""
+    """Check that check raises an error, which users can resolve, for bodies that reduce cannot treat."""
     formulation.check(body)
     first = body.conditions[0]
     wrong = {
@@ -220,10 +220,17 @@ def check_refusals(formulation: Formulation, body: Body) -> None:
 
 
 def check_indentation(formulation: Formulation, body: Body | None = None, tolerance: float = 0.05) -> None:
-    """A rigid sphere on the body against the closed form for a half space (eq. 33): the force, within a tolerance.
+    """Check the force on a rigid sphere against the closed form for a half space (eq. 33), within a tolerance.
 
-    body: transversely isotropic about x3, its zone flat, in x3 = 0 about the origin and 5 mm wide; large against that,
-    as the block taken without it is.
+    Parameters
+    ----------
+    formulation
+        The formulation.
+    body
+        Body that is transversely isotropic about x3, with a flat zone in x3 = 0 about the origin, 5 mm wide, and large
+        compared with it; by default a block.
+    tolerance
+        Relative tolerance of the force.
     """
     body = body or _block()
     approach, radius = 3e-5, 0.1
@@ -246,7 +253,10 @@ def _block() -> Body:
 
 
 def _patch() -> tuple[Body, ExactField]:
-    """A block of a rotated orthotropic material under a linear field: values on its base, fluxes on its other faces."""
+    """Return a block of a rotated orthotropic material and a linear field.
+
+    Values are prescribed on its base, fluxes on its other faces.
+    """
     stiffness = library_material("orthotropic-mee").rotated(rotation_about((1.0, 2.0, 0.5), 0.8)).stiffness
     mesh = block_mesh(0.5, 0.8, 0.5, 3, 1, 2, Quad4())
     field = LinearField.random(stiffness, seed=5)
@@ -269,8 +279,8 @@ def _check_blocks(system: ReducedSystem) -> None:
             require(error < ROUND_OFF, f"diagonal_blocks is not what node {node} answers to itself", error)
 
 
-def _turned(system: ReducedSystem, extended: Array) -> Array:
-    """Extended vectors (n, 5) in global axes seen in the local frames."""
+def _to_local(system: ReducedSystem, extended: Array) -> Array:
+    """Return extended vectors (n, 5), given in global axes, in the local frames."""
     local = extended.copy()
     local[:, :3] = np.einsum("nai,ni->na", system.frames, extended[:, :3])
     return local

@@ -1,4 +1,4 @@
-"""Conformance of a fundamental solution with its contract (meeframe.greens.base)."""
+"""Conformance of a fundamental solution with its abstract class (meeframe.greens.base)."""
 
 from collections.abc import Callable
 
@@ -29,10 +29,23 @@ def check_fundamental_solution(
     traction_tolerance: float = 1e-7,
     seed: int = 0,
 ) -> None:
-    """Check one scaled stiffness C'_iJKm (3, 5, 5, 3) by all tests of this module, in random directions and in simple
-    ones that hypothesis looks for. Raises AssertionError that names the property, the offset and why it matters.
+    """Check a fundamental solution by all tests of this module, in random directions and in simple ones.
 
-    Tolerances are relative to the largest entry of U and of T at a point.
+    Parameters
+    ----------
+    solution
+        The fundamental solution.
+    stiffness
+        Scaled stiffness C'_iJKm, (3, 5, 5, 3).
+    displacement_tolerance, traction_tolerance
+        Tolerances relative to the largest entry of U and of T at a point.
+    seed
+        Seed of the random directions.
+
+    Raises
+    ------
+    AssertionError
+        If a property fails; the message names the property, the offset and why it matters.
     """
     random = np.random.default_rng(seed)
     offset, normal = unit_vectors(random, 40) * random.uniform(0.5, 2.0, (40, 1)), unit_vectors(random, 40)
@@ -40,16 +53,16 @@ def check_fundamental_solution(
     with explained(solution):
         kernel = solution.bind(stiffness)
 
-        def check_alone(points: tuple[Array, Array]) -> None:
+        def check_self(points: tuple[Array, Array]) -> None:
             check_form(kernel, *points)
             check_symmetry(kernel, *points)
             check_traction(kernel, stiffness, *points)
 
         def check_all(points: tuple[Array, Array]) -> None:
-            check_alone(points)
+            check_self(points)
             check_agreement(kernel, reference, *points, displacement_tolerance, traction_tolerance)
 
-        check_alone((offset, normal))
+        check_self((offset, normal))
         check_gradient(kernel, offset)
         check_equilibrium(kernel, stiffness, offset)
         check_unit_flux(kernel, 10.0 * traction_tolerance)
@@ -65,22 +78,22 @@ def unit_vectors(random: np.random.Generator, count: int) -> Array:
 
 
 def relative_error(value: Array, reference: Array) -> float:
-    """Return the largest difference over the largest entry, taken point by point; the first axis numbers the points."""
+    """Return the largest difference relative to the largest entry of each point; the first axis numbers the points."""
     return float(_errors(value, reference).max())
 
 
 def _errors(value: Array, reference: Array) -> Array:
-    """Return the largest difference over the largest entry at each point, (n,)."""
+    """Return the largest difference relative to the largest entry at each point, (n,)."""
     axes = tuple(range(1, value.ndim))
     errors: Array = np.abs(value - reference).max(axis=axes) / np.abs(reference).max(axis=axes)
     return errors
 
 
-def _agree(value: Array, reference: Array, tolerance: float, what: str, offset: Array) -> None:
-    """Require errors within a tolerance; shows the offset (n, 3) with the largest and the error there."""
+def _agree(value: Array, reference: Array, tolerance: float, message: str, offset: Array) -> None:
+    """Require errors within a tolerance; the message shows the offset (n, 3) with the largest error."""
     errors = _errors(value, reference)
     worst = int(np.nan_to_num(errors, nan=np.inf).argmax())
-    require(bool(errors[worst] <= tolerance), what, f"by {errors[worst]:.1e} at offset {offset[worst]}")
+    require(bool(errors[worst] <= tolerance), message, f"by {errors[worst]:.1e} at offset {offset[worst]}")
 
 
 def check_form(kernel: Kernel, offset: Array, normal: Array) -> None:
@@ -150,8 +163,8 @@ def check_unit_flux(kernel: Kernel, tolerance: float) -> None:
     flux = np.einsum("h,hajk->jk", weights, traction) * 2.0 * np.pi / 128
     error = np.abs(flux + np.eye(N_FIELDS))
     worst = tuple(int(index) for index in np.unravel_index(error.argmax(), error.shape))
-    what = f"flux through a sphere differs from unity, component {worst[0] + 1}, {worst[1] + 1}"
-    require(bool(error[worst] < tolerance), what, f"by {error[worst]:.1e}")
+    message = f"flux through a sphere differs from unity, component {worst[0] + 1}, {worst[1] + 1}"
+    require(bool(error[worst] < tolerance), message, f"by {error[worst]:.1e}")
 
 
 def check_agreement(
@@ -171,11 +184,11 @@ def _central_difference(function: Callable[[Array], Array], offset: Array, step:
     return np.stack([(function(offset + h) - function(offset - h)) / (2.0 * step) for h in steps], axis=-1)
 
 
-def _require_order(errors: list[Array], offset: Array, what: str) -> None:
-    """Require errors (n, ...) of two steps to fall with second order; shows the offset with the largest."""
+def _require_order(errors: list[Array], offset: Array, message: str) -> None:
+    """Require errors (n, ...) of two steps to decrease with second order; the message shows the worst offset."""
     sizes = [np.sqrt((error.reshape(len(error), -1) ** 2).mean(axis=1)) for error in errors]
     total = [float(np.sqrt((size**2).mean())) for size in sizes]
     observed = np.log2(total[0] / total[1])
     worst = offset[int(np.argmax(sizes[1]))]
-    found = f"errors {total[0]:.2e}, {total[1]:.2e}, order {observed:.2f}, the largest at offset {worst}"
-    require(bool(observed > 1.8), what, found)
+    details = f"errors {total[0]:.2e}, {total[1]:.2e}, order {observed:.2f}, the largest at offset {worst}"
+    require(bool(observed > 1.8), message, details)

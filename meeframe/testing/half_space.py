@@ -1,7 +1,7 @@
-"""A half space as a reduced system in closed form: for tests of laws and solvers, without boundary elements.
+"""A half space as a reduced system in closed form, without boundary elements.
 
-Densities are constant on the cells of a square grid, displacements are taken at the cells' centres. The point-source
-response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. Soc. A 228 (1929) 377).
+Densities are constant on the cells of a square grid, displacements are taken at the centres of the cells. The
+point-source response xi_JK/r is integrated over a rectangle exactly (Love, Phil. Trans. R. Soc. A 228 (1929) 377).
 """
 
 import numpy as np
@@ -19,10 +19,19 @@ _SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def half_space_system(xi: Array, side: float, cells: int, offset: Array | None = None) -> DenseSystem:
-    """Return the reduced system of cells x cells square cells on the square |x|, |y| < side/2 [m].
+    """Return the reduced system of square cells on the surface of a half space.
 
-    xi: (5, 5) point-source response u_J = xi_JK t_K / r over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi),
-    then without tangential response; offset: (n, 5) as in ReducedSystem, zero if not given.
+    Parameters
+    ----------
+    xi
+        Point-source response u_J = xi_JK t_K / r, (5, 5) over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi)
+        without tangential response.
+    side
+        Side of the square |x|, |y| < side/2 [m].
+    cells
+        Number of cells along a side.
+    offset
+        Offset (n, 5) as in ReducedSystem; zero by default.
     """
     full = np.zeros((5, 5))
     full[-len(xi) :, -len(xi) :] = xi
@@ -41,9 +50,24 @@ def indentation_problem(
     potentials: tuple[float, float] = (0.0, 0.0),
     translation: tuple[float, float] = (0.0, 0.0),
 ) -> ContactProblem:
-    """Return an indenter of given height (n,) [m] above its lowest point, pressed in by the approach [m].
+    """Return the contact problem of an indenter.
 
-    conductivity: kappa of the electric and magnetic step law; potentials: of the indenter [V], [A]; translation [m].
+    Parameters
+    ----------
+    system
+        The reduced system.
+    height
+        Height (n,) of the indenter above its lowest point [m].
+    approach
+        Approach [m].
+    contact_law
+        Contact law; by default Signorini.
+    conductivity
+        Conductivity of the electric and magnetic step law.
+    potentials
+        Potentials of the indenter [V], [A].
+    translation
+        Tangential displacement of the indenter [m].
     """
     n = len(height)
     return ContactProblem(
@@ -67,6 +91,6 @@ def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
 
 
 def _arcsinh(b: Array, a: Array) -> Array:
-    """Return arcsinh(b/|a|), zero where its factor a is."""
+    """Return arcsinh(b/|a|); zero where its factor a is zero."""
     safe = np.where(a == 0.0, 1.0, np.abs(a))
     return np.where(a == 0.0, 0.0, np.arcsinh(b / safe))

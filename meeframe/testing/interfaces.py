@@ -1,4 +1,4 @@
-"""Laws of the interface that are more than a projection, by which solvers are judged; SI units."""
+"""Interface laws that are more than a projection, for the checks of solvers; SI units."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self, final
@@ -10,16 +10,26 @@ from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths
 
 _WEAKENED = 0.5
-"""Of the friction coefficient, after a long slip."""
+"""Ratio of the friction coefficients after a long slip and without slip."""
 
 
 @final
 @dataclass(frozen=True)
 class SoftAttractedContact(ContactLaw):
-    """|p_nu| = pressure (overlap / closure), friction that weakens with slip, attraction across the gap.
+    """Compliant contact with slip-weakening friction and attraction across the gap.
 
-    pressure [Pa]; closure [m]: the overlap that it causes, and the slip and the gap over which friction and attraction
-    decay; mu: friction coefficient without slip; pull: attraction in contact over the pressure.
+    The normal law is |p_nu| = pressure (overlap / closure).
+
+    Attributes
+    ----------
+    pressure
+        Pressure [Pa] at an overlap equal to `closure`.
+    closure
+        Overlap, slip and gap [m] over which pressure, friction and attraction change.
+    mu
+        Friction coefficient without slip.
+    pull
+        Attraction in contact, relative to `pressure`.
     """
 
     pressure: float
@@ -28,7 +38,7 @@ class SoftAttractedContact(ContactLaw):
     pull: float = 0.0
 
     def project(self, trial: Array) -> Array:
-        """Return the Coulomb's with the coefficient without slip, (n, 3) [Pa]."""
+        """Return the traction of Coulomb friction with the coefficient without slip, (n, 3) [Pa]."""
         return IsotropicCoulomb(self.mu).project(trial)
 
     def tangential_scaling(self) -> Array:
@@ -36,13 +46,13 @@ class SoftAttractedContact(ContactLaw):
         return IsotropicCoulomb(self.mu).tangential_scaling()
 
     def resolve(self, trial: Array, gap: Array, r: StepLengths) -> Array:
-        """Return the traction (n, 3) [Pa] of the springs, tangentially within mu |p_nu| of the slip."""
+        """Return the traction (n, 3) [Pa] of the springs, limited tangentially by mu |p_nu| at the slip."""
         slip = np.linalg.norm(gap[:, :2], axis=1) / self.closure
         share = 1.0 - (1.0 - _WEAKENED) * -np.expm1(-slip)
-        softened = trial.copy()
-        softened[:, 2] = share * np.minimum(trial[:, 2], 0.0) / (1.0 + r[0] * self.closure / self.pressure)
-        # the friction limit is that of a smaller pressure, the traction that of the whole
-        traction = self.project(softened)
+        reduced_trial = trial.copy()
+        reduced_trial[:, 2] = share * np.minimum(trial[:, 2], 0.0) / (1.0 + r[0] * self.closure / self.pressure)
+        # the reduced pressure determines the friction limit, the full one the traction
+        traction = self.project(reduced_trial)
         traction[:, 2] /= share
         return traction
 
@@ -51,16 +61,25 @@ class SoftAttractedContact(ContactLaw):
         return self.pull * self.pressure * np.exp(-np.maximum(gap, 0.0) / self.closure)
 
     def rescaled(self, length: float, pressure: float) -> Self:
-        """Return the law in other units, given how many of them make one of the old ones."""
+        """Return the law in other units, given the number of new units in an old one."""
         return replace(self, pressure=self.pressure * pressure, closure=self.closure * length)
 
 
 @final
 @dataclass(frozen=True)
 class GapConductivity(ConductivityLaw):
-    """kappa = constant / (gap + residual) (1 + (drop / strength)^2 / (1 + (drop / strength)^2)), in contact as well.
+    """Conduction across the gap, and in contact, that increases with the drop.
 
-    constant [F/m] or [H/m]; residual: gap that is left in contact [m]; strength [V] or [A].
+    kappa = constant / (gap + residual) (1 + (drop / strength)^2 / (1 + (drop / strength)^2)).
+
+    Attributes
+    ----------
+    constant
+        Constant [F/m] or [H/m].
+    residual
+        Gap that remains in contact [m].
+    strength
+        Characteristic drop [V] or [A].
     """
 
     across_gap: ClassVar[bool] = True
@@ -75,6 +94,6 @@ class GapConductivity(ConductivityLaw):
         return self.constant / (gap + self.residual) * (1.0 + square / (1.0 + square))
 
     def rescaled(self, length: float, potential: float, flux: float) -> Self:
-        """Return the law in other units, given how many of them make one of the old ones."""
+        """Return the law in other units, given the number of new units in an old one."""
         constant = self.constant * length * flux / potential
         return replace(self, constant=constant, residual=self.residual * length, strength=self.strength * potential)

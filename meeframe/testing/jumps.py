@@ -9,14 +9,28 @@ from numpy.typing import NDArray
 from meeframe.fields import Array
 
 _HALVINGS: Final = 46
-"""Of an interval: what is left is hardly wider than round-off."""
+"""Number of bisections; the remaining interval is hardly wider than round-off."""
 _JUMP: Final = 1e-6
-"""Of the function, whose values are of order one."""
+"""Smallest jump of a function whose values are of order one."""
 
 
 def steepest(function: Callable[[Array], Array], start: Array, end: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return the ends of what is left of intervals (n, ...) that are halved to where a function (n,) changes most, and
-    whether it jumps there (n,)."""
+    """Return where a function changes most in given intervals, and whether it jumps there.
+
+    Parameters
+    ----------
+    function
+        Function of nodes, (n, ...) to (n,).
+    start, end
+        Ends of the intervals, (n, ...).
+
+    Returns
+    -------
+    start, end
+        Ends of the intervals after repeated bisection, (n, ...).
+    jumps
+        True where the function jumps, (n,).
+    """
     before, after = function(start), function(end)
     for _ in range(_HALVINGS):
         middle = 0.5 * (start + end)

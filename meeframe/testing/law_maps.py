@@ -1,4 +1,4 @@
-"""Conformance of what a contact law makes of trial tractions: project, resolve, and their derivatives.
+"""Conformance of the maps of a contact law: project, resolve, and their derivatives.
 
 See meeframe.testing.contact.
 """
@@ -16,23 +16,23 @@ from meeframe.testing.requirements import ROUND_OFF, close, each, pure, require
 
 SAMPLES: Final = 400
 STEPS: Final = (1e2, 1e4)
-"""Lengths r of the steps to a rest, in units of the largest friction limit if that is above the pressure."""
+"""Lengths r of the steps to a state at rest, in units of the largest friction limit if that exceeds the pressure."""
 _REST_STEPS: Final = 300
 _SETTLED: Final = 1e-8
-"""A traction that changes by a smaller fraction in one step is at rest."""
-_OUT_OF_REACH: Final = 1e9
+"""Relative change of a traction per step below which it is at rest."""
+_LARGE_TRIAL: Final = 1e9
 """Trials beyond any friction limit, in units of the pressure."""
 _WIDTH: Final = 1e-5
-"""Of differences, as a fraction of the argument."""
+"""Width of finite differences relative to the argument."""
 _KINK: Final = 0.02
-"""One-sided differences that differ by more belong to a trial where the law has a kink."""
+"""Relative difference of one-sided differences beyond which the law has a kink."""
 _SOLVED: Final = 1e-9
-"""Of the pressure: how well a law that solves an equation has to solve it."""
+"""Tolerance, in units of the pressure, of laws that solve an equation."""
 _LENGTHS: Final = ((1.0, 1.0), (0.1, 5.0), (20.0, 0.3))
 """Steps r, normal and tangential, in units of pressure / gap."""
 
-Subsystem = Callable[[NDArray[np.int_]], ContactLaw]
-"""The law on some of its nodes: itself, unless it is that of an increment, which knows the path of each node."""
+Restriction = Callable[[NDArray[np.int_]], ContactLaw]
+"""Function that returns the law for some nodes, which is the law itself except during increments."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +52,27 @@ class Units:
         ]
 
 
-def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random.Generator) -> None:
-    """Check a law by all tests of this module, for SAMPLES nodes."""
+def check_maps(law: ContactLaw, restriction: Restriction, units: Units, random: np.random.Generator) -> None:
+    """Check a law by all tests of this module, for SAMPLES nodes.
+
+    Parameters
+    ----------
+    law
+        The contact law, or the law of an increment.
+    restriction
+        Function that returns the law for some nodes.
+    units
+        Typical magnitudes.
+    random
+        Random number generator.
+    """
     _check_scaling(law)
     trial = units.pressure * random.normal(size=(SAMPLES, 3))
-    _check_project(law, part, trial, units.pressure, random)
+    _check_project(law, restriction, trial, units.pressure, random)
     _check_non_expansive(law, trial, units.pressure, random)
     gap = _gaps(units, random)
     for r in units.lengths():
-        _check_resolve(law, part, trial, gap, r, units, random)
+        _check_resolve(law, restriction, trial, gap, r, units, random)
     _check_rests(law, units, random)
     _check_steps(law, trial, gap, units)
     _check_tangent(law, trial)
@@ -68,7 +80,7 @@ def check_maps(law: ContactLaw, part: Subsystem, units: Units, random: np.random
 
 
 def _gaps(units: Units, random: np.random.Generator) -> Array:
-    """Return (n, 3) [m], some without slip, some overlapping, some closed."""
+    """Return gaps (n, 3) [m], some without slip, some overlapping, some closed."""
     gap: Array = units.gap * random.normal(size=(SAMPLES, 3)) * 10.0 ** random.uniform(-3.0, 1.0, (SAMPLES, 1))
     gap[::5, :2] = 0.0
     gap[::7, 2] = 0.0
@@ -76,22 +88,22 @@ def _gaps(units: Units, random: np.random.Generator) -> Array:
 
 
 def without_indenter(states: Array) -> Array:
-    """Return the same trials or gaps (n, 3) where there is no indenter above."""
+    """Return the same trials or gaps (n, 3) at nodes without an indenter above."""
     return np.column_stack([states[:, :2], np.full(len(states), np.inf)])
 
 
 def _check_project(
-    law: ContactLaw, part: Subsystem, trial: Array, pressure: float, random: np.random.Generator
+    law: ContactLaw, restriction: Restriction, trial: Array, pressure: float, random: np.random.Generator
 ) -> None:
     traction = pure(law.project, trial, "project")
     _check_tractions("project", trial, traction)
-    beyond = without_indenter(trial)
-    beside = law.project(beyond)
-    each(~beside.any(axis=1), "traction where there is no indenter above", beyond, beside)
+    trial_without = without_indenter(trial)
+    traction_without = law.project(trial_without)
+    each(~traction_without.any(axis=1), "traction where there is no indenter above", trial_without, traction_without)
     again = law.project(traction)
     each(np.abs(again - traction).max(axis=1) <= ROUND_OFF * pressure, "project is not idempotent", traction, again)
-    some = random.permutation(SAMPLES)[: SAMPLES // 3]
-    close(part(some).project(trial[some]), traction[some], pressure, "project depends on other nodes")
+    sample = random.permutation(SAMPLES)[: SAMPLES // 3]
+    close(restriction(sample).project(trial[sample]), traction[sample], pressure, "project depends on other nodes")
 
 
 def _check_tractions(name: str, trial: Array, traction: Array) -> None:
@@ -103,7 +115,7 @@ def _check_tractions(name: str, trial: Array, traction: Array) -> None:
 
 def _check_resolve(
     law: ContactLaw,
-    part: Subsystem,
+    restriction: Restriction,
     trial: Array,
     gap: Array,
     r: StepLengths,
@@ -112,17 +124,22 @@ def _check_resolve(
 ) -> None:
     """Check that resolve is pure, local, finite, admissible, zero where open, with a monotone normal part."""
     states = np.hstack([trial, gap])
-    traction = pure(lambda given: law.resolve(given[:, :3], given[:, 3:], r), states, "resolve")
+    traction = pure(lambda values: law.resolve(values[:, :3], values[:, 3:], r), states, "resolve")
     _check_tractions("resolve", trial, traction)
-    beyond = without_indenter(trial)
-    beside = law.resolve(beyond, without_indenter(gap), r)
-    each(~beside.any(axis=1), "resolve gives traction where there is no indenter above", beyond, beside)
+    trial_without = without_indenter(trial)
+    traction_without = law.resolve(trial_without, without_indenter(gap), r)
+    each(
+        ~traction_without.any(axis=1),
+        "resolve gives traction where there is no indenter above",
+        trial_without,
+        traction_without,
+    )
     admissible = law.project(traction)
-    within = np.abs(admissible - traction).max(axis=1) <= _SOLVED * units.pressure
-    each(within, "resolve gives tractions that project does not admit", states, traction)
-    some = random.permutation(SAMPLES)[: SAMPLES // 3]
-    alone = part(some).resolve(trial[some], gap[some], r)
-    close(alone, traction[some], units.pressure, "resolve depends on other nodes")
+    valid = np.abs(admissible - traction).max(axis=1) <= _SOLVED * units.pressure
+    each(valid, "resolve gives tractions that project does not admit", states, traction)
+    sample = random.permutation(SAMPLES)[: SAMPLES // 3]
+    restricted = restriction(sample).resolve(trial[sample], gap[sample], r)
+    close(restricted, traction[sample], units.pressure, "resolve depends on other nodes")
     lift = units.pressure * 10.0 ** random.uniform(-3.0, 0.0, SAMPLES)
     rise = law.resolve(trial + np.outer(lift, [0.0, 0.0, 1.0]), gap, r)[:, 2] - traction[:, 2]
     monotone = (rise >= -_SOLVED * units.pressure) & (rise <= lift + _SOLVED * units.pressure)
@@ -134,12 +151,12 @@ def _check_scaling(law: ContactLaw) -> None:
     require(scaling.shape == (2, 2), "tangential_scaling is not (2, 2)", scaling)
     close(scaling, scaling.T, 1.0, "tangential_scaling is not symmetric")
     values = np.linalg.eigvalsh(scaling)
-    within = bool(values.min() >= -ROUND_OFF and values.max() <= 1.0 + ROUND_OFF)
-    require(within, "tangential_scaling has eigenvalues outside [0, 1]", values)
+    valid = bool(values.min() >= -ROUND_OFF and values.max() <= 1.0 + ROUND_OFF)
+    require(valid, "tangential_scaling has eigenvalues outside [0, 1]", values)
 
 
 def metric(law: ContactLaw) -> Array:
-    """Return the root of the inverse of the scaling, (2, 2), on the directions that it leaves."""
+    """Return the root of the inverse of the scaling, (2, 2), on the directions with nonzero scaling."""
     values, axes = np.linalg.eigh(law.tangential_scaling())
     inverse = np.where(values > ROUND_OFF, np.maximum(values, ROUND_OFF) ** -0.5, 0.0)
     root: Array = (axes * inverse) @ axes.T
@@ -147,7 +164,7 @@ def metric(law: ContactLaw) -> Array:
 
 
 def other_slips(trial: Array, pressure: float, random: np.random.Generator) -> Array:
-    """Return the trials (n, 3) with other tangential parts, near and far."""
+    """Return the trials (n, 3) with other tangential components, near and far."""
     other = trial.copy()
     other[:, :2] += pressure * random.normal(size=(len(trial), 2)) * 10.0 ** random.uniform(-3, 1, (len(trial), 1))
     return other
@@ -158,13 +175,25 @@ def _check_non_expansive(law: ContactLaw, trial: Array, pressure: float, random:
     other, root = other_slips(trial, pressure, random), metric(law)
     after = np.linalg.norm((law.project(trial) - law.project(other))[:, :2] @ root, axis=1)
     before = np.linalg.norm((trial - other)[:, :2] @ root, axis=1)
-    within = after - before <= 1e-9 * pressure * np.abs(root).max()
-    each(within, "project is expansive in the law's metric", np.hstack([trial, other]), after - before)
+    valid = after - before <= 1e-9 * pressure * np.abs(root).max()
+    each(valid, "project is expansive in the law's metric", np.hstack([trial, other]), after - before)
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """Tractions (n, 3) at rest under given slips (n, 2) [m] and normal trials (n,); settled: (n,), the others stick."""
+    """Tractions at rest under given slips.
+
+    Attributes
+    ----------
+    slip
+        Slips (n, 2) [m].
+    normal
+        Normal trials (n,) [Pa].
+    traction
+        Tractions (n, 3) [Pa].
+    settled
+        True where the traction is at rest (n,); the other nodes stick.
+    """
 
     slip: Array
     normal: Array
@@ -173,20 +202,31 @@ class Rest:
 
 
 def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float) -> Rest:
-    """Return where traction = resolve(traction + r tangential_scaling . slip, slip, r), by iteration; step: r
-    gap/pressure."""
+    """Iterate to the state where traction = resolve(traction + r tangential_scaling . slip, slip, r).
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    units
+        Typical magnitudes.
+    random
+        Random number generator for the slips.
+    step
+        Step r in units of pressure / gap.
+    """
     angle = random.uniform(0.0, 2.0 * np.pi, SAMPLES)
     slip = units.gap * np.column_stack([np.cos(angle), np.sin(angle)])
     normal = -units.pressure * random.uniform(0.1, 1.0, SAMPLES)
     gap = np.column_stack([slip, np.zeros(SAMPLES)])
     stiffness = units.pressure / units.gap
-    # with steps much shorter than the limit a traction would creep along it for longer than anyone wants to wait
-    outermost = law.project(np.column_stack([_OUT_OF_REACH * stiffness * slip, normal]))[:, :2]
+    # with steps much shorter than the limit a traction would move along it too slowly
+    outermost = law.project(np.column_stack([_LARGE_TRIAL * stiffness * slip, normal]))[:, :2]
     step = step * max(1.0, float(np.linalg.norm(outermost, axis=1).max()) / units.pressure)
-    way = step * stiffness * slip @ law.tangential_scaling()
+    increment = step * stiffness * slip @ law.tangential_scaling()
     history = [np.column_stack([np.zeros((SAMPLES, 2)), normal])]
     for _ in range(_REST_STEPS):
-        trial = np.column_stack([history[-1][:, :2] + way, normal])
+        trial = np.column_stack([history[-1][:, :2] + increment, normal])
         history.append(law.resolve(trial, gap, (stiffness, step * stiffness)))
     traction = history[-1]
     last, halfway = (np.linalg.norm(history[k] - history[k - 1], axis=1) for k in (-1, _REST_STEPS // 2))
@@ -198,16 +238,16 @@ def rest(law: ContactLaw, units: Units, random: np.random.Generator, step: float
 
 
 def _check_rests(law: ContactLaw, units: Units, random: np.random.Generator) -> None:
-    """Check that tractions at rest under slip do work along it, whatever the step that leads there."""
+    """Check that tractions at rest under slip do nonnegative work along it and do not depend on the step."""
     seed = int(random.integers(2**32))
     short, long = (rest(law, units, np.random.default_rng(seed), step) for step in STEPS)
-    for found in (short, long):
-        work = np.einsum("na,na->n", found.traction[:, :2], found.slip) / (units.pressure * units.gap)
-        each(work >= -ROUND_OFF, "slip gains energy", found.slip, found.traction)
+    for resting in (short, long):
+        work = np.einsum("na,na->n", resting.traction[:, :2], resting.slip) / (units.pressure * units.gap)
+        each(work >= -ROUND_OFF, "slip gains energy", resting.slip, resting.traction)
     both = short.settled & long.settled
     difference = np.linalg.norm(short.traction - long.traction, axis=1)
-    within = ~both | (difference <= 1e-5 * np.linalg.norm(short.traction, axis=1))
-    each(within, "traction under slip depends on the step", short.slip, np.hstack([short.traction, long.traction]))
+    valid = ~both | (difference <= 1e-5 * np.linalg.norm(short.traction, axis=1))
+    each(valid, "traction under slip depends on the step", short.slip, np.hstack([short.traction, long.traction]))
 
 
 def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> None:
@@ -217,52 +257,52 @@ def _check_steps(law: ContactLaw, trial: Array, gap: Array, units: Units) -> Non
         traction = law.resolve(trial, gap, r)
         for other in lengths:
             scale = np.array([other[1] / r[1], other[1] / r[1], other[0] / r[0]])
-            moved = traction + scale * (trial - traction)
-            again = law.resolve(moved, gap, other)
-            within = np.abs(again - traction).max(axis=1) <= _SOLVED * np.maximum(
-                np.abs(moved).max(axis=1), units.pressure
+            argument = traction + scale * (trial - traction)
+            again = law.resolve(argument, gap, other)
+            valid = np.abs(again - traction).max(axis=1) <= _SOLVED * np.maximum(
+                np.abs(argument).max(axis=1), units.pressure
             )
-            each(within, "solutions depend on the step r", trial, np.hstack([traction, again]))
+            each(valid, "solutions depend on the step r", trial, np.hstack([traction, again]))
 
 
 def _check_tangent(law: ContactLaw, trial: Array) -> None:
-    """Check tangent against one-sided differences, where those agree."""
+    """Check tangent against one-sided differences where these agree."""
     tangent = law.tangent(trial)
     require(tangent.shape == (len(trial), 3, 3), "tangent is not (n, 3, 3)", tangent.shape)
-    beside = law.tangent(without_indenter(trial))
-    each(~beside.any(axis=(1, 2)), "tangent where there is no indenter above", trial, beside)
+    traction_without = law.tangent(without_indenter(trial))
+    each(~traction_without.any(axis=(1, 2)), "tangent where there is no indenter above", trial, traction_without)
     smooth = _check_derivative(law.project, trial, tangent, 1.0, "tangent is not the derivative of project")
     require(2 * int(smooth.sum()) > len(trial), "project has kinks at most of the random trials", int(smooth.sum()))
 
 
 def _check_tangents(law: ContactLaw, trial: Array, gap: Array, r: StepLengths) -> None:
-    """Check tangents against one-sided differences of resolve by the trial and by the gap."""
+    """Check tangents against one-sided differences of resolve with respect to the trial and to the gap."""
     derivatives = law.tangents(trial, gap, r)
-    beside = law.tangents(without_indenter(trial), without_indenter(gap), r)
-    for derivative, nothing in zip(derivatives, beside, strict=True):
+    traction_without = law.tangents(without_indenter(trial), without_indenter(gap), r)
+    for derivative, zero in zip(derivatives, traction_without, strict=True):
         require(derivative.shape == (len(trial), 3, 3), "tangents are not (n, 3, 3) each", derivative.shape)
-        each(~nothing.any(axis=(1, 2)), "tangents where there is no indenter above", trial, nothing)
-    what = "tangents are not the derivatives of resolve by the"
-    _check_derivative(lambda moved: law.resolve(moved, gap, r), trial, derivatives[0], 1.0, f"{what} trial")
-    _check_derivative(lambda moved: law.resolve(trial, moved, r), gap, derivatives[1], max(r), f"{what} gap")
+        each(~zero.any(axis=(1, 2)), "tangents where there is no indenter above", trial, zero)
+    message = "tangents are not the derivatives of resolve by the"
+    _check_derivative(lambda argument: law.resolve(argument, gap, r), trial, derivatives[0], 1.0, f"{message} trial")
+    _check_derivative(lambda argument: law.resolve(trial, argument, r), gap, derivatives[1], max(r), f"{message} gap")
 
 
 def _check_derivative(
-    function: Callable[[Array], Array], at: Array, derivative: Array, unit: float, what: str
+    function: Callable[[Array], Array], at: Array, derivative: Array, unit: float, message: str
 ) -> NDArray[np.bool_]:
-    """Require a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; says where (n,).
+    """Check a derivative (n, 3, 3) of a function of (n, 3) where one-sided differences agree; return where, (n,).
 
-    unit: of the derivative, below which its size does not count.
+    Derivatives smaller than `unit` are compared absolutely.
     """
-    each(np.isfinite(derivative).all(axis=(1, 2)), f"{what}: not finite", at, derivative)
+    each(np.isfinite(derivative).all(axis=(1, 2)), f"{message}: not finite", at, derivative)
     size = np.abs(at).max(axis=1, keepdims=True)
-    width, here = _WIDTH * np.where(size > 0.0, size, size.max()), function(at)
-    ahead, behind = np.empty_like(derivative), np.empty_like(derivative)
+    width, value = _WIDTH * np.where(size > 0.0, size, size.max()), function(at)
+    forward, backward = np.empty_like(derivative), np.empty_like(derivative)
     for column, axis in enumerate(np.eye(3)):
-        ahead[:, :, column] = (function(at + width * axis) - here) / width
-        behind[:, :, column] = (here - function(at - width * axis)) / width
-    largest = np.maximum(np.abs(ahead).max(axis=(1, 2)), unit)
-    smooth: NDArray[np.bool_] = np.abs(ahead - behind).max(axis=(1, 2)) <= _KINK * largest
-    error = np.abs(derivative - 0.5 * (ahead + behind)).max(axis=(1, 2)) / largest
-    each(~smooth | (error <= 1e-3), what, at, derivative)
+        forward[:, :, column] = (function(at + width * axis) - value) / width
+        backward[:, :, column] = (value - function(at - width * axis)) / width
+    largest = np.maximum(np.abs(forward).max(axis=(1, 2)), unit)
+    smooth: NDArray[np.bool_] = np.abs(forward - backward).max(axis=(1, 2)) <= _KINK * largest
+    error = np.abs(derivative - 0.5 * (forward + backward)).max(axis=(1, 2)) / largest
+    each(~smooth | (error <= 1e-3), message, at, derivative)
     return smooth

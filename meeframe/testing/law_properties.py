@@ -1,4 +1,4 @@
-"""Properties that a contact law may have or not; see meeframe.testing.contact."""
+"""Optional properties of contact laws; see meeframe.testing.contact."""
 
 import numpy as np
 
@@ -9,9 +9,19 @@ from meeframe.testing.requirements import ROUND_OFF, close, each, require
 
 
 def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None:
-    """Check project(a trial) = a project(trial) and resolve(a trial, gap, a r) = a resolve(trial, gap, r) for a > 0,
-    as for a law without a stress of its own; gap: a typical one [m]. Of an attraction, which is such a stress, nothing
-    is asked.
+    """Check that a law without a stress scale is positively homogeneous in the traction.
+
+    project(a trial) = a project(trial) and resolve(a trial, gap, a r) = a resolve(trial, gap, r) for a > 0. Attraction,
+    which has a stress scale, is not checked.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    seed
+        Seed of the random states.
+    gap
+        Typical gap [m].
     """
     random, units = np.random.default_rng(seed), Units(1.0, gap)
     trial = random.normal(size=(SAMPLES, 3))
@@ -19,45 +29,77 @@ def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None
     for factor in (1e-9, 1e-3, 7.0, 1e9):
         close(law.project(factor * trial), factor * law.project(trial), factor, "project is not homogeneous")
         for r in units.lengths():
-            found = law.resolve(factor * trial, states, (factor * r[0], factor * r[1]))
-            close(found, factor * law.resolve(trial, states, r), factor, "resolve is not homogeneous")
+            traction = law.resolve(factor * trial, states, (factor * r[0], factor * r[1]))
+            close(traction, factor * law.resolve(trial, states, r), factor, "resolve is not homogeneous")
 
 
 def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
-    """Check that, at a given slip and pressure, no admissible traction does more work than the resting one (eq. 12).
+    """Check that no admissible traction does more work than the resting one at a given slip and pressure (eq. 12).
 
-    Maximum dissipation: the slip is normal to the boundary of the admissible tangential tractions.
+    This is maximum dissipation: the slip is normal to the boundary of the admissible tangential tractions.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    pressure
+        Typical pressure [Pa].
+    seed
+        Seed of the random states.
+    gap
+        Typical gap [m].
     """
-    found = rest(law, Units(pressure, gap), np.random.default_rng(seed), STEPS[0])
+    resting = rest(law, Units(pressure, gap), np.random.default_rng(seed), STEPS[0])
     angles = np.linspace(0.0, 2.0 * np.pi, 2 * SAMPLES, endpoint=False)
-    far = 1e3 * pressure * np.column_stack([np.cos(angles), np.sin(angles)])
-    for node in np.flatnonzero(found.settled)[:60]:
-        trial = np.column_stack([far, np.full(len(far), found.normal[node])])
-        works = law.project(trial)[:, :2] @ found.slip[node]
-        work = found.traction[node, :2] @ found.slip[node]
-        scale = max(float(np.abs(works).max()), ROUND_OFF * pressure * float(np.linalg.norm(found.slip[node])))
+    trials = 1e3 * pressure * np.column_stack([np.cos(angles), np.sin(angles)])
+    for node in np.flatnonzero(resting.settled)[:60]:
+        trial = np.column_stack([trials, np.full(len(trials), resting.normal[node])])
+        works = law.project(trial)[:, :2] @ resting.slip[node]
+        work = resting.traction[node, :2] @ resting.slip[node]
+        scale = max(float(np.abs(works).max()), ROUND_OFF * pressure * float(np.linalg.norm(resting.slip[node])))
         excess = (works.max() - work) / scale
         require(bool(excess <= 1e-6), "slip does not dissipate the most that the friction limit allows", excess)
 
 
 def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
-    """Check that, at equal normal trial and gap, tangential tractions of `resolve` differ in the sense in which their
-    trials do, in the law's metric: as of every law whose slip grows with its traction, so that given slips have one
-    traction."""
+    """Check that the tangential part of `resolve` is monotone in the metric of the law.
+
+    At equal normal trial and gap, tangential tractions differ in the sense in which their trials do. This holds for
+    every law whose slip grows with its traction, so that given slips have one traction.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    pressure
+        Typical pressure [Pa].
+    seed
+        Seed of the random states.
+    gap
+        Typical gap [m].
+    """
     random, units = np.random.default_rng(seed), Units(pressure, gap)
     trial = pressure * random.normal(size=(SAMPLES, 3))
-    apart = other_slips(trial, pressure, random)
+    other = other_slips(trial, pressure, random)
     root = metric(law)
     for r in units.lengths():
         states = gap * random.normal(size=(SAMPLES, 3))
-        change = (law.resolve(apart, states, r) - law.resolve(trial, states, r))[:, :2] @ root
-        work = np.einsum("na,na->n", change, (apart - trial)[:, :2] @ root)
-        within = work >= -1e-9 * (pressure * np.abs(root).max()) ** 2
-        each(within, "resolve is not monotone", np.hstack([trial, apart]), change)
+        change = (law.resolve(other, states, r) - law.resolve(trial, states, r))[:, :2] @ root
+        work = np.einsum("na,na->n", change, (other - trial)[:, :2] @ root)
+        monotone = work >= -1e-9 * (pressure * np.abs(root).max()) ** 2
+        each(monotone, "resolve is not monotone", np.hstack([trial, other]), change)
 
 
 def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
-    """Check that the attraction never grows with the gap, from contact to far away."""
+    """Check that the attraction never grows with the gap, from contact to large distances.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    gap
+        Typical gap [m].
+    """
     gaps = np.concatenate([[0.0], gap * np.geomspace(1e-6, 1e6, SAMPLES), [np.inf]])
     rise = np.diff(law.adhesion(gaps))
     each(rise <= 0.0, "attraction grows with the gap", gaps[1:], rise)
@@ -66,14 +108,23 @@ def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
 def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: float = 1e-6) -> None:
     """Check that project and resolve commute with every rotation and reflection of the tangent plane.
 
-    pressure [Pa], gap [m]: typical ones.
+    Parameters
+    ----------
+    law
+        The contact law.
+    pressure
+        Typical pressure [Pa].
+    seed
+        Seed of the random states.
+    gap
+        Typical gap [m].
     """
     random = np.random.default_rng(seed)
     for angle in random.uniform(0.0, 2.0 * np.pi, 10):
         for mirror in (1.0, -1.0):
-            turn = np.diag([1.0, mirror, 1.0])
-            turn[:2, :2] = turn[:2, :2] @ _axes(angle)
-            _check_commutes(law, turn, Units(pressure, gap), random, "friction depends on the direction")
+            rotation = np.diag([1.0, mirror, 1.0])
+            rotation[:2, :2] = rotation[:2, :2] @ _axes(angle)
+            _check_commutes(law, rotation, Units(pressure, gap), random, "friction depends on the direction")
 
 
 def check_orthotropic(
@@ -84,18 +135,31 @@ def check_orthotropic(
     seed: int = 0,
     gap: float = 1e-6,
 ) -> None:
-    """Check that project and resolve commute with reflections in the principal axes, where the limit of project is mu
-    p.
+    """Check that project and resolve commute with reflections in the principal axes, where project is limited by mu p.
 
-    mu: the two coefficients, 0 to inf; angle: from e1 to the first principal axis [rad]; pressure [Pa], gap [m]:
-    typical ones. The limit of resolve may be a lower one, of another slip.
+    The limit of resolve may be lower, that of another slip.
+
+    Parameters
+    ----------
+    law
+        The contact law.
+    mu
+        Coefficients along the two axes, 0 to inf.
+    angle
+        Angle from e1 to the first principal axis [rad].
+    pressure
+        Typical pressure [Pa].
+    seed
+        Seed of the random states.
+    gap
+        Typical gap [m].
     """
     random = np.random.default_rng(seed)
     axes = np.eye(3)
     axes[:2, :2] = _axes(angle)
     for mirror in ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0]):
-        turn = axes.T @ np.diag(mirror) @ axes
-        _check_commutes(law, turn, Units(pressure, gap), random, "not symmetric about its principal axes")
+        rotation = axes.T @ np.diag(mirror) @ axes
+        _check_commutes(law, rotation, Units(pressure, gap), random, "not symmetric about its principal axes")
     drag = 1e3 * pressure
     for name, axis, coefficient in zip(("first", "second"), axes[:2], mu, strict=True):
         limit = law.project(np.array([drag * axis - [0.0, 0.0, pressure]]))[0] @ axis
@@ -104,16 +168,16 @@ def check_orthotropic(
         )
 
 
-def _check_commutes(law: ContactLaw, turn: Array, units: Units, random: np.random.Generator, what: str) -> None:
-    """Check that project and resolve of rotated states are the rotated results; turn: (3, 3) from the right."""
+def _check_commutes(law: ContactLaw, rotation: Array, units: Units, random: np.random.Generator, message: str) -> None:
+    """Check that project and resolve of rotated states are the rotated results; rotation: (3, 3) from the right."""
     trial, gap = units.pressure * random.normal(size=(SAMPLES, 3)), units.gap * random.normal(size=(SAMPLES, 3))
-    close(law.project(trial @ turn), law.project(trial) @ turn, units.pressure, what)
+    close(law.project(trial @ rotation), law.project(trial) @ rotation, units.pressure, message)
     for r in units.lengths():
-        found = law.resolve(trial @ turn, gap @ turn, r)
-        close(found, law.resolve(trial, gap, r) @ turn, units.pressure, f"resolve: {what}")
+        traction = law.resolve(trial @ rotation, gap @ rotation, r)
+        close(traction, law.resolve(trial, gap, r) @ rotation, units.pressure, f"resolve: {message}")
 
 
 def _axes(angle: float) -> Array:
-    """Return the directions at an angle and a right angle further as rows, (2, 2)."""
+    """Return the directions at an angle and at a right angle to it as rows, (2, 2)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])

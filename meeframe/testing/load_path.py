@@ -1,4 +1,4 @@
-"""Load histories of a rigid indenter on a reduced system: contact with friction, step by step, without a case file."""
+"""Load histories of a rigid indenter on a reduced system, with friction and without a case file."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,8 +17,15 @@ from meeframe.system.reduced import ReducedSystem
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Position of the indenter: gap (n,) [m] to the undeformed body, inf where there is no indenter above; translation
-    (n, 2) [m], its tangential motion since the beginning, one for each node so that it may turn."""
+    """Position of the indenter.
+
+    Attributes
+    ----------
+    gap
+        Gap (n,) to the undeformed body [m]; inf where there is no indenter above.
+    translation
+        Tangential motion (n, 2) since the beginning [m], for each node so that the indenter can rotate.
+    """
 
     gap: Array
     translation: Array
@@ -26,8 +33,19 @@ class Position:
 
 @dataclass(frozen=True, eq=False)
 class PathStep:
-    """A converged step: its state; force (3,) [N] of the indenter on the body; slip (n, 2) [m] of the indenter over the
-    body in this step; dissipation [J], friction's work in this step under the tractions at its end."""
+    """A converged step.
+
+    Attributes
+    ----------
+    state
+        State at the end of the step.
+    force
+        Force (3,) of the indenter on the body [N].
+    slip
+        Slip (n, 2) of the indenter over the body in this step [m].
+    dissipation
+        Work of friction in this step under the tractions at its end [J].
+    """
 
     state: ContactState
     force: Array
@@ -38,28 +56,43 @@ class PathStep:
 def follow(
     system: ReducedSystem, contact_law: ContactLaw, positions: Iterable[Position], solver: Solver | None = None
 ) -> Iterator[PathStep]:
-    """Return the steps of a path, each started from the one before; slip is measured from there (docs/theory.md,
-    Departures).
+    """Yield the steps of a path, each started from the previous one.
 
-    No fluxes enter. A step's dissipation is the work of its own tractions on its slip: of first order in the step while
-    the pressure changes, where that of results is of second, and never negative at any node. Raises MeeframeError if a
-    step does not converge.
+    Slip is measured from the end of the previous step (docs/theory.md, Departures). There are no fluxes. The
+    dissipation of a step is the work of its final tractions on its slip: of first order in the step while the pressure
+    changes, where that of results is of second order, and nonnegative at every node.
+
+    Parameters
+    ----------
+    system
+        The reduced system.
+    contact_law
+        The contact law.
+    positions
+        Positions of the indenter at the end of each step.
+    solver
+        Solver; by default SemismoothNewton.
+
+    Raises
+    ------
+    MeeframeError
+        If a step does not converge.
     """
-    start, slipped = None, np.zeros((len(system.points), 2))
+    start, total_slip = None, np.zeros((len(system.points), 2))
     for number, position in enumerate(positions):
         problem = ContactProblem(
             system,
             contact_law,
             flux_channels(Insulating(), Insulating()),
             position.gap,
-            position.translation - slipped,
-            np.zeros((len(slipped), 2)),
+            position.translation - total_slip,
+            np.zeros((len(total_slip), 2)),
         )
         solution = solve(problem, solver or SemismoothNewton(), start=start)
         if solution.status is not Status.CONVERGED:
             raise MeeframeError(f"step {number} of the path: {solution.status}: {solution.message}")
         start = solution.state
         slip = contact_gap(problem, start.displacement)[:, :2]
-        slipped = slipped + slip
+        total_slip = total_slip + slip
         work = float(system.weights @ (start.load[:, :2] * slip).sum(axis=1))
         yield PathStep(start, resultant(system, start.load)[0], slip, work)

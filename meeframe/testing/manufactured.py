@@ -1,4 +1,4 @@
-"""Exact solutions of the extended equations and the boundary value problems that have them."""
+"""Exact solutions of the extended equations, and boundary value problems with these solutions."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -16,21 +16,31 @@ from meeframe.system.reduced import NodalFields
 
 
 class ExactField(ABC):
-    """A solution of the extended equations in a body, in SI units and global axes."""
+    """Abstract solution of the extended equations in a body, in SI units and global axes."""
 
     @abstractmethod
     def values(self, points: Array) -> Array:
-        """Extended displacement (n, 5) at points (n, 3)."""
+        """Return the extended displacement (n, 5) at points (n, 3)."""
 
     @abstractmethod
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Extended traction (n, 5) at points (n, 3) on unit normals (n, 3)."""
+        """Return the extended traction (n, 5) at points (n, 3) with unit normals (n, 3)."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class LinearField(ExactField):
-    """u_J = gradient_Jm x_m + constant_J; stiffness (3, 5, 5, 3), gradient (5, 3), constant (5,)."""
+    """Linear field u_J = gradient_Jm x_m + constant_J.
+
+    Attributes
+    ----------
+    stiffness
+        Extended stiffness (3, 5, 5, 3).
+    gradient
+        Gradient (5, 3).
+    constant
+        Constant (5,).
+    """
 
     stiffness: Array
     gradient: Array
@@ -38,19 +48,19 @@ class LinearField(ExactField):
 
     @classmethod
     def random(cls, stiffness: Array, seed: int, size: float = 1e-3) -> "LinearField":
-        """A field whose scaled gradient and constant are of the given size in every entry."""
+        """Return a random field whose scaled gradient and constant have entries of the given size."""
         scaling = FieldScaling.of(stiffness)
         rng = np.random.default_rng(seed)
         gradient = scaling.unscale_values(size * rng.normal(size=(3, N_FIELDS))).T
         return cls(stiffness, gradient, scaling.unscale_values(size * rng.normal(size=N_FIELDS)))
 
     def values(self, points: Array) -> Array:
-        """Extended displacement (n, 5)."""
+        """Return the extended displacement (n, 5)."""
         values: Array = points @ self.gradient.T + self.constant
         return values
 
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Extended traction (n, 5), the same at all points."""
+        """Return the extended traction (n, 5), which is uniform."""
         fluxes: Array = normals @ np.einsum("ijkm,km->ij", self.stiffness, self.gradient)
         return fluxes
 
@@ -58,19 +68,29 @@ class LinearField(ExactField):
 @final
 @dataclass(frozen=True, eq=False)
 class PointSourceField(ExactField):
-    """Field of an extended point source at a position (3,) outside the body; strength (5,) in scaled fields."""
+    """Field of an extended point source outside the body.
+
+    Attributes
+    ----------
+    stiffness
+        Extended stiffness (3, 5, 5, 3).
+    position
+        Position (3,) of the source.
+    strength
+        Strength (5,) in scaled fields.
+    """
 
     stiffness: Array
     position: Array
     strength: Array
 
     def values(self, points: Array) -> Array:
-        """Extended displacement (n, 5), eq. (42)."""
+        """Return the extended displacement (n, 5), eq. (42)."""
         u, _ = self._kernels(points, np.broadcast_to([0.0, 0.0, 1.0], points.shape))
         return FieldScaling.of(self.stiffness).unscale_values(u @ self.strength)
 
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Extended traction (n, 5), eq. (47)."""
+        """Return the extended traction (n, 5), eq. (47)."""
         _, t = self._kernels(points, normals)
         return FieldScaling.of(self.stiffness).unscale_fluxes(t @ self.strength)
 
@@ -80,10 +100,20 @@ class PointSourceField(ExactField):
 
 
 def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Mapping[str, str]) -> Body:
-    """The body whose solution is a field.
+    """Return the body with boundary conditions that have a field as solution.
 
-    kinds: face group -> five letters, one a field: 'v' prescribes the value, 'f' the flux. Normals are the mean of the
-    group's element normals at each point, so a group with prescribed fluxes must not have edges inside.
+    Parameters
+    ----------
+    mesh
+        Surface mesh.
+    field
+        The solution.
+    stiffness
+        Extended stiffness (3, 5, 5, 3).
+    kinds
+        Five letters for each face group, one for each field: 'v' prescribes the value, 'f' the flux. Normals are
+        averaged over the elements of the group at each point, so that a group with prescribed fluxes must not contain
+        edges.
     """
     conditions = []
     for name, letters in kinds.items():
@@ -96,7 +126,10 @@ def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Map
 
 
 def relative_errors(mesh: SurfaceMesh, field: ExactField, computed: NodalFields) -> tuple[float, float]:
-    """Root mean square errors of values and fluxes over the boundary nodes, worst field, relative to its own size."""
+    """Return the root mean square errors of values and fluxes over the boundary nodes.
+
+    Each is that of the worst field, relative to the size of the exact field.
+    """
     normals = np.zeros_like(computed.points)
     for block, (_, connectivity) in zip(mesh.blocks, computed.cells, strict=True):
         np.add.at(normals, connectivity, _corner_normals(block, mesh.points))
@@ -122,7 +155,7 @@ def _group_normals(mesh: SurfaceMesh, name: str) -> Array:
 
 
 def _corner_normals(block: ElementBlock, points: Array) -> Array:
-    """Unit normals at the nodes of each element, (e, n, 3)."""
+    """Return the unit normals at the nodes of each element, (e, n, 3)."""
     derivatives = shape_derivatives(block.element, block.element.nodes)
     tangents = np.einsum("ank,enx->eakx", derivatives, points[block.connectivity])
     normals = np.cross(tangents[:, :, 0], tangents[:, :, 1])

@@ -97,18 +97,18 @@ REASONS: Final = {
     "flux through a sphere": "the source is a unit one, and this fixes sign and size of everything.",
     "differs from the reference": "the line integral is exact to round-off.",
 }
-"""Why a property matters, by a part of its name; the first that fits is told."""
+"""Reasons why properties matter, by a fragment of their messages; the first match is shown."""
 
 
 def require(holds: bool, what: str, value: object) -> None:
-    """Raises AssertionError with the name of the property, an offending value and why it matters unless it holds."""
+    """Raise AssertionError with the message, an offending value and the reason unless a property holds."""
     if not holds:
         raise AssertionError(f"{what}: {value}{_reason(what)}")
 
 
 @contextmanager
 def explained(subject: object) -> Iterator[None]:
-    """Add the tested object and the reason to errors of checks inside."""
+    """Add the subject and the reason to assertions that fail in the block."""
     try:
         yield
     except AssertionError as error:
@@ -121,20 +121,20 @@ def _reason(what: str) -> str:
 
 
 def each(holds: Any, what: str, given: NDArray[Any], found: Array) -> None:
-    """Requires a property at every node, booleans (n,); shows what was given and found at the first where it fails."""
+    """Require a property at every node, booleans (n,); the message shows input and output at the first failure."""
     if not np.all(holds):
         node = int(np.argmin(holds))
         require(False, what, f"for {given[node]} it gives {found[node]}")
 
 
 def close(actual: Array, expected: Array, scale: float, what: str) -> None:
-    """Requires that arrays agree to round-off in parts of a scale."""
+    """Require that arrays agree to round-off relative to a scale."""
     error = np.abs(actual - expected).max(initial=0.0) / scale
     require(bool(error <= ROUND_OFF), what, error)
 
 
 def check_frozen(record: object) -> None:
-    """Requires a frozen dataclass that is equal to its copy."""
+    """Require a frozen dataclass that is equal to its copy."""
     frozen = getattr(getattr(type(record), "__dataclass_params__", None), "frozen", False)
     require(frozen, "is no frozen dataclass", type(record).__name__)
     values = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def check_frozen(record: object) -> None:
 
 
 def pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
-    """The function's value, if it neither changes its argument nor depends on calls before."""
+    """Return the value of a function that neither changes its argument nor depends on earlier calls."""
     kept = argument.copy()
     value = function(argument)
     require(np.array_equal(argument, kept), f"{name} changes its argument", argument)

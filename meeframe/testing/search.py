@@ -1,4 +1,4 @@
-"""Hypothesis looks for single inputs that break a contract, and hands over the simplest it finds."""
+"""Search with hypothesis for single inputs that violate an abstract class, reduced to the simplest one."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -16,28 +16,29 @@ from meeframe.testing.requirements import require
 _SETTINGS: Final = settings(
     max_examples=200, deadline=None, database=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
-# squares of the smallest numbers are still no zeros: laws may take norms
+# squares of the smallest numbers do not underflow: laws may compute norms
 _SPECIAL: Final = (0.0, -0.0, 1.0, -1.0, 1e-60, -1e-60, 1e-9, -1e-9, 1e9, -1e9)
 _NUMBERS: Final = st.sampled_from(_SPECIAL) | st.floats(1e-3, 10.0) | st.floats(-10.0, -1e-3)
 
 
 def search_trials(law: ContactLaw, pressure: float) -> None:
-    """Trials with zeros, equal, tiny and huge components, in units of a pressure [Pa], on which project still is one.
+    """Search for trials on which `project` is not an admissible, idempotent projection.
 
-    Inside of another test of hypothesis nothing is searched: that one draws the inputs. Raises AssertionError.
+    The components are zero, equal, tiny and huge numbers in units of a pressure [Pa]. Within another test of hypothesis
+    nothing is searched, because that test draws the inputs. Raises AssertionError.
     """
 
     def fault(trial: Any) -> str:
-        given = pressure * np.array([trial])
+        trials = pressure * np.array([trial])
         with np.errstate(all="ignore"):
-            traction = law.project(given)
+            traction = law.project(trials)
             again = law.project(traction)
-        size = np.abs(given).max()
+        size = np.abs(trials).max()
         if not np.isfinite(traction).all():
             return "project gives tractions that are not finite"
         if traction[0, 2] > 0.0:
             return "normal traction pulls"
-        if given[0, 2] >= 0.0 and traction.any():
+        if trials[0, 2] >= 0.0 and traction.any():
             return "traction where the trial is open"
         return "project is not idempotent" if np.abs(again - traction).max() > 1e-9 * size else ""
 
@@ -45,8 +46,10 @@ def search_trials(law: ContactLaw, pressure: float) -> None:
 
 
 def search_states(law: ContactLaw, units: Units) -> None:
-    """Trials, gaps and slip paths of zero, tiny and huge numbers, in units of what is typical, at which what resolve or
-    adhesion give is nothing, during an increment as well; for laws that are more than a projection. As search_trials.
+    """Search for trials, gaps and slip paths at which `resolve` or `adhesion` are invalid, also during an increment.
+
+    Components are zero, tiny and huge numbers in typical units. Laws that are pure projections are skipped. Behaves
+    like `search_trials` otherwise.
     """
     if all(getattr(type(law), name) is getattr(ContactLaw, name) for name in ("resolve", "adhesion", "for_increment")):
         return
@@ -60,9 +63,9 @@ def search_states(law: ContactLaw, units: Units) -> None:
     def fault(numbers: Any) -> str:
         trial, gap, path = state(numbers)
         with np.errstate(all="ignore"):
-            during = law.for_increment(path, duration)
-            traction, pull = during.resolve(trial, gap, r), during.adhesion(np.abs(gap[:, 2]))
-            again = during.project(traction)
+            law_of_increment = law.for_increment(path, duration)
+            traction, pull = law_of_increment.resolve(trial, gap, r), law_of_increment.adhesion(np.abs(gap[:, 2]))
+            again = law_of_increment.project(traction)
         if not np.isfinite(traction).all():
             return "resolve gives tractions that are not finite"
         if not np.isfinite(pull).all() or (pull < 0.0).any():
@@ -71,35 +74,36 @@ def search_states(law: ContactLaw, units: Units) -> None:
             return "normal traction pulls"
         if trial[0, 2] >= 0.0 and traction.any():
             return "traction where the trial is open"
-        admitted = np.abs(again - traction).max() <= 1e-9 * np.abs(trial).max()
-        return "" if admitted else "resolve gives tractions that project does not admit"
+        admissible = np.abs(again - traction).max() <= 1e-9 * np.abs(trial).max()
+        return "" if admissible else "resolve gives tractions that project does not admit"
 
-    def shown(numbers: Any) -> str:
+    def describe(numbers: Any) -> str:
         trial, gap, path = state(numbers)
         return f"trial {trial[0]}, gap {gap[0]}, slip path {path[0]:g}"
 
-    _search(st.tuples(*[_NUMBERS] * 7), fault, shown)
+    _search(st.tuples(*[_NUMBERS] * 7), fault, describe)
 
 
 def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, drop: float) -> None:
-    """States of zero, tiny and huge numbers, in units of a pressure [Pa], a gap [m] and a drop [V] or [A], at which
-    kappa is none or changes though the law is not across_gap. As search_trials."""
+    """Search for states with an invalid conductivity, or with one that changes though the law is not across_gap.
+
+    Components are zero, tiny and huge numbers in units of a pressure [Pa], a gap [m] and a drop [V] or [A]. Behaves
+    like `search_trials` otherwise.
+    """
     units = np.array([pressure, gap, drop])
 
     def state(numbers: Any) -> Array:
-        traction, apart, dropping = numbers
-        contact_fraction = traction < 0.0
-        given: Array = units * np.array(
-            [traction if contact_fraction else 0.0, 0.0 if contact_fraction else abs(apart), dropping]
-        )
-        return given
+        traction, distance, change = numbers
+        closed = traction < 0.0
+        values: Array = units * np.array([traction if closed else 0.0, 0.0 if closed else abs(distance), change])
+        return values
 
     def fault(numbers: Any) -> str:
-        given = state(numbers)[:, None]
+        states = state(numbers)[:, None]
         with np.errstate(all="ignore"):
-            kappa = law.conductivity(*given)[0]
-            alone = contact_conductivity(law, given[0])[0]
-        if kappa != alone and not law.across_gap:
+            kappa = law.conductivity(*states)[0]
+            in_contact = contact_conductivity(law, states[0])[0]
+        if kappa != in_contact and not law.across_gap:
             return "conductivity changes with gap or drop, but the law is not across_gap"
         return "" if kappa >= 0.0 else "conductivity is negative or NaN"
 
@@ -109,16 +113,27 @@ def search_conductivities(law: ConductivityLaw, pressure: float, gap: float, dro
 def search_for(
     strategy: st.SearchStrategy[Any], check: Callable[[Any], None], examples: int = 200, simplify: bool = True
 ) -> None:
-    """Raises the AssertionError that `check` raises for the simplest input found, if any. As search_trials.
+    """Raise the AssertionError that `check` raises for the simplest failing input, if there is one.
 
-    examples: how many are drawn; simplify: whether one that fails is made simpler, which may take as many again.
+    Behaves like `search_trials` otherwise.
+
+    Parameters
+    ----------
+    strategy
+        Strategy that draws inputs.
+    check
+        Check of an input.
+    examples
+        Number of inputs.
+    simplify
+        Whether a failing input is simplified, which may take as many inputs again.
     """
     if currently_in_test_context():
         return
 
-    def fails(given: Any) -> bool:
+    def fails(drawn: Any) -> bool:
         try:
-            check(given)
+            check(drawn)
         except AssertionError:
             return True
         return False
@@ -131,11 +146,11 @@ def search_for(
     check(simplest)
 
 
-def _search(strategy: st.SearchStrategy[Any], fault: Callable[[Any], str], shown: Callable[[Any], object]) -> None:
+def _search(strategy: st.SearchStrategy[Any], fault: Callable[[Any], str], describe: Callable[[Any], object]) -> None:
     if currently_in_test_context():
         return
     try:
-        simplest = find(strategy, lambda given: bool(fault(given)), settings=_SETTINGS)
+        simplest = find(strategy, lambda drawn: bool(fault(drawn)), settings=_SETTINGS)
     except NoSuchExample:
         return
-    require(False, fault(simplest), f"for {shown(simplest)}")
+    require(False, fault(simplest), f"for {describe(simplest)}")

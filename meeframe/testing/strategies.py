@@ -1,4 +1,4 @@
-"""Hypothesis strategies: random admissible materials, directions and points."""
+"""Hypothesis strategies for random admissible materials, directions and points."""
 
 import numpy as np
 from hypothesis import strategies as st
@@ -9,10 +9,14 @@ from meeframe.material import Material
 
 @st.composite
 def materials(draw: st.DrawFn, spread: float = 1.0, coupling: float = 0.5) -> Material:
-    """Fully anisotropic, fully coupled admissible materials with constants of order one.
+    """Draw fully anisotropic, fully coupled admissible materials with constants of order one.
 
-    spread: eigenvalues of c, eps and mu lie between exp(-spread) and exp(spread); coupling: standard deviation of the
-    entries of e and q.
+    Parameters
+    ----------
+    spread
+        Eigenvalues of c, eps and mu lie between exp(-spread) and exp(spread).
+    coupling
+        Standard deviation of the entries of e and q.
     """
     exponents = st.lists(st.floats(-spread, spread), min_size=12, max_size=12)
     eigenvalues = np.exp(np.array(draw(exponents)))
@@ -31,17 +35,17 @@ def materials(draw: st.DrawFn, spread: float = 1.0, coupling: float = 0.5) -> Ma
 
 
 def extended_stiffness(spread: float = 1.0, coupling: float = 0.5) -> st.SearchStrategy[Array]:
-    """Scaled extended stiffness C'_iJKm (3, 5, 5, 3) of random admissible materials; arguments as of materials."""
+    """Draw scaled extended stiffnesses C'_iJKm (3, 5, 5, 3) of random admissible materials; see `materials`."""
     return materials(spread, coupling).map(scaled_stiffness)
 
 
 def unit_vectors(count: int) -> st.SearchStrategy[Array]:
-    """Unit vectors (count, 3): the first on an axis or a diagonal of the cube, the others anywhere."""
+    """Draw unit vectors (count, 3): the first on an axis or a diagonal of the cube, the others anywhere."""
     special = np.array([[1, 0, 0], [0, 1, 0], [0, 0, -1], [1, 1, 0], [0, -1, 1], [1, 1, 1], [-1, 1, -1]], dtype=float)
 
-    def make(seed: int, which: int) -> Array:
+    def make(seed: int, index: int) -> Array:
         vectors = np.random.default_rng(seed).normal(size=(count, 3))
-        vectors[0] = special[which]
+        vectors[0] = special[index]
         unit: Array = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
         return unit
 
@@ -49,19 +53,19 @@ def unit_vectors(count: int) -> st.SearchStrategy[Array]:
 
 
 def scaled_stiffness(material: Material) -> Array:
-    """C'_iJKm (3, 5, 5, 3) of a material; see FieldScaling."""
+    """Return the scaled stiffness C'_iJKm (3, 5, 5, 3) of a material; see FieldScaling."""
     return material.scaling.scale_stiffness(material.stiffness)
 
 
 def _symmetric(random: np.random.Generator, eigenvalues: Array) -> Array:
-    """A symmetric matrix with given eigenvalues and random eigenvectors."""
+    """Return a symmetric matrix with given eigenvalues and random eigenvectors."""
     vectors = np.linalg.qr(random.normal(size=(len(eigenvalues), len(eigenvalues))))[0]
     matrix: Array = (vectors * eigenvalues) @ vectors.T
     return 0.5 * (matrix + matrix.T)
 
 
 def _magnetoelectric(random: np.random.Generator, eps: Array, mu: Array, fraction: float) -> Array:
-    """A symmetric lambda at a fraction of what [[eps, lambda], [lambda, mu]] positive definite allows."""
+    """Return a symmetric lambda at a fraction of the limit at which [[eps, lambda], [lambda, mu]] becomes singular."""
     matrix = random.normal(size=(3, 3))
     matrix = matrix + matrix.T
     half_eps, half_mu = np.linalg.cholesky(eps), np.linalg.cholesky(mu)

@@ -1,4 +1,4 @@
-"""Loads on a contact zone for the checks of reduced systems, and how answers to them are compared."""
+"""Loads on a contact zone for the checks of reduced systems, and the comparison of responses."""
 
 from typing import Final
 
@@ -13,23 +13,23 @@ LOADS: Final = 6
 
 
 def typical_load(system: ReducedSystem) -> Array:
-    """Return the sizes (5,) of loads whose own displacements do work alike."""
-    own: Array = diagonal(system, range(system.n_fields)).mean(axis=0)
-    return 1.0 / np.sqrt(np.abs(own))
+    """Return the magnitudes (fields,) of loads whose displacements do similar work."""
+    responses: Array = diagonal(system, range(system.n_fields)).mean(axis=0)
+    return 1.0 / np.sqrt(np.abs(responses))
 
 
 def smooth_loads(system: ReducedSystem) -> Array:
-    """Return the loads (k, n, 5) that vary slowly over the zone, of fields of like work."""
+    """Return loads (k, n, 5) that vary slowly over the zone, with similar work of all fields."""
     functions, random = shapes(system), np.random.default_rng(1)
     loads: Array = np.einsum("kfs,sn->knf", random.normal(size=(LOADS, 5, len(functions))), functions)
     return loads * typical_load(system)
 
 
 def shapes(system: ReducedSystem) -> Array:
-    """Return the slowly varying functions (s, n) on the zone."""
+    """Return slowly varying functions (s, n) on the zone."""
     middle = (system.points.min(axis=0) + system.points.max(axis=0)) / 2
-    place = (system.points - middle) / np.ptp(system.points, axis=0).max()
-    return np.stack([np.ones(len(place)), *place.T, np.cos(3.0 * place[:, 0]) * np.cos(3.0 * place[:, 1])])
+    position = (system.points - middle) / np.ptp(system.points, axis=0).max()
+    return np.stack([np.ones(len(position)), *position.T, np.cos(3.0 * position[:, 0]) * np.cos(3.0 * position[:, 1])])
 
 
 def worst(actual: Array, expected: Array) -> float:

@@ -374,11 +374,11 @@ def cleared(path: Array, duration: float | None) -> Array:
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        (Ageing(wrong=lambda path, duration: Melted()), "for_increment gives no contact law"),
+        (Ageing(wrong=lambda path, duration: Melted()), "for_increment does not return a contact law"),
         (Ageing(wrong=cleared), "for_increment changes its argument"),
         (Ageing(wrong=lambda path, duration: path + (duration or 0.0)), "for_increment uses a duration"),
         (Ageing(wrong=lambda path, duration: path - path[0]), "for_increment .*: resolve depends on other nodes"),
-        (Timeless(), "needs_duration, but for_increment makes nothing of it"),
+        (Timeless(), "needs_duration, but for_increment does not use it"),
         (Wearing(), "for_increment changes the law itself"),
         (WornOut(), "for_increment with slip paths up to .* m, duration .*: slip gains energy"),
     ],

@@ -180,5 +180,5 @@ class Rubbery(ContactLaw):
 
 def test_what_cannot_be_judged_is_refused() -> None:
     problem, normal = dragged(Rubbery(), (FAR, 0.0))
-    with pytest.raises(ValueError, match="violations cannot judge Rubbery: its own gap has a tangential part"):
+    with pytest.raises(ValueError, match="violations cannot be computed for Rubbery, which has tangential compliance"):
         violations(problem, state_of(problem, normal, np.array([0.3, 0.0])))

@@ -1,1 +1,1 @@
-"""Tables, pictures and pages of studies."""
+"""Tables, figures and pages of studies."""

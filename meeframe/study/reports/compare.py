@@ -1,4 +1,4 @@
-"""Table, figure and JSON of a comparison: what its runs share and where they differ."""
+"""Table, figure and JSON of a comparison."""
 
 import json
 import math
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 REFUSED: Final = "refused"
 UNFINISHED: Final = "unfinished"
 _ROUND_OFF: Final = 1e-6
-"""Of the largest pressure: smaller tangential tractions are not drawn."""
+"""Tangential tractions below this part of the largest pressure are not drawn."""
 
-_SIDE_BY_SIDE: Final = 4
-"""Runs next to each other in the table: more would not fit in a terminal."""
-_LEGEND: Final = 100
-"""Letters in a line of the figure's legend."""
+_RUNS_PER_TABLE: Final = 4
+"""Number of runs side by side that fit in a terminal."""
+_LEGEND_WIDTH: Final = 100
+"""Characters in a line of the legend."""
 _STYLES: Final = ("-", "--", ":")
 
 
@@ -48,9 +48,23 @@ def _fields() -> dict[str, NodalField]:
 
 @dataclass(frozen=True, eq=False)
 class ComparedRun:
-    """One combination. choices: what was chosen, by option; zone, steps: as in Result; planned: increments of the case;
-    seconds: of the increments so far; system_seconds: of the reduced system, which others may share; refusal: why a
-    formulation, solver or law cannot take the case, if so."""
+    """One combination of a comparison.
+
+    Attributes
+    ----------
+    choices
+        Labels of the choices, by option.
+    zone, steps
+        As in Result.
+    planned
+        Number of increments of the case.
+    seconds
+        Time of the increments so far.
+    system_seconds
+        Time for the reduced system, which other runs may share.
+    refusal
+        Reason if a formulation, solver or law refuses the case.
+    """
 
     choices: Mapping[str, str]
     zone: Zone
@@ -67,7 +81,7 @@ class ComparedRun:
 
     @property
     def status(self) -> str:
-        """'converged' if all increments did; else that of the first that did not, 'refused' or 'unfinished'."""
+        """Status: 'converged', 'refused', 'unfinished', or the status of the first increment that did not converge."""
         failed = next((str(step.status) for step in self.steps if step.status is not Status.CONVERGED), "")
         if self.refusal or failed:
             return REFUSED if self.refusal else failed
@@ -76,8 +90,17 @@ class ComparedRun:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs of one case with combinations of laws, formulations and solvers; title, text: of the case; versions: of the
-    software."""
+    """Runs of one case with combinations of laws, formulations and solvers.
+
+    Attributes
+    ----------
+    title, text
+        Title and text of the case.
+    versions
+        Versions of the software.
+    runs
+        The runs.
+    """
 
     title: str
     text: str
@@ -86,28 +109,43 @@ class Comparison:
 
     @property
     def first(self) -> ComparedRun:
-        """The run that the others are measured by: the first that is not refused."""
+        """The reference run, which is the first one that is not refused."""
         return next((run for run in self.runs if not run.refusal), self.runs[0])
 
 
 def differences(run: ComparedRun, first: ComparedRun) -> dict[str, float | None]:
-    """Return how far the last increment of a run is from that of the first one, by quantity.
+    """Return the relative differences of the last increment of a run from that of the first run, by quantity.
 
-    Totals: modulus of the difference over that of the first; fields: largest difference over largest modulus. None
-    where the first is zero and the run is not, or where there is nothing to compare.
+    Parameters
+    ----------
+    run
+        The run.
+    first
+        The reference run.
+
+    Returns
+    -------
+    dict of str to float or None
+        For totals the modulus of the difference over the modulus in the first run; for fields the largest difference
+        over the largest modulus. None if the first is zero and the other is not, or if there is nothing to compare.
     """
     if not run.steps or len(run.steps) != len(first.steps):
         return dict.fromkeys([*_totals(), *_fields()])
-    mine, others = ((r.zone, r.steps[-1]) for r in (run, first))
-    own, reference = schema.totals(*mine), schema.totals(*others)
-    found = {
-        name: _relative(np.linalg.norm, np.atleast_1d(own[name]), np.atleast_1d(reference[name])) for name in _totals()
+    state, reference_state = ((r.zone, r.steps[-1]) for r in (run, first))
+    totals, reference = schema.totals(*state), schema.totals(*reference_state)
+    results = {
+        name: _relative(np.linalg.norm, np.atleast_1d(totals[name]), np.atleast_1d(reference[name]))
+        for name in _totals()
     }
     same = run.zone.points.shape == first.zone.points.shape and np.allclose(run.zone.points, first.zone.points)
     for name, row in _fields().items():
-        apart = _relative(lambda field: np.abs(field).max(), row.values(*mine), row.values(*others)) if same else None
-        found[name] = apart
-    return found
+        difference = (
+            _relative(lambda field: np.abs(field).max(), row.values(*state), row.values(*reference_state))
+            if same
+            else None
+        )
+        results[name] = difference
+    return results
 
 
 def _relative(size: Callable[[Array], Any], value: Array, reference: Array) -> float | None:
@@ -118,8 +156,11 @@ def _relative(size: Callable[[Array], Any], value: Array, reference: Array) -> f
 
 
 def comparison_json(comparison: Comparison) -> str:
-    """Return all numbers: of each run its choices, status, times and increments, and of its last increment the fields
-    on the zone and the differences to the first run that is not refused. Numbers that are not finite become null."""
+    """Return all numbers of a comparison as JSON.
+
+    Each run has choices, status, times and increments, and for its last increment the fields on the zone and the
+    differences from the reference run. Numbers that are not finite become null.
+    """
     runs = [_numbers(run, comparison.first) for run in comparison.runs]
     head = {"title": comparison.title, "case": comparison.text, "versions": dict(comparison.versions)}
     return json.dumps({**head, "runs": runs}, indent=1, allow_nan=False) + "\n"
@@ -155,16 +196,16 @@ def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """List and numbers of JSON."""
+    """Return a value as lists and numbers of JSON."""
     if isinstance(value, np.ndarray | list):
         return [_plain(item) for item in value]
     return float(value) if math.isfinite(value) else None
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:
-    """Return a column for each run, so many side by side: last increment, work, and differences to comparison.first."""
+    """Return tables with a column for each run: totals of the last increment, work, and relative differences."""
     runs = comparison.runs
-    blocks = [runs[begin : begin + _SIDE_BY_SIDE] for begin in range(0, len(runs), _SIDE_BY_SIDE)]
+    blocks = [runs[begin : begin + _RUNS_PER_TABLE] for begin in range(0, len(runs), _RUNS_PER_TABLE)]
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
     shown = schema.shown_totals(schema.View.COMPARISON, last)
@@ -173,16 +214,16 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     tables = [
         _table(title, block, comparison.first, shown, fields) for title, block in zip(titles, blocks, strict=True)
     ]
-    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_remarks(done))
+    return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_notes(done))
 
 
-def _remarks(runs: Sequence[ComparedRun]) -> Iterator[Text]:
-    """Return what to think of the numbers of the table."""
-    yield Text("Times contain the compilation of kernels that nothing before has used: a second time they do not.")
+def _notes(runs: Sequence[ComparedRun]) -> Iterator[Text]:
+    """Yield notes on the numbers of the table."""
+    yield Text("Times include the compilation of kernels at their first use.")
     if len({run.choices.get("formulation") for run in runs}) > 1:
         yield Text(
-            "Formulations differ by the errors of this mesh, each by its own: finer meshes bring them together, and "
-            "`meeframe verify CASE.toml` tells whether they agree within these errors."
+            "Formulations differ by their discretization errors on this mesh; "
+            "`meeframe verify CASE.toml` tests whether they agree within these errors."
         )
 
 
@@ -197,11 +238,11 @@ def _table(
     for row in totals:
         for i, label in enumerate(row.labels):
             values = [float(_total(row.name, run)[i]) if run.steps else None for run in runs]
-            table.add_row(label, row.unit, *map(_shown, values))
-    apart = [differences(run, first) for run in runs]
+            table.add_row(label, row.unit, *map(_format, values))
+    columns = [differences(run, first) for run in runs]
     for name in ("force", *fields):
         words = "force" if name == "force" else _fields()[name].label
-        table.add_row(f"difference in {words}", "%", *(_shown(d[name], 100.0, ".3g") for d in apart))
+        table.add_row(f"difference in {words}", "%", *(_format(column[name], 100.0, ".3g") for column in columns))
     table.add_row("iterations", "", *(str(sum(step.iterations for step in run.steps)) for run in runs))
     table.add_row("time of the steps", "s", *(f"{run.seconds:.3g}" for run in runs))
     table.add_row("time of the reduced system", "s", *(f"{run.system_seconds:.3g}" for run in runs))
@@ -214,18 +255,17 @@ def _total(name: str, run: ComparedRun) -> Array:
     return np.atleast_1d(schema.totals(run.zone, run.steps[-1])[name])
 
 
-def _shown(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
+def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
     return "-" if value is None else f"{factor * value:{form}}"
 
 
 def comparison_figure(comparison: Comparison) -> "Figure | None":
-    """Return the sections along x through the middle of the zone, the runs over each other; None if no increment is
-    finished."""
+    """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
     shown = [row for row in _fields().values() if _visible(row, done)]
     if not shown:
         return None
-    labels = [textwrap.fill(run.label, _LEGEND) for run in done]
+    labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
     lines = sum(label.count("\n") + 1 for label in labels)
     figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
     grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
@@ -235,7 +275,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
         factor, unit = prefixed(np.concatenate(fields), row.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
             nodes, x = middle_line(run.zone)
-            # wide lines below narrow ones, so that those which coincide are seen
+            # wide lines below narrow ones, so that coinciding lines remain visible
             style = {
                 "lw": 1.0 + 3.0 * (1.0 - (number + 1) / len(done)),
                 "color": f"C{number}",
@@ -254,13 +294,13 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
 
 
 def _visible(row: NodalField, runs: list[ComparedRun]) -> bool:
-    """Return whether a field is more than round-off on the section; tractions are measured by the pressure."""
+    """Return whether a field exceeds round-off on the section; tractions are compared with the pressure."""
     measure = _fields()["pressure"] if row.name.startswith("traction") else row
     largest, scale = (
         max(
-            (np.abs(which.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
+            (np.abs(each_field.values(run.zone, run.steps[-1])[middle_line(run.zone)[0]]).max() for run in runs),
             default=0,
         )
-        for which in (row, measure)
+        for each_field in (row, measure)
     )
     return bool(largest > _ROUND_OFF * scale)

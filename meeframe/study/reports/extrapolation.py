@@ -1,4 +1,4 @@
-"""Richardson extrapolation of a number on three meshes to the mesh without end, with an estimate of its error."""
+"""Richardson extrapolation of a number on three meshes to zero element size, with an error estimate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,14 @@ from meeframe.common.errors import CaseError
 
 MESHES: Final = 3
 SECOND: Final = 2.0
-"""Order of totals in smooth contact; the outline of a contact with sharp edges leaves first order."""
+"""Order of totals in smooth contact; the contact edge below a sharp-edged indenter reduces it to one."""
 _BOUNDS: Final = (0.75, 1.1)
-"""Of observed orders, over the theoretical one: below, meshes are too coarse for any order and extrapolation would
-exaggerate; above, it is luck and would make errors look small."""
+"""Bounds of observed orders relative to the theoretical one.
+
+Below, the meshes are too coarse for any order and extrapolation would exaggerate; above, the order is a coincidence and
+would underestimate errors."""
 _SAME: Final = 1e-9
-"""Of the largest value: differences below are round-off."""
+"""Relative differences below are round-off."""
 
 
 class Basis(StrEnum):
@@ -31,8 +33,21 @@ class Basis(StrEnum):
 
 @dataclass(frozen=True)
 class Extrapolation:
-    """value: on the mesh without end; error: of it, as estimated; finest: on the finest mesh; order: observed on the
-    last three meshes, None if they show none; basis: what the value rests on."""
+    """An extrapolated value.
+
+    Attributes
+    ----------
+    value
+        Value for zero element size.
+    error
+        Estimated error of `value`.
+    finest
+        Value on the finest mesh.
+    order
+        Order observed on the last three meshes; None if there is none.
+    basis
+        Basis of `value`.
+    """
 
     value: float
     error: float
@@ -49,21 +64,46 @@ class Extrapolation:
 def richardson(
     sizes: Sequence[float], values: Sequence[float], theoretical: float = SECOND, noise: float = 0.0
 ) -> Extrapolation:
-    """Return the limit of value(h) = limit + c h^p from the last three meshes.
+    """Extrapolate the limit of value(h) = limit + c h^p from the last three meshes.
 
-    sizes: of the elements, falling, in any unit; noise: what the finest value may be off where values follow no
-    order, as areas counted by elements.
-    The order p is that of the differences where they have one sign and it lies between 0.75 and 1.1 times the
-    theoretical one; where they have one sign and it does not, the theoretical one. The finest value stands where
-    differences change their sign, the last one is zero or there is noise. The error is how far the limit is from those
-    that the theoretical order has on the last two meshes and on the two before, and from the finest value, whatever is
-    most; of the finest value the range of the three; with noise that, or the last difference if it is more. Of values
-    that scatter with the nodes on the outline of a contact about nine in ten limits are within.
-    Raises CaseError for fewer than three sizes or sizes that do not fall.
-    Source: Richardson, Phil. Trans. R. Soc. A 210 (1911) 307; Roache, J. Fluids Eng. 116 (1994) 405.
+    Parameters
+    ----------
+    sizes
+        Element sizes, decreasing, in any unit.
+    values
+        Values on these meshes.
+    theoretical
+        Theoretical order.
+    noise
+        Uncertainty of the finest value of quantities that follow no order, such as areas counted by elements.
+
+    Returns
+    -------
+    Extrapolation
+        The limit with its error estimate.
+
+    Raises
+    ------
+    CaseError
+        For fewer than three sizes or sizes that do not decrease.
+
+    Notes
+    -----
+    If successive differences have one sign, the order p is that of the differences if it lies between 0.75 and 1.1
+    times the theoretical order, otherwise the theoretical order. The finest value is used if the differences change
+    sign, if the last one is zero, or if there is noise.
+
+    The error is the largest distance of the limit from the limits of the theoretical order on the last two meshes and
+    on the two before, and from the finest value. The error of the finest value is the range of the three values; with
+    noise it is the noise, or the last difference if that is larger. For values that scatter with the nodes on the
+    contact edge, about nine in ten limits lie within the error.
+
+    References
+    ----------
+    Richardson, Phil. Trans. R. Soc. A 210 (1911) 307; Roache, J. Fluids Eng. 116 (1994) 405.
     """
     if len(values) != len(sizes) or len(sizes) < MESHES or any(a <= b for a, b in pairwise(sizes)):
-        raise CaseError(f"extrapolation of {len(values)} values on sizes {sizes}: needs {MESHES} or more, falling")
+        raise CaseError(f"extrapolation of {len(values)} values on sizes {sizes}: needs {MESHES} or more, decreasing")
     h, f = sizes[-MESHES:], values[-MESHES:]
     before, last = f[1] - f[0], f[2] - f[1]
     spread = max(f) - min(f)
@@ -76,23 +116,33 @@ def richardson(
     with_theory = of_order(h, f, theoretical)
     order = _observed(h, before / last, theoretical)
     value = with_theory if order is None else of_order(h, f, order)
-    # values scatter as nodes fall within the contact or outside: no less than what extrapolation took away
-    others = (with_theory, of_order(h[:2], f[:2], theoretical), f[2])
-    error = max(abs(value - other) for other in others)
+    # values scatter as nodes lie inside or outside the contact: at least the extrapolated difference
+    alternatives = (with_theory, of_order(h[:2], f[:2], theoretical), f[2])
+    error = max(abs(value - other) for other in alternatives)
     return Extrapolation(value, error, f[2], order, Basis.THEORETICAL if order is None else Basis.OBSERVED)
 
 
 def of_order(sizes: Sequence[float], values: Sequence[float], order: float) -> float:
-    """Return the limit of value(h) = limit + c h^order from the last two meshes; sizes: of the elements, falling.
+    """Extrapolate with a given order from the last two meshes: value(h) = limit + c h^order.
 
-    Linear in the values: of two methods whose values scatter alike, the scatter is not in the difference of the limits.
+    The limit is linear in the values: if the values of two methods scatter alike, the difference of their limits does
+    not scatter.
+
+    Parameters
+    ----------
+    sizes
+        Element sizes, decreasing.
+    values
+        Values on these meshes.
+    order
+        The order.
     """
     (coarse, fine), (before, last) = sizes[-2:], values[-2:]
     return float(last + (last - before) / ((coarse / fine) ** order - 1.0))
 
 
 def _observed(h: Sequence[float], ratio: float, theoretical: float) -> float | None:
-    """Return the order with which successive differences have this ratio; None if it is out of bounds."""
+    """Return the order for which successive differences have this ratio; None if it is out of bounds."""
 
     def excess(order: float) -> float:
         coarse, fine = ((h[i] / h[2]) ** order for i in (0, 1))

@@ -1,4 +1,4 @@
-"""The figure of a study: curves of totals, sections through the zone, or maps of it, in panels."""
+"""Figure of a study: curves of totals, sections through the zone, or maps of it, in panels."""
 
 import json
 import math
@@ -18,20 +18,38 @@ if TYPE_CHECKING:
 
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F")
 _MARKERS: Final = "osD^vPX*"
-_ARROWS: Final = 9
-"""Arrows along a side of a map, at most."""
-_STILL: Final = 1e-3
-"""Of the largest modulus: less has no arrow."""
+_MAX_ARROWS: Final = 9
+"""Maximal number of arrows along a side of a map."""
+_MIN_MODULUS: Final = 1e-3
+"""Relative modulus below which no arrow is drawn."""
 _TINY: Final = np.finfo(float).tiny
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Runs shown together.
+    """Runs that are drawn together.
 
-    axis: what the values are; runs: their labels; values: (m,), nan where a run has none; quantities: by name, for each
-    run a total (), a field on its zone (n,) or a tangential field (n, 2), divided by their references [SI]; converged:
-    (m,), whether run and references did; messages: why each run ended, in words; zones: of each run, (m,).
+    Attributes
+    ----------
+    title
+        Title of the panel.
+    axis
+        Label of the values.
+    runs
+        Labels of the runs.
+    values
+        Coordinates of the runs, (m,), nan for a run without one.
+    quantities
+        For each quantity and run a total (), a field on its zone (n,) or a tangential field (n, 2), divided by its
+        reference.
+    references
+        References of the quantities [SI].
+    converged
+        Whether a run and its references converged, (m,).
+    messages
+        Final message of each run.
+    zones
+        Contact zone of each run, (m,).
     """
 
     title: str
@@ -47,7 +65,7 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study with its numbers; texts as in its file."""
+    """A study with its numbers; texts are as in its file."""
 
     name: str
     title: str
@@ -58,7 +76,7 @@ class Study:
 
     @property
     def not_converged(self) -> tuple[str, ...]:
-        """Run with a step that did not converge, as `panel, run`."""
+        """Runs with a step that did not converge, as `panel, run`."""
         return tuple(
             f"{panel.title}, {run}"
             for panel in self.panels
@@ -68,9 +86,9 @@ class Study:
 
 
 def study_json(study: Study) -> str:
-    """Return the numbers of a study: of each panel the runs, references and quantities.
+    """Return the numbers of a study as JSON: runs, references and quantities of each panel.
 
-    For fields also the zones that occur, points [m] and weights [m^2], and the place of each run's zone among them.
+    For fields, the distinct zones with points [m] and weights [m^2] and the index of the zone of each run are included.
     """
     panels = [_panel_numbers(panel, study.kind != "curves") for panel in study.panels]
     head = {"name": study.name, "title": study.title, "paper": study.paper, "kind": study.kind}
@@ -89,26 +107,26 @@ def _panel_numbers(panel: Panel, with_points: bool) -> dict[str, Any]:
         "quantities": {name: [value.tolist() for value in values] for name, values in panel.quantities.items()},
     }
     if with_points:
-        zones, places = _distinct(panel.zones)
+        zones, indices = _distinct(panel.zones)
         numbers["zones"] = [{"points": zone.points.tolist(), "weights": zone.weights.tolist()} for zone in zones]
-        numbers["zone_of_run"] = places
+        numbers["zone_of_run"] = indices
     return numbers
 
 
 def _distinct(zones: Sequence[Zone]) -> tuple[list[Zone], list[int]]:
-    """Return the zones with different points, and the place of each zone among them."""
-    found: list[Zone] = []
-    places = []
+    """Return the zones with different points, and for each zone its index among them."""
+    distinct: list[Zone] = []
+    indices = []
     for zone in zones:
-        same = [place for place, other in enumerate(found) if np.array_equal(other.points, zone.points)]
-        places.append(same[0] if same else len(found))
-        if not same:
-            found.append(zone)
-    return found, places
+        equal = [index for index, other in enumerate(distinct) if np.array_equal(other.points, zone.points)]
+        indices.append(equal[0] if equal else len(distinct))
+        if not equal:
+            distinct.append(zone)
+    return distinct, indices
 
 
 def study_figure(study: Study) -> "Figure":
-    """Return the figure: a column for each panel; maps have one for each run."""
+    """Return the figure with a column for each panel, or for maps a column for each run."""
     draw, width, height = {
         "curves": (_curves, min(5.0, 16.0 / len(study.panels)) * len(study.panels), 4.0),
         "sections": (_sections, 4.8 * len(study.panels), 2.6 * _rows(study)),
@@ -124,7 +142,7 @@ def _rows(study: Study) -> int:
 
 
 def _names(study: Study) -> list[str]:
-    """Return all quantities, in the order in which the panels show them."""
+    """Return all quantities in the order in which the panels show them."""
     return list(dict.fromkeys(name for panel in study.panels for name in panel.quantities))
 
 
@@ -139,8 +157,8 @@ def _curves(figure: "Figure", study: Study) -> None:
         by_label = bool(np.isnan(panel.values).any())
         x = np.arange(len(panel.runs)) if by_label else panel.values
         for name, values in panel.quantities.items():
-            place = names.index(name) % len(_COLOURS)
-            axes.plot(x, np.array(values), marker=_MARKERS[place], ms=4, color=_COLOURS[place], label=_label(name))
+            index = names.index(name) % len(_COLOURS)
+            axes.plot(x, np.array(values), marker=_MARKERS[index], ms=4, color=_COLOURS[index], label=_label(name))
         axes.set(title=panel.title, xlabel=panel.axis)
         axes.set(xticks=x, xticklabels=panel.runs) if by_label else axes.set(xscale=study.scale)
         axes.grid(alpha=0.3)
@@ -172,8 +190,20 @@ def _lengths(study: Study) -> tuple[float, str]:
 
 
 def middle_line(zone: Zone) -> tuple[Any, Array]:
-    """Return the nodes on the line y = middle of the zone, and their distance along x from its middle [m],
-    ascending."""
+    """Return the nodes on the line y = middle of the zone, and their coordinates.
+
+    Parameters
+    ----------
+    zone
+        The contact zone.
+
+    Returns
+    -------
+    nodes
+        Indices of the nodes, ascending in x.
+    x
+        Distances along x from the middle of the zone [m].
+    """
     x, y = (zone.points[:, i] - (zone.points[:, i].min() + zone.points[:, i].max()) / 2 for i in range(2))
     nodes = np.flatnonzero(np.abs(y) <= np.abs(y).min() + 1e-9 * np.ptp(y))
     nodes = nodes[np.argsort(x[nodes])]
@@ -184,14 +214,14 @@ def _maps(figure: "Figure", study: Study) -> None:
     columns = [(panel, run) for panel in study.panels for run in range(len(panel.runs))]
     scale = _lengths(study)
     grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
-    figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # labels of bars
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # space for the labels of colour bars
     for row, name in enumerate(_names(study)):
         shown = [np.linalg.norm(v, axis=-1) if v.ndim == 2 else v for v in _each(study, name)]
         low, high = min(v.min() for v in shown), max(v.max() for v in shown)
-        drawn: Any = None
+        image: Any = None
         for axes, (panel, run) in zip(grid[row], columns, strict=True):
-            drawn = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)
-        figure.colorbar(drawn, ax=list(grid[row]), label=_label(name), shrink=0.9)
+            image = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)
+        figure.colorbar(image, ax=list(grid[row]), label=_label(name), shrink=0.9)
         grid[row, 0].set_ylabel(f"y [{scale[1]}]")
     for column, (panel, run) in enumerate(columns):
         several = len(panel.runs) > 1 or len(study.panels) == 1
@@ -213,24 +243,24 @@ def _each(study: Study, name: str) -> Iterator[Array]:
 
 
 def _map(axes: Any, zone: Zone, values: Array, limits: tuple[float, float], scale: tuple[float, str]) -> Any:
-    """Draw one map; a tangential field by its modulus and by arrows of its direction."""
+    """Draw one map; a tangential field by its modulus and by arrows for its direction."""
     picture = Picture.of(zone, scale)
     modulus = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-    drawn = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
+    image = picture.shade(axes, modulus, vmin=limits[0], vmax=limits[1])
     if values.ndim == 2:
-        chosen = _spread(picture.points, modulus > _STILL * max(limits[1], _TINY))
-        direction = values[chosen] / modulus[chosen, None]
-        axes.quiver(*picture.points[chosen].T, *direction.T, color="white", width=0.006, scale=18)
+        nodes = _sample(picture.points, modulus > _MIN_MODULUS * max(limits[1], _TINY))
+        direction = values[nodes] / modulus[nodes, None]
+        axes.quiver(*picture.points[nodes].T, *direction.T, color="white", width=0.006, scale=18)
     axes.set(aspect="equal")
     axes.margins(0.0)
-    return drawn
+    return image
 
 
-def _spread(points: Array, eligible: Any) -> Any:
-    """Return the eligible nodes that are nearest to the points of a regular grid, few enough to tell arrows apart."""
+def _sample(points: Array, eligible: Any) -> Any:
+    """Return the eligible nodes nearest to the points of a regular grid, few enough to distinguish arrows."""
     from scipy.spatial import KDTree
 
-    x, y = (np.linspace(points[:, i].min(), points[:, i].max(), _ARROWS) for i in range(2))
+    x, y = (np.linspace(points[:, i].min(), points[:, i].max(), _MAX_ARROWS) for i in range(2))
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     nearest = np.unique(KDTree(points).query(grid)[1])
     return nearest[eligible[nearest]]

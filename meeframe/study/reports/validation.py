@@ -16,8 +16,8 @@ from meeframe.fields import Array
 class Verdict(StrEnum):
     """Outcome of a check or claim.
 
-    DIFFERS: an explained difference from something published; NOT_RESOLVED: the mesh is too coarse to decide; SKIPPED:
-    a package is missing or the check does not apply; ERROR: the case raised an error.
+    DIFFERS: an explained difference from a publication; NOT_RESOLVED: the mesh is too coarse to decide; SKIPPED: a
+    package is missing or the check does not apply; ERROR: the case raised an error.
     """
 
     PASS = "pass"
@@ -34,13 +34,30 @@ BAD: Final = (Verdict.FAIL, Verdict.ERROR)
 
 @dataclass(frozen=True)
 class Check:
-    """A number compared with a reference.
+    """Comparison of a number with a reference.
 
-    computed, reference: in the unit; tolerance: bound of |computed/reference - 1|, or if absolute of
-    |computed - reference|; explained: why it is known to differ from a published number, if it is; explained_up_to: the
-    difference that this can account for, > tolerance.
-    Raises CaseError if something is not of its kind, for a reference or tolerance with which nothing can be compared,
-    and for an explanation without its bound.
+    Attributes
+    ----------
+    name
+        Name of the check.
+    computed, reference
+        Values in the unit.
+    tolerance
+        Bound of |computed/reference - 1|, or of |computed - reference| if absolute.
+    unit
+        Unit of the values.
+    absolute
+        Whether the difference is absolute.
+    explained
+        Reason for a known difference from a published number.
+    explained_up_to
+        Largest difference that the reason accounts for, greater than the tolerance.
+
+    Raises
+    ------
+    CaseError
+        For a value of the wrong type, a reference or tolerance that does not allow a comparison, or an explanation
+        without its bound.
     """
 
     name: str
@@ -88,10 +105,27 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """A published statement without a number: name, computed values, criterion.
+    """A published statement without a number.
 
-    holds: None if the mesh is too coarse to decide; explained: the reason if it is known not to hold; as_explained:
-    True if the values agree with this reason. Raises CaseError for values of the wrong type.
+    Attributes
+    ----------
+    name
+        The statement.
+    found
+        Computed values, in words.
+    criterion
+        Criterion for the values.
+    holds
+        Whether the criterion is met; None if the mesh is too coarse to decide.
+    explained
+        Reason if the statement is known not to hold.
+    as_explained
+        Whether the values agree with this reason.
+
+    Raises
+    ------
+    CaseError
+        For values of the wrong type.
     """
 
     name: str
@@ -120,7 +154,15 @@ class Claim:
 
 @dataclass(frozen=True)
 class Skip:
-    """A check that cannot run here. reason: the missing requirement and how to install it."""
+    """A check that cannot run here.
+
+    Attributes
+    ----------
+    name
+        Name of the check.
+    reason
+        The missing requirement and how to install it.
+    """
 
     name: str
     reason: str
@@ -136,9 +178,23 @@ class Skip:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """x, y (m,) in the units of the plot's labels; points: drawn as markers, else as a line; joined: as both.
+    """A curve of a plot.
 
-    Raises CaseError if they are not equally many real numbers.
+    Attributes
+    ----------
+    label
+        Label in the legend.
+    x, y
+        Coordinates (m,) in the units of the labels of the plot.
+    points
+        Whether to draw markers instead of a line.
+    joined
+        Whether to draw both.
+
+    Raises
+    ------
+    CaseError
+        If x and y are not real numbers of equal count.
     """
 
     label: str
@@ -154,7 +210,13 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves in one pair of axes. note: a caption of one or two sentences. Raises CaseError if there are no curves."""
+    """Curves in one coordinate system; `note` is a caption of one or two sentences.
+
+    Raises
+    ------
+    CaseError
+        If there are no curves.
+    """
 
     title: str
     x_label: str
@@ -174,7 +236,10 @@ class Plot:
 class Map:
     """Fields on one regular grid, selected by label: each (ny, nx) at x (nx,), y (ny,).
 
-    Raises CaseError for other shapes and if there is no finite value.
+    Raises
+    ------
+    CaseError
+        For other shapes and if there is no finite value.
     """
 
     title: str
@@ -216,7 +281,7 @@ def _check_line(what: str, name: str, values: Any) -> int:
 
 
 def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Raise CaseError unless these are real numbers in that shape, at least one."""
+    """Raise CaseError unless the values are real numbers of that shape, at least one."""
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -237,7 +302,23 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class CaseReport:
-    """A case so far. error: traceback if it failed; seconds: total time; finished: True if it has yielded all items."""
+    """Report of a case so far.
+
+    Attributes
+    ----------
+    name, title, source
+        Folder, title and publication of the case.
+    rows
+        Outcomes.
+    figures
+        Plots and maps.
+    seconds
+        Total time.
+    error
+        Traceback or message if the case failed.
+    finished
+        Whether it has yielded all items.
+    """
 
     name: str
     title: str
@@ -256,7 +337,19 @@ class CaseReport:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """All cases so far. versions: versions of the software; planned: number of cases to run."""
+    """Validation of all cases so far.
+
+    Attributes
+    ----------
+    quick
+        Whether coarser grids are used.
+    versions
+        Versions of the software.
+    cases
+        Reports of the cases.
+    planned
+        Number of cases to run.
+    """
 
     quick: bool
     versions: Mapping[str, str]

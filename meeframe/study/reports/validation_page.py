@@ -1,4 +1,4 @@
-"""Report of a validation: one HTML file with tables and zoomable plots, which loads nothing from the network."""
+"""Report of a validation: one HTML file with tables and zoomable plots that works offline."""
 
 import json
 import math
@@ -56,7 +56,15 @@ def plot_library() -> str:
 
 
 def page(validation: Validation, library: str) -> str:
-    """Return the page; library: JavaScript from plot_library()."""
+    """Return the HTML page of a validation.
+
+    Parameters
+    ----------
+    validation
+        The validation.
+    library
+        JavaScript from `plot_library`.
+    """
     return "\n".join(_page(validation, library)) + "\n"
 
 
@@ -112,13 +120,13 @@ def _case(case: CaseReport) -> Iterator[str]:
 
 
 def _embedded(figure: Plot | Map) -> str:
-    """Return a figure as JSON in which no text begins a tag or a comment of HTML."""
+    """Return a figure as JSON in which no text begins an HTML tag or comment."""
     drawn = _plot(figure) if isinstance(figure, Plot) else _map(figure)
     return json.dumps(_literal(drawn), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
 def _literal(value: Any) -> Any:
-    """Return the value with all texts in it escaped: plotly takes them for HTML."""
+    """Return the value with all texts escaped, because plotly interprets them as HTML."""
     if isinstance(value, dict):
         return {key: _literal(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -148,7 +156,7 @@ def _curve(curve: Curve, number: int) -> dict[str, Any]:
 
 
 def _map(field: Map) -> dict[str, Any]:
-    """Return all fields in one colour range; a menu chooses where there are several."""
+    """Return a map of all fields with one colour range; a menu selects one if there are several."""
     tables = {label: [_numbers(row) for row in np.asarray(values)] for label, values in field.fields.items()}
     finite = [value for table in tables.values() for row in table for value in row if value is not None]
     bar = {"title": {"text": field.value_label, "side": "right"}, "exponentformat": "power"}
@@ -179,7 +187,7 @@ def _layout(title: str, x_label: str, y_label: str) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return values rounded to few digits, None where not finite."""
+    """Return values rounded to a few digits, None where not finite."""
     return [
         float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in np.ravel(np.asarray(values, float))
     ]

@@ -44,7 +44,7 @@ def reason_of(found: Check | Claim | Skip) -> str:
 
 
 def _numbers(found: Check) -> tuple[str, str, str, str]:
-    """Return computed value, reference, difference and tolerance; without prefixes if the check is absolute."""
+    """Return computed value, reference, difference and tolerance, without prefixes if the check is absolute."""
     if found.absolute:
         values = (found.computed, found.reference, found.difference, found.tolerance)
         computed, reference, difference, tolerance = (f"{value:.6g} {found.unit}".strip() for value in values)
@@ -57,8 +57,8 @@ def _numbers(found: Check) -> tuple[str, str, str, str]:
     return computed, reference, f"{100 * found.difference:+.3g} %", f"{100 * found.tolerance:.3g} %"
 
 
-_WIDEST: Final = 80
-"""Maximal number of letters in a cell of the table; the report has the whole text."""
+_MAX_WIDTH: Final = 80
+"""Maximal number of characters in a cell of the table; the report has the whole text."""
 _STYLES: Final = {
     Verdict.PASS: "green",
     Verdict.FAIL: "bold red",
@@ -77,12 +77,12 @@ def validation_table(validation: Validation) -> RenderableType:
         for number, row in enumerate(case.rows):
             verdict = row.found.verdict
             name = "" if number else case.name
-            words = (shorten(word, _WIDEST, placeholder=" ...") for word in words_of(row))
+            words = (shorten(word, _MAX_WIDTH, placeholder=" ...") for word in words_of(row))
             table.add_row(name, *words, Text(str(verdict), style=_STYLES.get(verdict, "")))
             if reason_of(row.found):
                 remarks.append(Text(f"{case.name}, {row.found.name}: {reason_of(row.found)}"))
         if case.error:
-            last = shorten(case.error.strip().splitlines()[-1], _WIDEST, placeholder=" ...")
+            last = shorten(case.error.strip().splitlines()[-1], _MAX_WIDTH, placeholder=" ...")
             table.add_row("" if case.rows else case.name, "", last, *[""] * 4, Text("error", style="bold red"))
         table.add_section()
     headline = Text(validation.headline, style="green" if validation.passed else "bold red")

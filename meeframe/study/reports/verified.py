@@ -1,4 +1,4 @@
-"""Runs of one case by several formulations on several meshes, and whether their limits agree within their errors."""
+"""Records of a verification: runs by several formulations on several meshes, their limits and agreement."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,15 +10,15 @@ from meeframe.contact.problem import Status
 from meeframe.study.reports.extrapolation import SECOND, Extrapolation, richardson
 
 _CANCELLED: Final = 0.01
-"""Of the scale: quantities below are sums of parts that cancel, by symmetry for instance, and are not compared."""
+"""Quantities below this part of their scale are sums that cancel, for instance by symmetry, and are not compared."""
 _ITERATION: Final = 1e-5
-"""Of the value: what is left to the iteration."""
+"""Relative error of the iteration."""
 _RESOLVED: Final = 0.05
-"""Of the value: formulations whose errors add up to more have not been told apart."""
+"""Relative sum of errors up to which two formulations count as resolved."""
 
 
 class Verdict(StrEnum):
-    """Verdict on two formulations in one quantity, or on a verification as a whole."""
+    """Outcome for two formulations in one quantity, or for a verification as a whole."""
 
     AGREE = "agree"
     DISAGREE = "disagree"
@@ -29,8 +29,17 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Measured:
-    """value: SI; scale: what it would be if its parts had one sign; noise: what the mesh leaves in doubt without any
-    order, as of an area that is counted by elements."""
+    """A measured quantity.
+
+    Attributes
+    ----------
+    value
+        Value in SI units.
+    scale
+        Value without cancellation, if all contributions had one sign.
+    noise
+        Uncertainty due to the mesh that follows no order, as of an area that is counted by elements.
+    """
 
     value: float
     scale: float
@@ -39,9 +48,25 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class VerifiedRun:
-    """A formulation on a mesh. size: of the elements, as part of the contact zone's width; elements: of the surface;
-    status: of the iteration, or 'refused'; message: why, if it did not converge; steps: quantities by name at the end
-    of load steps, by their number from 1; seconds: in all."""
+    """A formulation on a mesh.
+
+    Attributes
+    ----------
+    formulation
+        Label of the formulation.
+    size
+        Element size relative to the width of the contact zone.
+    elements
+        Number of elements of the surface.
+    status
+        Status of the iteration, or 'refused'.
+    message
+        Reason if it did not converge.
+    steps
+        Quantities by name at the end of load steps, by the number of the step from 1.
+    seconds
+        Total time.
+    """
 
     formulation: str
     size: float
@@ -54,7 +79,21 @@ class VerifiedRun:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A quantity of a formulation. sizes, values: on its meshes, from coarse to fine."""
+    """A quantity of a formulation.
+
+    Attributes
+    ----------
+    step
+        Number of the load step, from 1.
+    quantity
+        Name of the quantity.
+    formulation
+        Label of the formulation.
+    sizes, values
+        Element sizes and values, from coarse to fine.
+    limit
+        Extrapolated value.
+    """
 
     step: int
     quantity: str
@@ -66,7 +105,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Two estimates of one quantity."""
+    """Comparison of two estimates of one quantity."""
 
     first: Estimate
     second: Estimate
@@ -78,22 +117,22 @@ class Agreement:
 
     @property
     def difference(self) -> float:
-        """Second less first, extrapolated."""
+        """Difference of the extrapolated values, second minus first."""
         return self.second.limit.value - self.first.limit.value
 
     @property
     def finest(self) -> float:
-        """Second less first, on the finest meshes."""
+        """Difference of the values on the finest meshes, second minus first."""
         return self.second.limit.finest - self.first.limit.finest
 
     @property
     def allowed(self) -> float:
-        """Sum of the errors of both."""
+        """Sum of the errors of both estimates."""
         return self.first.limit.error + self.second.limit.error + _ITERATION * self.scale
 
     @property
     def verdict(self) -> Verdict:
-        """DISAGREE if the difference is more than allowed; UNRESOLVED if so much is allowed that it says little."""
+        """DISAGREE if the difference exceeds the errors; UNRESOLVED if the errors are too large for a conclusion."""
         if abs(self.difference) > self.allowed:
             return Verdict.DISAGREE
         return Verdict.AGREE if self.allowed <= _RESOLVED * self.scale else Verdict.UNRESOLVED
@@ -101,8 +140,23 @@ class Agreement:
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """title, text: of the case; versions: of the software; refusals: of formulations that do not take it; order: the
-    theoretical one; planned: how many runs; runs: those done."""
+    """A verification.
+
+    Attributes
+    ----------
+    title, text
+        Title and text of the case.
+    versions
+        Versions of the software.
+    refusals
+        Reasons of formulations that refuse the case.
+    order
+        Theoretical order.
+    planned
+        Number of planned runs.
+    runs
+        Finished runs.
+    """
 
     title: str
     text: str
@@ -119,21 +173,21 @@ class Verification:
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:
-        """Agreement of each two formulations, quantity by quantity."""
-        pairs = combinations(self.estimates, 2)
-        return tuple(Agreement(a, b) for a, b in pairs if (a.step, a.quantity) == (b.step, b.quantity))
+        """Comparisons of every two formulations, quantity by quantity."""
+        estimate_pairs = combinations(self.estimates, 2)
+        return tuple(Agreement(a, b) for a, b in estimate_pairs if (a.step, a.quantity) == (b.step, b.quantity))
 
     @property
     def verdict(self) -> Verdict:
-        """Of the whole: of its runs, else DISAGREE if any two do, UNRESOLVED if no two are found to agree."""
+        """Outcome of the verification: that of the runs, else DISAGREE if any two do, UNRESOLVED if no two agree."""
         verdicts = [agreement.verdict for agreement in self.agreements]
-        for verdict, holds in (
+        for verdict, applies in (
             (Verdict.NOT_CONVERGED, any(run.status != Status.CONVERGED for run in self.runs)),
             (Verdict.UNFINISHED, len(self.runs) < self.planned or not verdicts),
             (Verdict.DISAGREE, Verdict.DISAGREE in verdicts),
             (Verdict.UNRESOLVED, Verdict.AGREE not in verdicts),
         ):
-            if holds:
+            if applies:
                 return verdict
         return Verdict.AGREE
 
@@ -142,17 +196,17 @@ class Verification:
         steps = next(iter(done.values()))[0].steps if done else {}
         for step, quantities in steps.items():
             for quantity in quantities:
-                found = {name: [run.steps[step][quantity] for run in runs] for name, runs in done.items()}
-                if _cancelled([values[-1] for values in found.values()]):
+                measured_values = {name: [run.steps[step][quantity] for run in runs] for name, runs in done.items()}
+                if _is_cancelled([values[-1] for values in measured_values.values()]):
                     continue
-                for name, values in found.items():
+                for name, values in measured_values.items():
                     sizes = tuple(run.size for run in done[name])
                     numbers = tuple(measured.value for measured in values)
                     limit = richardson(sizes, numbers, self.order, values[-1].noise)
                     yield Estimate(step, quantity, name, sizes, numbers, limit)
 
     def _complete(self) -> dict[str, list[VerifiedRun]]:
-        """Run of the formulations that converged on all meshes."""
+        """Return the runs of the formulations that converged on all meshes."""
         sizes = {run.size for run in self.runs}
         done: dict[str, list[VerifiedRun]] = {}
         for run in self.runs:
@@ -166,6 +220,6 @@ class Verification:
         }
 
 
-def _cancelled(values: Sequence[Measured]) -> bool:
-    """Return whether hardly anything is left of a quantity, or nothing at all."""
-    return max(abs(each.value) for each in values) <= _CANCELLED * max(each.scale for each in values)
+def _is_cancelled(values: Sequence[Measured]) -> bool:
+    """Return whether a quantity cancels almost entirely."""
+    return max(abs(value.value) for value in values) <= _CANCELLED * max(value.scale for value in values)

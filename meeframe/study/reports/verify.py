@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS: Final = 3
-"""Pictures side by side."""
+"""Number of axes in a row."""
 
 
 def verification_json(verification: Verification) -> str:
-    """Return all numbers: runs, extrapolated values with their errors, agreements, verdict. Not finite: null."""
+    """Return all numbers as JSON: runs, extrapolated values with errors, and comparisons; null if not finite."""
     return json.dumps(_plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
 
 
@@ -86,7 +86,7 @@ def _agreement(agreement: Agreement) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return the lists, tables and numbers of JSON."""
+    """Return a value as lists, tables and numbers of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -97,26 +97,29 @@ def _plain(value: Any) -> Any:
 
 
 def verification_table(verification: Verification) -> RenderableType:
-    """Return the values on the meshes with their limits, then each pair; what refused or did not converge; the
-    verdict."""
+    """Return the table of a verification.
+
+    It shows the values on the meshes with their limits, the comparison of every two formulations, the formulations that
+    refused the case or did not converge, and the result.
+    """
     failed = [run for run in verification.runs if run.status != Status.CONVERGED]
     return Group(
         _values(verification),
-        _pairs(verification),
-        *(Text(f"{name} does not take this case: {text}") for name, text in verification.refusals.items()),
+        _comparisons(verification),
+        *(Text(f"{name} refuses this case:  {text}") for name, text in verification.refusals.items()),
         *(Text(f"{run.formulation}, elements of 1/{1 / run.size:g}: {run.status}: {run.message}") for run in failed),
-        Text(f"verdict: {verification.verdict}{_basis(verification)}", style="bold"),
+        Text(f"result: {verification.verdict}{_explanation(verification)}", style="bold"),
     )
 
 
-def _basis(verification: Verification) -> str:
-    """Return what a verdict rests on where some comparisons say little, and what to do then."""
+def _explanation(verification: Verification) -> str:
+    """Return an explanation of the result if some comparisons are unresolved."""
     verdicts = [agreement.verdict for agreement in verification.agreements]
     unresolved = verdicts.count(Verdict.UNRESOLVED)
     if verification.verdict not in (Verdict.AGREE, Verdict.UNRESOLVED) or not unresolved:
         return ""
     agree = f"{verdicts.count(Verdict.AGREE)} of {len(verdicts)} comparisons agree, none disagree"
-    return f": {agree}, and of {unresolved} the errors are too large to say much; finer meshes say more"
+    return f": {agree}; the errors of {unresolved} are too large for a conclusion, which needs finer meshes"
 
 
 def _values(verification: Verification) -> LiteralTable:
@@ -144,17 +147,19 @@ def _values(verification: Verification) -> LiteralTable:
     return table
 
 
-def _pairs(verification: Verification) -> LiteralTable:
+def _comparisons(verification: Verification) -> LiteralTable:
     table = LiteralTable()
     for title in ("step", "quantity", "formulations"):
         table.add_column(title)
     for title in ("finest, difference %", "extrapolated, difference %", "allowed %"):
         table.add_column(title, justify="right")
-    table.add_column("verdict")
-    for pair in verification.agreements:
+    table.add_column("result")
+    for agreement in verification.agreements:
+        first, second = agreement.first, agreement.second
+        values = agreement.finest, agreement.difference, agreement.allowed
         table.add_row(
-            str(pair.first.step), _words(pair.first.quantity), f"{pair.first.formulation}, {pair.second.formulation}",
-            *(_percent(value, pair.scale) for value in (pair.finest, pair.difference, pair.allowed)), pair.verdict,
+            str(first.step), _words(first.quantity), f"{first.formulation}, {second.formulation}",
+            *(_percent(value, agreement.scale) for value in values), agreement.verdict,
         )  # fmt: skip
     return table
 
@@ -164,17 +169,17 @@ def _words(quantity: str) -> str:
 
 
 def unit_of(quantity: str) -> str:
-    """Return the SI unit of a quantity that a verification compares, '' if there is none of this name.
+    """Return the SI unit of a quantity of a verification, '' for an unknown name.
 
-    Its names are those of the table of results, without `abs`, with x and y for components in the plane, and with
-    `indenter` before potentials of the indenter.
+    Names are those of the table of results without `abs`, with x and y for components in the plane, and with `indenter`
+    before potentials of the indenter.
     """
     name = quantity.removeprefix("indenter_").replace("max_electric", "max_abs_electric")
-    row = _row(name.replace("max_magnetic", "max_abs_magnetic"))
+    row = _total(name.replace("max_magnetic", "max_abs_magnetic"))
     return "" if row is None else row.unit
 
 
-def _row(name: str) -> schema.Total | None:
+def _total(name: str) -> schema.Total | None:
     return schema.total_named(name) or schema.total_named(name.removesuffix("_x").removesuffix("_y"))
 
 
@@ -183,10 +188,10 @@ def _percent(value: float, scale: float) -> str:
 
 
 def verification_figure(verification: Verification) -> "Figure | None":
-    """Return the values over the size of the elements, in per cent of the mean limit, with limits and their errors at
-    zero.
+    """Return the convergence figure, or None if there is nothing to show.
 
-    Of the last load step that was compared; None if there is nothing to show.
+    It shows the values of the last load step that was compared over the element size, in per cent of the mean limit,
+    and the limits with their errors at zero.
     """
     estimates = [e for e in verification.estimates if e.step == max(e.step for e in verification.estimates)]
     quantities = list(dict.fromkeys(estimate.quantity for estimate in estimates))
@@ -196,12 +201,12 @@ def verification_figure(verification: Verification) -> "Figure | None":
     figure = sheet((4.0 * _COLUMNS, 3.0 * rows + 0.6))
     grid = figure.subplots(rows, _COLUMNS, squeeze=False).ravel()
     for axes, quantity in zip(grid, quantities, strict=False):
-        shown = [estimate for estimate in estimates if estimate.quantity == quantity]
-        mean = np.mean([estimate.limit.value for estimate in shown])
-        for number, estimate in enumerate(shown):
+        selected = [estimate for estimate in estimates if estimate.quantity == quantity]
+        mean = np.mean([estimate.limit.value for estimate in selected])
+        for number, estimate in enumerate(selected):
             _draw(axes, estimate, float(mean), (number, verification.order))
         axes.axhline(0.0, color="0.7", lw=0.8, zorder=0)
-        axes.set(title=_words(quantity), xlabel="element over zone", ylabel="from the mean limit [%]")
+        axes.set(title=_words(quantity), xlabel="element size / zone width", ylabel="deviation from mean limit [%]")
         axes.grid(alpha=0.3)
     for axes in grid[len(quantities) :]:
         axes.remove()
@@ -210,9 +215,9 @@ def verification_figure(verification: Verification) -> "Figure | None":
     return figure
 
 
-def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) -> None:
-    """Draw one formulation; place: its number; theoretical order."""
-    number, theoretical = place
+def _draw(axes: Any, estimate: Estimate, mean: float, position: tuple[int, float]) -> None:
+    """Draw one formulation; position: its number, and the theoretical order."""
+    number, theoretical = position
     limit, style = estimate.limit, {"color": f"C{number}"}
     sizes, values = np.array(estimate.sizes), 100 * (np.array(estimate.values) / mean - 1)
     end = 100 * (limit.value / mean - 1)
@@ -220,5 +225,5 @@ def _draw(axes: Any, estimate: Estimate, mean: float, place: tuple[int, float]) 
     h = np.linspace(0.0, sizes[-3], 50)
     order = limit.order or theoretical
     axes.plot(h, end + (values[-1] - end) * (h / sizes[-1]) ** order, "-", lw=1.0, **style)
-    # beside each other: both stand at zero
+    # slightly shifted, as all limits are at zero
     axes.errorbar(0.01 * sizes[0] * number, end, 100 * limit.error / abs(mean), fmt="s", ms=4, capsize=3, **style)

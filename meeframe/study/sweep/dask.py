@@ -1,4 +1,4 @@
-"""Points solved by other processes: local ones, or workers of a Dask cluster. Imported only where they are wanted."""
+"""Pool of other processes: local ones, or workers of a Dask cluster; imported only if requested."""
 
 import logging
 import socket
@@ -35,22 +35,31 @@ except ImportError as error:
         f"workers and schedulers need Dask ({error}); install the extra: pip install 'meeframe[sweep]'"
     ) from None
 
-AHEAD: Final = 2
-"""Points handed out for each thread of the cluster."""
-_WAIT: Final = "10s"
-"""For a scheduler to answer."""
-_END: Final = "30s"
-"""For local processes to end: Dask kills those that compute after four seconds, and waits five more."""
+POINTS_PER_THREAD: Final = 2
+"""Number of points submitted for each thread of the cluster."""
+_CONNECT_TIMEOUT: Final = "10s"
+"""Time for a scheduler to answer."""
+_CLOSE_TIMEOUT: Final = "30s"
+"""Time for local processes to end; Dask kills busy ones after four seconds and waits five more."""
 _WARNINGS: Final = "meeframe-warnings"
-"""Topic of events by which workers pass on what code there warns of."""
+"""Topic of events by which workers forward warnings."""
 _BLAS_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
 class Sealed:
-    """An object on its way to another process. plugins: path and content of the local files whose classes it may hold,
-    which that process need not see; data: the object, pickled; code: code_key of it where it
-    comes from, empty for what was made of something checked."""
+    """A pickled object for another process.
+
+    Attributes
+    ----------
+    plugins
+        Path and content of local plugin files whose classes the object may contain; the other process need not have
+        access to the files.
+    data
+        The pickled object.
+    code
+        `code_key` of the object where it was pickled; empty for objects derived from a checked one.
+    """
 
     plugins: tuple[tuple[str, bytes], ...]
     data: bytes
@@ -58,35 +67,43 @@ class Sealed:
 
     @classmethod
     def of(cls, content: object, plugins: tuple[tuple[str, bytes], ...], code: str = "") -> "Sealed":
-        """Return the pickle an object; raises as pickle."""
+        """Pickle an object. Raises as pickle."""
         return cls(plugins, pickling.dumps(content), code)
 
     def open(self) -> Any:
-        """Return the object. Raises CaseError where code would compute other results with it than where it comes
-        from."""
+        """Unpickle the object. Raises CaseError if the code here would compute different results."""
         for path, source in self.plugins:
             if source_name(Path(path), source) not in sys.modules:
                 load_source(Path(path), source)
         try:
             content = pickling.loads(self.data)
         except (ImportError, AttributeError) as error:
-            raise _other_code(str(error)) from None
+            raise _code_mismatch(str(error)) from None
         if self.code and code_key(content) != self.code:
-            raise _other_code("sources or versions differ")
+            raise _code_mismatch("sources or versions differ")
         return content
 
 
-def _other_code(what: str) -> CaseError:
+def _code_mismatch(reason: str) -> CaseError:
     return CaseError(
-        f"worker on {socket.gethostname()} runs other code than this command: {what}; allowed: the same meeframe, "
+        f"worker on {socket.gethostname()} runs other code than this command: {reason}; allowed: the same meeframe, "
         "plugins, numpy, scipy and numba on all workers"
     )
 
 
 @dataclass(frozen=True)
 class Carried:
-    """A reduced system on its way to those who share it, known by its key. instead: what their points become if
-    there is none."""
+    """A reduced system for the workers that use it, identified by its key.
+
+    Attributes
+    ----------
+    key
+        Key of the reduced system.
+    sealed
+        The pickled system, or the pickled formulation and body.
+    instead
+        Outcome of all points of the system if it could not be computed.
+    """
 
     key: str
     sealed: Sealed | None = field(default=None, compare=False, repr=False)
@@ -94,12 +111,11 @@ class Carried:
 
 
 @contextmanager
-def _passed_on() -> Iterator[None]:
-    """Return what plugins and libraries warn of goes to where the command runs, but for what Python leaves out by
-    itself."""
+def _forward_warnings() -> Iterator[None]:
+    """Forward warnings of plugins and libraries to the calling process, except those that Python ignores by default."""
     try:
-        send = distributed.get_worker().log_event  # beside other threads it may outlive the task
-    except ValueError:  # no worker's task: it is shown here
+        send = distributed.get_worker().log_event  # may be called after the end of the task by other threads
+    except ValueError:  # not the task of a worker: warnings are shown here
         yield
         return
 
@@ -114,22 +130,21 @@ def _passed_on() -> Iterator[None]:
         yield
 
 
-def _teller() -> Callable[[Any], None]:
-    """Tell of an event that _passed_on sent, each once, as if it had been here."""
+def _warning_handler() -> Callable[[Any], None]:
+    """Return a handler that shows the warnings of `_forward_warnings`, each once, as if they were raised here."""
 
     @cache
-    def tell(message: str, category: str, filename: str, lineno: int) -> None:
+    def show(message: str, category: str, filename: str, lineno: int) -> None:
         warnings.showwarning(message, type(category, (Warning,), {}), filename, lineno)
 
-    return lambda event: tell(*event[1])
+    return lambda event: show(*event[1])
 
 
 def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -> Carried:
-    """Return the reduced system of a sealed formulation and body; from files in `folder` where that can be seen from
-    here."""
+    """Return the reduced system of a pickled formulation and body, from files in `folder` if it is accessible here."""
     formulation, body = bodies.open()
     try:
-        with limited(threads), _passed_on():
+        with limited(threads), _forward_warnings():
             if Path(folder).is_dir():
                 system = cached_body(formulation, body, Path(folder), key=key)
             else:
@@ -141,42 +156,54 @@ def reduced(key: str, bodies: Sealed, folder: str, threads: int | None = None) -
 
 def _carried(key: str, system: ReducedSystem, bodies: Sealed) -> Carried:
     matrix = system.dense()
-    if matrix is not None:  # whatever it was made with stays here
-        parts = system.points, system.frames, system.weights, system.cells, system.offset
-        return Carried(key, Sealed.of(DenseSystem(*parts, matrix, partial(_recovered, bodies)), bodies.plugins))
+    if matrix is not None:  # the intermediate data of the reduction are not sent
+        arrays = system.points, system.frames, system.weights, system.cells, system.offset
+        return Carried(key, Sealed.of(DenseSystem(*arrays, matrix, partial(_recover, bodies)), bodies.plugins))
     try:
         return Carried(key, Sealed.of(system, bodies.plugins))
     except MemoryError:
         raise
-    except Exception:  # it is made of what cannot be pickled: whoever needs it makes it
+    except Exception:  # it cannot be pickled: each process reduces the body itself
         return Carried(key, bodies)
 
 
-def _recovered(bodies: Sealed, load: Array) -> NodalFields:
+def _recover(bodies: Sealed, load: Array) -> NodalFields:
     return reduce_body(*bodies.open()).recover(load)
 
 
 @lru_cache(maxsize=2)
-def _opened(carried: Carried) -> ReducedSystem:
-    """Return the system, unpacked once in each process."""
+def _open_system(carried: Carried) -> ReducedSystem:
+    """Return the system, unpickled once in each process."""
     assert carried.sealed is not None
     content = carried.sealed.open()
     return content if isinstance(content, ReducedSystem) else reduce_for_contact(*content)
 
 
 def solved_there(case: Sealed, *systems: Carried, threads: int | None = None) -> Outcome:
-    """Return the outcome of a sealed case on the systems of its bodies."""
+    """Return the outcome of a pickled case on the systems of its bodies."""
     instead = next((carried.instead for carried in systems if carried.instead is not None), None)
-    with limited(threads), _passed_on():
-        return instead or solved(case.open(), map(_opened, systems))
+    with limited(threads), _forward_warnings():
+        return instead or solved(case.open(), map(_open_system, systems))
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Cluster(Pool):
-    """The workers of a Dask cluster. connect: gives a client, the same each time; address: of its scheduler; plugins:
-    as in Sealed; processes: local ones that share the machine, None for workers that have theirs; threads: of all of
-    them together."""
+    """Workers of a Dask cluster.
+
+    Attributes
+    ----------
+    connect
+        Function that returns a client, the same one at every call.
+    address
+        Address of the scheduler, for messages.
+    plugins
+        As in Sealed.
+    processes
+        Number of local processes that share the machine; None for workers that have their resources to themselves.
+    threads
+        Total number of threads of local processes.
+    """
 
     connect: Callable[[], Any]
     address: str
@@ -185,107 +212,119 @@ class Cluster(Pool):
     threads: int = 1
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Solve points as Pool.solve does. Unfinished points of a lost worker go to others.
+        """Solve points as Pool.solve does.
 
-        Raises CaseError if the scheduler does not answer or is lost.
+        Unfinished points of a lost worker are submitted to others. Raises CaseError if the scheduler does not answer or
+        is lost.
         """
         if not points:
             return
         progress("workers", 0.0)
         client = self.connect()
         try:
-            yield from self._solve(client, self._submitted(client, points, str(systems)))
+            yield from self._solve(client, self._submit(client, points, str(systems)))
         except OSError as error:
-            raise self._lost() from error
+            raise self._lost_error() from error
 
     def _solve(self, client: Any, waiting: Iterator[tuple[Any, Point]]) -> Iterator[tuple[Point, Outcome]]:
         running: dict[Any, Point] = {}
         finished = distributed.as_completed(loop=client.loop)
         while True:
-            ahead = AHEAD * max(sum(client.nthreads().values()), 1) - len(running)
-            for future, point in islice(waiting, max(ahead, 0)):
+            free = POINTS_PER_THREAD * max(sum(client.nthreads().values()), 1) - len(running)
+            for future, point in islice(waiting, max(free, 0)):
                 running[future] = point
                 finished.add(future)
             if not running:
                 return
             future = next(finished)
             point, outcome = running.pop(future), self._outcome(future)
-            future.release()  # or it is solved again if its worker dies while others are waited for
+            future.release()  # otherwise it would be solved again if its worker died
             yield point, outcome
 
-    def _submitted(self, client: Any, points: Sequence[Point], folder: str) -> Iterator[tuple[Any, Point]]:
-        """Return the points handed out one after the other, group by group, each with its future."""
-        run = uuid4().hex[:8]  # others on the same scheduler have keys of their own
+    def _submit(self, client: Any, points: Sequence[Point], folder: str) -> Iterator[tuple[Any, Point]]:
+        """Yield the submitted points, group by group, each with its future."""
+        run = uuid4().hex[:8]  # keys differ from those of other runs on the same scheduler
         submit = partial(client.submit, pure=False)
-        alone = None if self.processes is None else 1
+        threads_per_point = None if self.processes is None else 1
         groups = grouped(points)
-        for (bodies, group), threads in zip(groups, self._threads_of_reductions(groups), strict=True):
+        for (bodies, group), threads in zip(groups, self._reduction_threads(groups), strict=True):
             systems = {
-                key: submit(reduced, key, self._sealed(body), folder, threads, key=f"reduced-{key[:16]}-{run}")
+                key: submit(reduced, key, self._seal(body), folder, threads, key=f"reduced-{key[:16]}-{run}")
                 for key, body in bodies
             }
             for point in group:
-                case = self._sealed(point.case)
+                case = self._seal(point.case)
                 shared = [systems[key] for key, _ in bodies]
-                yield submit(solved_there, case, *shared, threads=alone, key=f"solved-{point.key[:16]}-{run}"), point
+                yield (
+                    submit(
+                        solved_there, case, *shared, threads=threads_per_point, key=f"solved-{point.key[:16]}-{run}"
+                    ),
+                    point,
+                )
 
-    def _threads_of_reductions(self, groups: Sequence[tuple[Keyed, list[Point]]]) -> Sequence[int | None]:
-        """Return the threads of each group: the first ones, for which all processes wait, share their threads; later
-        ones are made beside points."""
+    def _reduction_threads(self, groups: Sequence[tuple[Keyed, list[Point]]]) -> Sequence[int | None]:
+        """Return the number of threads for the reduction of each group.
+
+        All processes wait for the first groups, which share all threads; later reductions run at the same time as
+        points and have one.
+        """
         if self.processes is None:
             return [None] * len(groups)
-        places = accumulate((len(group) for _, group in groups[:-1]), initial=0)
-        first = sum(place < AHEAD * self.processes for place in places)
+        starts = accumulate((len(group) for _, group in groups[:-1]), initial=0)
+        first = sum(start < POINTS_PER_THREAD * self.processes for start in starts)
         systems = {key for bodies, _ in groups[:first] for key, _ in bodies}
         return [max(self.threads // len(systems), 1)] * first + [1] * (len(groups) - first)
 
-    def _sealed(self, content: object) -> Sealed:
+    def _seal(self, content: object) -> Sealed:
         return Sealed.of(content, self.plugins, code_key(content))
 
     def _outcome(self, future: Any) -> Outcome:
         if future.cancelled():
-            raise self._lost()
-        error = future.exception()  # waits if it was lost with its worker, until another has made it again
+            raise self._lost_error()
+        error = future.exception()  # if lost with its worker, waits until another one has solved it
         if isinstance(error, distributed.KilledWorker):
-            return Outcome(PointStatus.FAILED, f"every worker that tried it died: {error}")
+            return Outcome(PointStatus.FAILED, f"every worker that tried it died:  {error}")
         if isinstance(error, MemoryError):
             return Outcome.without_result(error)
         if isinstance(error, ImportError):
-            raise CaseError(f"a worker lacks what this command has: {error}; allowed: the same code on all") from None
+            raise CaseError(
+                f"a worker lacks code that this command has: {error}; allowed: the same code on all workers"
+            ) from None
         outcome: Outcome = future.result()
         return outcome
 
-    def _lost(self) -> CaseError:
-        return CaseError(f"scheduler {self.address} was lost; allowed: one that runs; the same command then goes on")
+    def _lost_error(self) -> CaseError:
+        return CaseError(
+            f"scheduler {self.address} was lost; restart it and repeat the command, which continues the sweep"
+        )
 
 
 @contextmanager
 def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], threads: int) -> Iterator[Cluster]:
-    """Return the local processes, so many threads in all, not before they are needed; or, at an address, the workers
-    there.
+    """Start a pool of local processes, or connect to the workers of a scheduler.
 
-    Raises CaseError if the scheduler does not answer.
+    Local processes start when they are first needed. Raises CaseError if the scheduler does not answer.
     """
     sources = tuple((str(path), path.read_bytes()) for path in plugins)
     variables = {**dict.fromkeys(_BLAS_THREADS, "1"), "NUMBA_NUM_THREADS": str(threads)}
-    variables["PYTHONWARNINGS"] = "ignore"  # but where reductions and points pass them on
+    variables["PYTHONWARNINGS"] = "ignore"  # warnings are forwarded during reductions and solutions only
     settings = {
-        "distributed.comm.timeouts.connect": _WAIT,
-        "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is started again, however long that takes
-        "distributed.scheduler.worker-ttl": None,  # nor is one lost that does not answer for a long computation
+        "distributed.comm.timeouts.connect": _CONNECT_TIMEOUT,
+        "distributed.deploy.lost-worker-timeout": "1d",  # a worker that died is restarted, however long that takes
+        "distributed.scheduler.worker-ttl": None,  # a worker may not answer during a long computation
         "distributed.admin.large-graph-warning-threshold": "1TB",  # meshes may be large
     }
     with ExitStack() as stack:
         stack.enter_context(environment(variables))
         scratch = stack.enter_context(TemporaryDirectory(prefix="meeframe-", ignore_cleanup_errors=True))
         stack.enter_context(dask.config.set({**settings, "temporary-directory": scratch}))
-        # what users can mend is said by errors
+        # errors report everything that users can act on
         stack.enter_context(distributed.utils.silence_logging_cmgr(logging.CRITICAL))
 
         @cache
         def connect() -> Any:
             client = stack.enter_context(_client(stack, workers, scheduler))
-            client.subscribe_topic(_WARNINGS, _teller())
+            client.subscribe_topic(_WARNINGS, _warning_handler())
             return client
 
         if scheduler is not None:
@@ -295,15 +334,15 @@ def cluster(workers: int, scheduler: str | None, plugins: Sequence[Path], thread
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
-    """Return a client of new local processes, or of a scheduler. Raises CaseError if it does not answer."""
+    """Return a client of new local processes or of a scheduler. Raises CaseError if the scheduler does not answer."""
     if scheduler is None:
         options = {"threads_per_worker": 1, "memory_limit": 0, "dashboard_address": ":0"}
         with undisturbed():
-            place = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
-            stack.callback(_close, place)
-        return distributed.Client(place)
+            local = distributed.LocalCluster(n_workers=workers, silence_logs=logging.CRITICAL, **options)
+            stack.callback(_close, local)
+        return distributed.Client(local)
     try:
-        return distributed.Client(scheduler, timeout=_WAIT)
+        return distributed.Client(scheduler, timeout=_CONNECT_TIMEOUT)
     except (OSError, ValueError, TypeError) as error:
         raise CaseError(
             f"scheduler {scheduler} does not answer ({error}); allowed: the address of a running Dask scheduler, such "
@@ -311,7 +350,7 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Any:
         ) from None
 
 
-def _close(place: Any) -> None:
-    """End local processes; those that do not listen end with this one."""
+def _close(local: Any) -> None:
+    """Close local processes; unresponsive ones end with this process."""
     with suppress(TimeoutError, OSError):
-        place.close(timeout=_END)
+        local.close(timeout=_CLOSE_TIMEOUT)

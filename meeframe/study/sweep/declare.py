@@ -1,4 +1,4 @@
-"""Schema of the study file of a sweep, and the points that it stands for. Documented in docs/sweep.md."""
+"""Schema of the study file of a sweep and expansion into points; documented in docs/sweep.md."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -22,8 +22,8 @@ from meeframe.study.declare import (
     Table,
     Text,
     checked_keys,
+    coordinate_of,
     key_parts,
-    place_of,
     words,
 )
 from meeframe.study.reports.sweep import SweepPlot
@@ -32,17 +32,28 @@ from meeframe.study.sweep.numbers import field_units, units
 _SPACING: Final = {"from", "to", "count", "scale"}
 _SCALES: Final[Mapping[str, Callable[..., Array]]] = {"linear": np.linspace, "log": np.geomspace}
 _UNITS: Final = ("N", "Pa", "V", "C", "Wb", "N m")
-"""Names of derived units of what case files prescribe."""
-MOST: Final = 100_000
-"""Points of a study's axes, at most."""
+"""Derived units of prescribed quantities in case files."""
+MAX_POINTS: Final = 100_000
+"""Maximal number of points of the axes of a study."""
 
 
 class PlotTable(Table):
     """[[plots]]: one row of sweep.png.
 
-    quantities: a picture for each; x: axis along which, by default the first with several numbers; lines: axis with a
-    line for each value; kind: curves, or a map over the axes x and lines; scale: of x; at: labels of values at which
-    the other axes stand, by default their first.
+    Attributes
+    ----------
+    quantities
+        Quantities, with a picture for each.
+    kind
+        Curves, or a map over the axes x and lines.
+    x
+        Axis of abscissae; by default the first one with several numbers.
+    lines
+        Axis with a line for each value.
+    scale
+        Scale of x.
+    at
+        Labels of the values of the other axes, by default their first.
     """
 
     quantities: tuple[Text, ...] = Field(min_length=1)
@@ -53,23 +64,36 @@ class PlotTable(Table):
     at: dict[str, Any] = Field(default_factory=dict)
 
     def over(self, axes: Sequence[SweepAxis]) -> SweepPlot:
-        """Return the plot over these axes. Raises ValueError for quantities that there are not, or axes or values of
-        them."""
+        """Return the plot over these axes. Raises ValueError for unknown quantities, axes or values."""
         named = {axis.name: axis for axis in axes}
         _check_names("quantities: unknown quantity", self.quantities, units())
         for key, name in {"x": self.x, "lines": self.lines, **{f"at.{name}": name for name in self.at}}.items():
             _check_names(f"{key}: unknown axis", [name] if name else [], named)
-        stands = {name: _label_of(value, named[name]) for name, value in self.at.items()}
-        return SweepPlot(self.quantities, self.kind, self.x, self.lines, self.scale, stands)
+        positions = {name: _label_of(value, named[name]) for name, value in self.at.items()}
+        return SweepPlot(self.quantities, self.kind, self.x, self.lines, self.scale, positions)
 
 
 class SweepTable(Table):
     """The study file of a sweep.
 
-    case: the case file that every point starts from, relative to this one; set: changed in all points; axes: every
-    combination of their values is a point; points: more points, each with changes of its own; fields: nodal fields of
-    the last increment that go into the result; every_increment: gather numbers of every increment, not of the last
-    alone; plots: what sweep.png shows.
+    Attributes
+    ----------
+    title
+        Title of the sweep.
+    case
+        Case file that every point starts from, relative to the study file.
+    set
+        Keys changed in all points.
+    axes
+        Axes; every combination of their values is a point.
+    points
+        Further points, each with its changes.
+    fields
+        Nodal fields of the last increment that are stored in the result.
+    every_increment
+        Whether numbers of every increment are stored instead of the last one only.
+    plots
+        Rows of sweep.png.
     """
 
     title: Text = "sweep"
@@ -84,7 +108,7 @@ class SweepTable(Table):
     @model_validator(mode="after")
     def _fits_together(self) -> "SweepTable":
         if not self.axes and not self.points:
-            raise ValueError("nothing to run: give [axes], [[points]] or both")
+            raise ValueError("nothing to run; give [axes], [[points]] or both")
         _check_axes(self.varied())
         _check_distinct("points", [run.label for run in self.points])
         _check_names("fields: unknown field", self.fields, field_units())
@@ -97,20 +121,24 @@ class SweepTable(Table):
         return self
 
     def varied(self) -> list[tuple[SweepAxis, tuple[Changes, ...]]]:
-        """Return the axes, each with the changes that its values make. Raises ValueError."""
+        """Return the axes, each with the changes of its values. Raises ValueError."""
         return [_axis(name, values) for name, values in self.axes.items()]
 
     def result_axes(self) -> tuple[SweepAxis, ...]:
-        """Return the axes of the result; a study that lists its points has one axis."""
+        """Return the axes of the result; a study that lists points has one axis."""
         if not self.points:
             return tuple(axis for axis, _ in self.varied())
         values = [run.value for run in self.points if run.value is not None]
-        placed = not self.axes and len(values) == len(self.points)
-        return (SweepAxis(POINT, tuple(label for label, _ in self.changes()), np.array(values) if placed else None),)
+        has_values = not self.axes and len(values) == len(self.points)
+        return (
+            SweepAxis(POINT, tuple(label for label, _ in self.changes()), np.array(values) if has_values else None),
+        )
 
     def changes(self) -> Iterator[tuple[str, Changes]]:
-        """Return the label and changes of every point: the product of the axes, the last of which varies fastest; then
-        points."""
+        """Yield the label and changes of every point.
+
+        Points of the axes come first, with the last axis varying fastest, then the listed points.
+        """
         axes = self.varied()
         for places in product(*(range(len(axis.labels)) for axis, _ in axes)) if axes else ():
             chosen = [(axis, changes, place) for (axis, changes), place in zip(axes, places, strict=True)]
@@ -121,58 +149,61 @@ class SweepTable(Table):
 
 
 def _axis(name: str, values: list[Any] | dict[str, Any]) -> tuple[SweepAxis, tuple[Changes, ...]]:
-    """Return an axis of the study file and its changes. Raises ValueError that names it."""
+    """Return an axis of the study file and its changes. Raises ValueError that names the axis."""
     try:
         if isinstance(values, list) or values.keys() & _SPACING:
-            return _of_lists(name, {name: values if isinstance(values, list) else _spaced(values)})
+            return _axis_of_lists(name, {name: values if isinstance(values, list) else _spaced(values)})
         if values and all(isinstance(item, list) for item in values.values()):
-            return _of_lists(name, values)
+            return _axis_of_lists(name, values)
         if values and all(isinstance(item, Mapping) for item in values.values()):
             return SweepAxis(name, tuple(values)), tuple(checked_keys(dict(item)) for item in values.values())
     except (ValueError, OverflowError) as error:
         raise ValueError(f"axes.{name}: {error}") from None
     raise ValueError(
-        f"axes.{name}: allowed: a list of values, {{from, to, count}}, a table of keys with lists of values side by "
-        "side, or a table of names with tables of changes"
+        f"axes.{name}: allowed: a list of values, {{from, to, count}}, a table of keys with lists of values of equal "
+        "length, or a table of names with tables of changes"
     )
 
 
-def _of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tuple[Changes, ...]]:
+def _axis_of_lists(name: str, lists: Mapping[str, list[Any]]) -> tuple[SweepAxis, tuple[Changes, ...]]:
     """Return the axis of keys whose values change together; numbers of the first key are its coordinates."""
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1 or not all(lengths.values()):
-        told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-        raise ValueError(f"allowed: lists of one length that are not empty, {told}")
+        details = ", ".join(f"{key} has {length}" for key, length in lengths.items())
+        raise ValueError(f"allowed: non-empty lists of equal length, {details}")
     changes = tuple(checked_keys(dict(zip(lists, values, strict=True))) for values in zip(*lists.values(), strict=True))
     first = next(iter(lists.values()))
     if len(lists) > 1 and len(set(_identities(first))) < len(first):
-        rows = [", ".join(map(_exact, change.values())) for change in changes]
-        _check_distinct("values", rows)
-        return SweepAxis(name, tuple(rows)), changes
+        combined = [", ".join(map(_exact, change.values())) for change in changes]
+        _check_distinct("values", combined)
+        return SweepAxis(name, tuple(combined)), changes
     labels = [words(value) for value in first]
-    if len(set(labels)) < len(labels):  # of numbers that are closer than what words show
+    if len(set(labels)) < len(labels):  # numbers differ by less than the digits of words
         labels = [_exact(value) for value in first]
     _check_distinct("values", labels, _identities(first))
-    places = _places(first)
+    places = _coordinates(first)
     if places is None:
         return SweepAxis(name, tuple(labels)), changes
     return SweepAxis(name, tuple(labels), places, _unit(first)), changes
 
 
 def _exact(value: Any) -> str:
-    """Return words for a value, with all digits of a number."""
+    """Return a value in words, with all digits of a number."""
     return repr(value) if isinstance(value, float) and not value.is_integer() else words(value)
 
 
-def _places(values: Sequence[Any]) -> Array | None:
-    """Return where values stand on an axis, if all of them have a place."""
-    places = [place for place in map(place_of, values) if place is not None]
+def _coordinates(values: Sequence[Any]) -> Array | None:
+    """Return the coordinates of values on an axis; None unless all have one."""
+    places = [place for place in map(coordinate_of, values) if place is not None]
     return np.array(places) if len(places) == len(values) else None
 
 
 def _identities(values: Sequence[Any]) -> list[Hashable]:
-    """Return identities of values: their coordinates, else their words. Conversion of units costs the last digits."""
-    places = _places(values)
+    """Return identities of values: their coordinates, or else their words.
+
+    Numbers with units are compared to 12 digits because unit conversion loses the last ones.
+    """
+    places = _coordinates(values)
     if places is None:
         return [_exact(value) for value in values]
     digits = 12 if any(isinstance(value, str) for value in values) else 17
@@ -180,15 +211,15 @@ def _identities(values: Sequence[Any]) -> list[Hashable]:
 
 
 def _label_of(value: Any, axis: SweepAxis) -> str:
-    """Return the label that a value has on an axis. Raises ValueError if it has none."""
-    found = next((label for label in (_exact(value), words(value)) if label in axis.labels), None)
-    if found is None:
+    """Return the label of a value on an axis. Raises ValueError if it has none."""
+    matching = next((label for label in (_exact(value), words(value)) if label in axis.labels), None)
+    if matching is None:
         _check_names(f"at.{axis.name}: unknown value", [words(value)], axis.labels)
-    return str(found)
+    return str(matching)
 
 
 def _spaced(table: Mapping[str, Any]) -> list[float]:
-    """Return the numbers from, to, count of them, at equal distances or ratios. Raises ValueError."""
+    """Return `count` numbers with equal differences or ratios. Raises ValueError."""
     scale, ends = table.get("scale", "linear"), (table.get("from"), table.get("to"))
     if unknown := table.keys() - _SPACING:
         raise ValueError(f"unknown key {min(unknown)!r}; allowed: {', '.join(sorted(_SPACING))}")
@@ -200,68 +231,67 @@ def _spaced(table: Mapping[str, Any]) -> list[float]:
     if scale == "log" and min(numbers) <= 0:
         raise ValueError(f"from = {ends[0]!r}, to = {ends[1]!r}: allowed with scale = 'log': positive numbers")
     count = table.get("count")
-    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MOST:
-        raise ValueError(f"count = {count!r}: allowed: a whole number from 2 to {MOST}")
-    # as one would write them, so that those of a longer axis are the same numbers
+    if not isinstance(count, int) or isinstance(count, bool) or not 2 <= count <= MAX_POINTS:
+        raise ValueError(f"count = {count!r}: allowed: a whole number from 2 to {MAX_POINTS}")
+    # rounded as users would write them, so that numbers of a longer axis are identical
     return [float(f"{number:.14g}") for number in _SCALES[scale](*numbers, count)]
 
 
 def _unit(values: Sequence[Any]) -> str:
-    """Return the SI unit of values that all have a coordinate, as place_of gives them. Raises ValueError for
-    several."""
+    """Return the common SI unit of values with coordinates. Raises ValueError for several units."""
     units: dict[str, str] = {}
     for value in values:
         if isinstance(value, str):
-            units.setdefault(_named(read_quantity(value)), value)
+            units.setdefault(_unit_name(read_quantity(value)), value)
     if "rad" in units:
-        units.pop("", None)  # "5 mm/m" is an angle beside "1 deg"
+        units.pop("", None)  # "5 mm/m" is an angle like "1 deg"
     if len(units) > 1:
-        told = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
-        raise ValueError(f"values: {told}; allowed: units of one quantity")
+        details = ", ".join(f"{value!r} is in {unit or '1'}" for unit, value in units.items())
+        raise ValueError(f"values: {details}; allowed: units of one quantity")
     return next(iter(units), "")
 
 
-def _named(quantity: Any) -> str:
-    """Return the SI unit of a quantity in base units, by its name if case files use one: "N", not "kg*m/s^2"."""
+def _unit_name(quantity: Any) -> str:
+    """Return the SI unit of a quantity in base units, by name if case files use it: "N", not "kg*m/s^2"."""
     name = _unit_names().get(quantity.dimensionality)
     return name or f"{quantity.units:~C}".replace("**", "^")
 
 
 @cache
 def _unit_names() -> dict[Any, str]:
-    """Return the names of units by their dimensions."""
+    """Return the names of units by dimension."""
     return {read_quantity(f"1 {name}").dimensionality: name for name in _UNITS}
 
 
 def _check_axes(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
-    """Raise ValueError for names that sweep.h5 cannot take, axes that undo each other, and too many points."""
+    """Raise ValueError for names that sweep.h5 cannot store, for conflicting axes, and for too many points."""
     reserved = ("status", "message", "key", *"xyz", INCREMENT, NODE, POINT, *units())
     for axis, _ in axes:
         if axis.name in reserved or axis.name in (".", "..") or "/" in axis.name:
-            raise ValueError(f"axes: {axis.name!r} is the name of something else in sweep.h5; allowed: another one")
-        odd = next((label for label in axis.labels if "\0" in label), None)
-        if odd is not None:
-            raise ValueError(f"axes.{axis.name}: {odd!r} holds the character NUL; allowed: any other")
-    _check_apart(axes)
+            raise ValueError(f"axes: {axis.name!r} is reserved in sweep.h5; allowed: another name")
+        invalid = next((label for label in axis.labels if "\0" in label), None)
+        if invalid is not None:
+            raise ValueError(f"axes.{axis.name}: {invalid!r} contains the character NUL; allowed: any other")
+    _check_conflicts(axes)
     count = math.prod(len(axis.labels) for axis, _ in axes)
-    if count > MOST:
-        raise ValueError(f"axes: they make {count} points; allowed: at most {MOST}")
+    if count > MAX_POINTS:
+        raise ValueError(f"axes: {count} points; allowed: at most {MAX_POINTS}")
 
 
-def _check_apart(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
-    """Raise ValueError if two axes change the same key, or one a table and the other what is in it."""
+def _check_conflicts(axes: Sequence[tuple[SweepAxis, tuple[Changes, ...]]]) -> None:
+    """Raise ValueError if two axes change the same key, or one changes a table and the other a key in it."""
     keys = [(axis.name, {key for change in changes for key in change}) for axis, changes in axes]
-    for (name, own), (other, others) in combinations(keys, 2):
-        for first, second in product(sorted(own), sorted(others)):
+    for (name, keys_of_axis), (other, others) in combinations(keys, 2):
+        for first, second in product(sorted(keys_of_axis), sorted(others)):
             if all(a == b for a, b in zip(key_parts(first), key_parts(second), strict=False)):
                 raise ValueError(
-                    f"axes: {name!r} changes {first} and {other!r} changes {second}: one would undo the other; "
-                    "allowed: axes with keys of their own"
+                    f"axes: {name!r} changes {first} and {other!r} changes {second}: one would override the "
+                    "other; allowed: axes with distinct keys"
                 )
 
 
 def _check_distinct(what: str, labels: Sequence[str], identities: Sequence[Hashable] = ()) -> None:
-    """Raise ValueError for things of the same label, or of the same identity if they have others."""
+    """Raise ValueError for duplicate labels, or duplicate identities under different labels."""
     seen: dict[Hashable, str] = {}
     for label, identity in zip(labels, identities or labels, strict=True):
         if identity in seen:

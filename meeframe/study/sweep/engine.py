@@ -1,4 +1,4 @@
-"""The engine of sweeps and studies: many cases on shared reduced systems, each solved once and kept at once."""
+"""Engine of sweeps and studies: solves many cases on shared reduced systems and stores each outcome at once."""
 
 import os
 from abc import ABC, abstractmethod
@@ -22,18 +22,34 @@ Keyed = tuple[tuple[str, tuple[Formulation, Body]], ...]
 
 
 class Pool(ABC):
-    """A pool that solves points, in this process or in others."""
+    """Abstract pool that solves points, in this process or in others."""
 
     @abstractmethod
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
-        """Solve points and yield the outcome of each as it comes; systems: folder of reduced systems, as in
-        meeframe.model.cache. Points that share bodies share their reduced systems."""
+        """Solve points and yield each outcome when it is available.
+
+        Points that share bodies share their reduced systems.
+
+        Parameters
+        ----------
+        points
+            Points to solve.
+        systems
+            Folder of reduced systems, as in `meeframe.model.cache`.
+        progress
+            Called with the stage and the fraction of it that is done.
+
+        Yields
+        ------
+        tuple of Point and Outcome
+            Each point with its outcome, in any order.
+        """
 
 
 @final
 @dataclass(frozen=True)
 class InProcess(Pool):
-    """One point after the other, in this process with all its threads."""
+    """Pool that solves one point after the other in this process with all its threads."""
 
     def solve(self, points: Sequence[Point], systems: Path, progress: Progress) -> Iterator[tuple[Point, Outcome]]:
         """Solve points as Pool.solve does, and report the progress of reductions."""
@@ -46,23 +62,23 @@ def _solve_group(
 ) -> Iterator[tuple[Point, Outcome]]:
     """Solve points that share bodies, then release their reduced systems."""
     try:
-        made = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
+        reduced = {key: cached_body(*body, systems, progress, key) for key, body in bodies}
     except (MeeframeError, MemoryError) as error:
         outcome = Outcome.without_result(error)
         yield from ((point, outcome) for point in group)
         return
     for point in group:
         assert point.case is not None
-        yield point, solved(point.case, (made[key] for key, _ in bodies))
+        yield point, solved(point.case, (reduced[key] for key, _ in bodies))
 
 
 def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
-    """Return the points with a case by the bodies that they share, in the order in which these first appear."""
+    """Group the points that have a case by their bodies, in order of first appearance."""
     groups: dict[tuple[str, ...], tuple[Keyed, list[Point]]] = {}
     for point in points:
         if point.case is not None:
-            keyed = tuple((system_key(*body), body) for body in bodies_of(point.case))
-            groups.setdefault(tuple(key for key, _ in keyed), (keyed, []))[1].append(point)
+            bodies_by_key = tuple((system_key(*body), body) for body in bodies_of(point.case))
+            groups.setdefault(tuple(key for key, _ in bodies_by_key), (bodies_by_key, []))[1].append(point)
     return list(groups.values())
 
 
@@ -70,28 +86,50 @@ def grouped(points: Sequence[Point]) -> list[tuple[Keyed, list[Point]]]:
 def pool_of(
     workers: int | None = 1, scheduler: str | None = None, plugins: Sequence[Path] = (), threads: int | None = None
 ) -> Iterator[Pool]:
-    """Return this process for one worker, otherwise as many local processes, or the workers of a Dask cluster.
+    """Create the pool for a number of workers or a scheduler.
 
-    Local processes have one thread each; they leave theirs to the first reduced systems, for which all of them wait.
-    workers: None: one for each core, or for each of the threads; scheduler: address of the cluster's scheduler, in
-    place of local processes; plugins: local files whose classes the cases may hold, which the workers get to know;
-    threads: of this process, or of the local ones together; None: all that it has, or one for each.
-    Raises CaseError if a scheduler is given with workers or threads, for fewer than one worker, for fewer threads than
-    workers, for a scheduler that does not answer, or without Dask.
+    One worker is this process. Several workers are local processes with one thread each; all threads are used for the
+    first reduced systems, for which all processes wait.
+
+    Parameters
+    ----------
+    workers
+        Number of local processes; None for one for each core, or for each thread if `threads` is given.
+    scheduler
+        Address of the scheduler of a Dask cluster to use instead.
+    plugins
+        Local plugin files whose classes the cases may contain; they are sent to the workers.
+    threads
+        Number of threads of this process, or total number for local processes. By default all threads of this process,
+        or one for each local process.
+
+    Yields
+    ------
+    Pool
+        The pool, closed on exit.
+
+    Raises
+    ------
+    CaseError
+        If a scheduler is given with workers or threads, for fewer than one worker, for fewer threads than workers, for
+        a scheduler that does not answer, or without Dask.
     """
     if scheduler is not None and workers is not None:
         raise CaseError(f"workers = {workers} and scheduler = {scheduler}: allowed: one of them")
     if scheduler is not None and threads is not None:
         raise CaseError(
-            f"threads = {threads} and scheduler = {scheduler}: allowed: one of them, its workers have theirs"
+            f"threads = {threads} and scheduler = {scheduler}: allowed: one of them; workers of a cluster set their "
+            "threads"
         )
     if scheduler is not None and not scheduler.strip():
-        raise CaseError(f"scheduler = {scheduler!r}: allowed: the address of a running one, such as tcp://host:8786")
+        raise CaseError(
+            f"scheduler = {scheduler!r}: allowed: the address of a running scheduler, such as tcp://host:8786"
+        )
     count = min(threads or cores(), cores()) if workers is None else workers
     if count < 1:
         raise CaseError(f"workers = {count}: allowed: 1 or more")
     if threads is not None and threads < count:
-        raise CaseError(f"threads = {threads} and workers = {count}: allowed: a thread or more for each worker")
+        raise CaseError(f"threads = {threads} and workers = {count}: allowed: at least one thread for each worker")
     if scheduler is None and count == 1:
         with limited(threads):
             yield InProcess()
@@ -103,17 +141,39 @@ def pool_of(
 
 
 def cores() -> int:
-    """Return the cores that this process may use."""
+    """Return the number of cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def solve_points(
     points: Sequence[Point], pool: Pool, systems: Path, store: Path | None = None, progress: Progress = silent
 ) -> Iterator[tuple[str, Outcome]]:
-    """Return the outcome of each point by its key, as it comes; points of the same key are one.
+    """Solve distinct points and yield each outcome when it is available.
 
-    systems: folder of reduced systems; store: folder in which each outcome is kept as soon as there is one, under its
-    key, and found again. Progress counts points. Raises ResultError if either cannot be written.
+    Points with the same key are one point. Progress counts points.
+
+    Parameters
+    ----------
+    points
+        Points to solve.
+    pool
+        Pool that solves them.
+    systems
+        Folder of reduced systems.
+    store
+        Folder in which each outcome is stored at once under the key of its point, and found again.
+    progress
+        Called with the stage and the fraction of it that is done.
+
+    Yields
+    ------
+    tuple of str and Outcome
+        Key and outcome of each point.
+
+    Raises
+    ------
+    ResultError
+        If a folder cannot be written.
     """
     distinct = {point.key: point for point in points}
     total, done = len(distinct), 0
@@ -135,7 +195,7 @@ def solve_points(
 
 
 def _known(point: Point, store: Path | None) -> Outcome | None:
-    """Return what is known of a point without solving it."""
+    """Return the outcome of a point that needs no solution, else None."""
     if point.case is None:
         status = PointStatus.FAILED if point.faulty else PointStatus.REFUSED
         return Outcome(status, "; ".join(map(str, point.problems)))

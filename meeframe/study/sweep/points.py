@@ -1,4 +1,4 @@
-"""Points of a sweep: cases known by their content, what became of each, and the files in which that is kept."""
+"""Points of a sweep: cases identified by their content, their outcomes, and the files that store these."""
 
 import errno
 import hashlib
@@ -25,15 +25,16 @@ from meeframe.system.reduced import ReducedSystem
 
 REFUSED_FILE: Final = "refused.json"
 
-_NO_PLACE: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
-"""Errors of files that would meet every other point, too."""
+_FATAL_ERRORS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+"""File errors that would affect every other point, too."""
 
 
 class PointStatus(StrEnum):
-    """How a point stands.
+    """Status of a point.
 
-    REFUSED: its case is none, or a formulation, law or solver does not take it; FAILED: it ran out of memory, code of a
-    plugin failed, or it brought down its worker time and again: not kept, so that the next run tries again.
+    REFUSED: its case is invalid, or a formulation, law or solver does not accept it; FAILED: it ran out of memory, code
+    of a plugin failed, or its workers died repeatedly. Failed points are not stored, so that the next run tries them
+    again.
     """
 
     CONVERGED = "converged"
@@ -44,7 +45,19 @@ class PointStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """One case to be solved. label: its name; key: what it is known by; problems: why there is no case, if so."""
+    """A case to be solved.
+
+    Attributes
+    ----------
+    label
+        Name of the point.
+    case
+        The case; None if it is invalid.
+    key
+        Identity of the point.
+    problems
+        Problems of an invalid case.
+    """
 
     label: str
     case: Case | None
@@ -53,10 +66,10 @@ class Point:
 
     @classmethod
     def of(cls, label: str, tables: Mapping[str, Any], folder: Path, registry: Registry | None) -> "Point":
-        """Make a point from the tables of a case file; folder: where relative paths in them start."""
+        """Create a point from the tables of a case file; relative paths in them refer to `folder`."""
         try:
             text = toml_text(tables)
-        except (TypeError, ValueError) as error:  # of tables made in Python
+        except (TypeError, ValueError) as error:  # tables created in Python
             return cls(label, None, hashlib.sha256(str(error).encode()).hexdigest(), (Problem((), str(error)),))
         try:
             case = case_from_tables(tables, registry, folder, text)
@@ -72,7 +85,17 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Outcome of a point. message: why it did not converge; result: None if there is none."""
+    """Outcome of a point.
+
+    Attributes
+    ----------
+    status
+        Status of the point.
+    message
+        Reason if the point did not converge.
+    result
+        The result; None if there is none.
+    """
 
     status: PointStatus
     message: str = ""
@@ -80,29 +103,32 @@ class Outcome:
 
     @classmethod
     def of(cls, result: Result) -> "Outcome":
-        """Make an outcome of a result whose load steps have all been tried."""
+        """Create an outcome from a result whose load steps have all been tried."""
         if result.status is RunStatus.CONVERGED:
             return cls(PointStatus.CONVERGED, "", result)
         return cls(PointStatus.NOT_CONVERGED, result.steps[-1].message, result)
 
     @classmethod
     def without_result(cls, error: MeeframeError | MemoryError) -> "Outcome":
-        """Make an outcome of what ended a computation. Raises it if it tells of files that meeframe cannot write, or
-        of a disk on which a plugin cannot, and so nothing of the point."""
+        """Create an outcome from an error that ended a computation.
+
+        Errors that concern files rather than the point, because meeframe or a plugin cannot write them, are raised
+        again.
+        """
         cause = error.__cause__
-        if isinstance(error, ResultError) or (isinstance(cause, OSError) and cause.errno in _NO_PLACE):
+        if isinstance(error, ResultError) or (isinstance(cause, OSError) and cause.errno in _FATAL_ERRORS):
             raise error
         if isinstance(error, MemoryError):
             return cls(PointStatus.FAILED, f"not enough memory: {str(error) or 'none left'}")
-        passing = isinstance(error, TooLargeError | PluginFault)
-        return cls(PointStatus.FAILED if passing else PointStatus.REFUSED, str(error))
+        temporary = isinstance(error, TooLargeError | PluginFault)
+        return cls(PointStatus.FAILED if temporary else PointStatus.REFUSED, str(error))
 
 
 def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
-    """Return the outcome of a case on the reduced systems of its bodies, in the order of
-    meeframe.model.solve.bodies_of.
+    """Return the outcome of a case on the reduced systems of its bodies.
 
-    The fields on the whole boundary are not recovered. Raises ResultError if a system cannot be kept.
+    Systems are in the order of `meeframe.model.solve.bodies_of`. The fields on the whole boundary are not recovered.
+    Raises ResultError if a system cannot be stored.
     """
     clock = Clock()
     try:
@@ -115,7 +141,7 @@ def solved(case: Case, systems: Iterable[ReducedSystem]) -> Outcome:
 
 
 def write_outcome(folder: Path, outcome: Outcome) -> None:
-    """Keep the outcome of a point in its folder: whole, or not at all. Raises ResultError."""
+    """Store the outcome of a point in its folder atomically. Raises ResultError."""
     if outcome.status is PointStatus.FAILED:
         return
     unfinished = folder.with_name(f".{folder.name}")
@@ -126,14 +152,14 @@ def write_outcome(folder: Path, outcome: Outcome) -> None:
         else:
             text = json.dumps({"message": outcome.message}) + "\n"
             (unfinished / REFUSED_FILE).write_text(text, encoding="utf-8")
-        shutil.rmtree(folder, ignore_errors=True)  # one that was damaged
+        shutil.rmtree(folder, ignore_errors=True)  # a damaged one
         unfinished.rename(folder)
     except OSError as error:
         raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
 
 
 def read_outcome(folder: Path) -> Outcome | None:
-    """Return the outcome that the folder of a point holds, None if it holds none that is whole."""
+    """Return the outcome in the folder of a point; None if it does not contain a complete one."""
     try:
         result = read_result(folder)
         return None if result.status is RunStatus.UNFINISHED else Outcome.of(result)

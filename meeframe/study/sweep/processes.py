@@ -1,4 +1,4 @@
-"""Starting of processes: signals that wait meanwhile, an environment that stays."""
+"""Signals and environment while processes start."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from multiprocessing import resource_tracker
 
 @contextmanager
 def environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Return the variables for processes that are started in the block, unless they have other values already."""
+    """Set environment variables for processes that are started in the block, unless they are set already."""
     added = {name: value for name, value in variables.items() if name not in os.environ}
     os.environ.update(added)
     try:
@@ -22,17 +22,18 @@ def environment(variables: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Return the ctrl-C and a request to end come after the block: Dask cannot end processes that it has half started.
+    """Delay Ctrl-C and SIGTERM until the end of the block, because Dask cannot end processes that are half started.
 
-    Ctrl-C on the terminal comes to none of these, which inherit what is blocked from the thread that Dask starts here.
+    Ctrl-C on the terminal never reaches these processes: they inherit the signal mask of the thread that starts them
+    here.
     """
-    if threading.current_thread() is not threading.main_thread():  # only there can it be asked for
+    if threading.current_thread() is not threading.main_thread():  # signal handlers can be set in the main thread only
         yield
         return
-    resource_tracker.ensure_running()  # it would lift the block when it starts
-    asked: list[int] = []
-    heard = [number for number in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(number))]
-    handlers = {number: signal.signal(number, lambda number, _: asked.append(number)) for number in heard}
+    resource_tracker.ensure_running()  # its start would unblock the signals
+    received: list[int] = []
+    numbers = [number for number in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(number))]
+    handlers = {number: signal.signal(number, lambda number, _: received.append(number)) for number in numbers}
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
@@ -40,5 +41,5 @@ def undisturbed() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for number, handler in handlers.items():
             signal.signal(number, handler)
-        if asked:
-            signal.raise_signal(asked[0])
+        if received:
+            signal.raise_signal(received[0])

@@ -1,4 +1,4 @@
-"""A sweep: the points of a study file solved, gathered in one result, drawn."""
+"""Run of a sweep: solves the points of a study file, collects them in one result and draws it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ from meeframe.study.sweep.points import Outcome, Point
 from meeframe.system.reduced import Progress, silent
 
 FIGURE_FILE: Final = "sweep.png"
-_MOST_WARNINGS: Final = 5
-"""Told of points, at most."""
-_ASKED: Final = 25
-"""Points for which preflight checks are made, at most: of a zone of 255 squared nodes each takes a second."""
+_MAX_WARNINGS: Final = 5
+"""Maximal number of preflight warnings that are passed on."""
+_MAX_PREFLIGHT_POINTS: Final = 25
+"""Maximal number of points with preflight checks; each takes a second for a zone of 255 x 255 nodes."""
 
 
 def sweep(
@@ -45,15 +45,41 @@ def sweep(
     progress: Progress = silent,
     warn: Warn = ignore,
 ) -> SweepResult:
-    """Solve the points of a study file that `out` does not hold yet; write sweep.h5 and sweep.png there.
+    """Solve the points of a study file that `out` does not contain yet; write sweep.h5 and sweep.png.
 
-    pool: where they are solved, by default in this process; warn: is told first what formulations and points warn of,
-    each once. Each point's result is kept as soon as it is there, in points/KEY as `meeframe run` has it, and reduced
-    systems in systems; so that the same call goes on where an earlier one ended, however it did. An interruption
-    carries a note that says how far it came. Points that are refused or do not converge say so in the result.
-    Raises CaseError, before anything is computed, for a study or a case with problems, or if no point is a case;
-    ResultError if `out` cannot be written, if another process writes a sweep there, or if it holds anything but this
-    sweep and overwrite is false.
+    The result of each point is stored at once in points/KEY, in the format of `meeframe run`, and reduced systems in
+    systems, so that the same call continues an interrupted sweep. An interruption carries a note on the number of
+    finished points. Points that are refused or do not converge are marked in the result.
+
+    Parameters
+    ----------
+    file
+        The study file.
+    out
+        Output folder; created if it does not exist and locked until the sweep ends.
+    pool
+        Pool that solves the points; by default this process.
+    overwrite
+        Whether another sweep in `out` is replaced.
+    registry
+        Registry of plugins; by default everything that is installed.
+    progress
+        Called with the stage and the fraction of it that is done.
+    warn
+        Called first, with each warning of formulations and points once.
+
+    Returns
+    -------
+    SweepResult
+        Numbers, fields and status of all points.
+
+    Raises
+    ------
+    CaseError
+        Before anything is computed, for an invalid study or case, or if no point has a valid case.
+    ResultError
+        If `out` cannot be written, if another process writes a sweep there, or if it contains anything but this sweep
+        and overwrite is false.
     """
     check_installed()
     study = checked(SweepTable, file)
@@ -63,40 +89,40 @@ def sweep(
         for text in (*warnings_of(bodies.values()), *_preflight(points, out / POINTS)):
             warn(text)
         drop_systems(out, set(bodies))
-        return _swept(file, out, study, points, pool or InProcess(), progress)
+        return _solve(file, out, study, points, pool or InProcess(), progress)
 
 
 def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
-    """Return what points warn of but for their formulations, each with the first point that does; of many the first.
+    """Yield preflight warnings of the points, each with the first point that it applies to.
 
-    Points that `store` keeps are not asked; of many others some, from the first to the last.
+    Points with stored results are skipped; if many remain, an evenly spaced sample is checked.
     """
     waiting = [
         (point.label, point.case) for point in points if point.case is not None and not (store / point.key).exists()
     ]
     found: dict[str, str] = {}
-    asked = 0
-    for label, case in waiting[:: max(1, -(-len(waiting) // _ASKED))]:
-        asked += 1
+    checked_points = 0
+    for label, case in waiting[:: max(1, -(-len(waiting) // _MAX_PREFLIGHT_POINTS))]:
+        checked_points += 1
         for text in case.preflight:
             found.setdefault(text, label)
-        if len(found) >= _MOST_WARNINGS:
+        if len(found) >= _MAX_WARNINGS:
             break
-    yield from (f"{label}: {text}" for text, label in islice(found.items(), _MOST_WARNINGS))
-    if found and asked < len(waiting):
-        yield f"{len(waiting) - asked} of {len(waiting)} points were not asked for warnings like these"
+    yield from (f"{label}: {text}" for text, label in islice(found.items(), _MAX_WARNINGS))
+    if found and checked_points < len(waiting):
+        yield f"{len(waiting) - checked_points} of {len(waiting)} points were not checked for such warnings"
 
 
-def _swept(
+def _solve(
     file: Path, out: Path, study: SweepTable, points: Sequence[Point], pool: Pool, progress: Progress
 ) -> SweepResult:
-    """Return the sweep in a folder that is open."""
+    """Solve and write the sweep in a folder that is open."""
     gathered: dict[str, Gathered] = {}
     try:
         for key, outcome in solve_points(points, pool, out / SYSTEMS, out / POINTS, progress):
             gathered[key] = Gathered.of(outcome, study.fields)
     except KeyboardInterrupt as error:
-        error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command goes on")
+        error.add_note(f"{len(gathered)} of {len(points)} points are finished and in {out}; the same command continues")
         raise
     progress("writing", 0.0)
     result = _result(file, study, points, gathered)
@@ -108,28 +134,37 @@ def _swept(
 
 
 def _points(file: Path, study: SweepTable, registry: Registry | None) -> list[Point]:
-    """Return all points of a study. Raises CaseError if a key leads nowhere or no point is a case."""
+    """Return all points of a study. Raises CaseError for an invalid key or if no point has a valid case."""
     case_file = file.parent / study.case
     _, tables = read_toml(case_file)
     title = str(tables.get("title", ""))
     points = []
     for label, changes in study.changes():
         try:
-            named = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
+            point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
         except TableError as error:
             raise CaseError("\n".join(f"{file}: {label}: {problem}" for problem in error.problems)) from None
-        points.append(Point.of(label, named, case_file.parent, registry))
+        points.append(Point.of(label, point_tables, case_file.parent, registry))
     if all(point.case is None for point in points):
-        told = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
+        messages = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
         causes = (problem.cause for point in points for problem in point.problems)
-        raise CaseError("\n".join(told.values())) from next(filter(None, causes), None)
+        raise CaseError("\n".join(messages.values())) from next(filter(None, causes), None)
     return points
 
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Data of a point that a sweep holds in memory. numbers: of each increment; fields: x, y, z [m] and those of the
-    last increment that the study names, (n,) each."""
+    """Data of a point that a sweep holds in memory.
+
+    Attributes
+    ----------
+    status, message
+        Status of the point, and the reason if it did not converge.
+    numbers
+        Numbers of each increment.
+    fields
+        Coordinates x, y, z [m] and the fields of the last increment that the study names, (n,) each.
+    """
 
     status: str
     message: str
@@ -138,7 +173,7 @@ class Gathered:
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "Gathered":
-        """Gather the data of an outcome."""
+        """Extract the data of an outcome."""
         result = outcome.result
         if result is None:
             return cls(outcome.status, outcome.message)
@@ -149,8 +184,8 @@ class Gathered:
 
 def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
     fields = schema.nodal(schema.View.SWEEP)
-    places = dict(zip("xyz", result.zone.points.T, strict=True))
-    return places | {name: fields[name].values(result.zone, result.steps[-1]) for name in names}
+    coordinates = dict(zip("xyz", result.zone.points.T, strict=True))
+    return coordinates | {name: fields[name].values(result.zone, result.steps[-1]) for name in names}
 
 
 def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
@@ -158,11 +193,11 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
     shape = tuple(len(axis.labels) for axis in axes)
     found = [gathered[point.key] for point in points]
 
-    def over_axes(rows: Any) -> Any:
-        return rows.reshape(shape + rows.shape[1:])
+    def over_axes(table: Any) -> Any:
+        return table.reshape(shape + table.shape[1:])
 
-    def texts(given: Iterable[str]) -> Any:
-        return over_axes(np.array(list(given), dtype=np.str_))
+    def texts(items: Iterable[str]) -> Any:
+        return over_axes(np.array(list(items), dtype=np.str_))
 
     count = max((len(point.numbers) for point in found), default=1) if study.every_increment else 1
     quantities = {name: over_axes(_numbers(found, name, count)) for name in units()}
@@ -185,29 +220,28 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
 
 
 def _numbers(found: Sequence[Gathered], name: str, count: int) -> Array:
-    """Return a number of the last `count` increments of each point, (p, count), nan where there are none; from the
-    first."""
-    rows = np.full((len(found), count), np.nan)
-    for row, point in zip(rows, found, strict=True):
+    """Return a number of the last `count` increments of each point, (p, count), in order and padded with nan."""
+    table = np.full((len(found), count), np.nan)
+    for row, point in zip(table, found, strict=True):
         values = [numbers[name] for numbers in point.numbers[-count:]]
         row[: len(values)] = values
-    return rows
+    return table
 
 
 def _padded(found: Sequence[Gathered], name: str) -> Array:
-    """Return a field of each point, (p, n), n nodes of the largest zone; nan where there are none."""
+    """Return a field of each point, (p, n) for the n nodes of the largest zone, padded with nan."""
     fields = [np.empty(0) if point.fields is None else point.fields[name] for point in found]
-    rows = np.full((len(fields), max(map(len, fields))), np.nan)
-    for row, values in zip(rows, fields, strict=True):
+    table = np.full((len(fields), max(map(len, fields))), np.nan)
+    for row, values in zip(table, fields, strict=True):
         row[: len(values)] = values
-    return rows
+    return table
 
 
-def _shared(rows: Array, over_axes: Any) -> Array:
-    """Return the coordinates of nodes, once if all points that have any have the same."""
-    known = rows[~np.isnan(rows).all(axis=1)]
+def _shared(table: Array, over_axes: Any) -> Array:
+    """Return the coordinates of nodes, only once if they are the same for all points that have any."""
+    known = table[~np.isnan(table).all(axis=1)]
     same = len(known) > 0 and np.array_equal(known, np.broadcast_to(known[0], known.shape))
-    first: Array = known[0] if same else over_axes(rows)
+    first: Array = known[0] if same else over_axes(table)
     return first
 
 

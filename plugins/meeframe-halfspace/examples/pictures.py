@@ -1,4 +1,4 @@
-"""The picture of docs/halfspace.md, of rough.toml. Run: python pictures.py OUT.png."""
+"""Draw the picture of docs/halfspace.md, of rough.toml: python pictures.py OUT.png."""
 
 import sys
 from pathlib import Path
@@ -9,14 +9,14 @@ import numpy as np
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_case
 
-SHOWN = (
+FIELDS = (
     ("pressure [MPa]", "magma_r", lambda step: -step.traction[:, 2] / 1e6),
-    ("share of the friction limit", "viridis", lambda step: _mobilised(step.traction, 0.3)),
+    ("fraction of the friction limit", "viridis", lambda step: _mobilization(step.traction, 0.3)),
     ("electric potential [V]", "RdBu_r", lambda step: step.potentials[:, 0]),
 )
 
 
-def _mobilised(traction: np.ndarray, mu: float) -> np.ndarray:
+def _mobilization(traction: np.ndarray, mu: float) -> np.ndarray:
     limit = -mu * traction[:, 2]
     return np.divide(np.hypot(*traction[:, :2].T), limit, where=limit > 0.0, out=np.full(len(limit), np.nan))
 
@@ -29,7 +29,7 @@ def main(out: Path) -> None:
     count = round(len(points) ** 0.5)
     order = np.lexsort((points[:, 0], points[:, 1]))
     figure, axes = plt.subplots(1, 3, figsize=(13, 3.9), layout="constrained", sharey=True)
-    for axis, (label, colours, values) in zip(axes, SHOWN, strict=True):
+    for axis, (label, colours, values) in zip(axes, FIELDS, strict=True):
         grid = values(step)[order].reshape(count, count)
         grid = np.where(grid == 0.0, np.nan, grid) if "pressure" in label else grid
         span = np.nanmax(np.abs(grid))

@@ -78,11 +78,10 @@ def far_tables(
     entries: Iterable[int],
     hop: int = 1,
 ) -> Iterator[tuple[int, Array]]:
-    """Each of the entries that is not zero, and its `far_table`: that of offsets j >= 0 alone, (nx, ny), if the entry
-    is mirrored.
+    """Yield each nonzero entry with its `far_table`, or the part (nx, ny) at offsets j >= 0 if the entry is mirrored.
 
     Samples at the nodes add up to the integral over a density with weights that are exact for polynomials. Entries
-    whose series have the same harmonics are made together.
+    whose series have the same harmonics are computed together.
     """
     nx, ny = size
     steps, weights = hop * np.array(spacing), _node_weights(shape, _REACH if hop == 1 else 1, hop)
@@ -109,12 +108,12 @@ def _fill_far(
 
 
 def unfolded(part: Array, mirror: int) -> Array:
-    """A table (nx, 2 ny - 1) of the part of it that is made of a mirrored entry, see far_tables."""
+    """Return a table (nx, 2 ny - 1) from its part at offsets j >= 0, see far_tables."""
     return np.concatenate([mirror * part[:, :0:-1], part], axis=1) if mirror else part
 
 
 def share_out(work: Callable[[int, int], None], count: int) -> None:
-    """work(first, last) on parts of range(count), in as many threads as numba has."""
+    """Call work(first, last) on ranges that cover range(count), in as many threads as numba has."""
     threads = numba.get_num_threads()
     if threads == 1:
         work(0, count)
@@ -148,8 +147,10 @@ def _product_rules(shape: Shape) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=4)
 def _node_weights(shape: Shape, reach: int, hop: int) -> Array:
-    """Weights (2 reach + 1,) of values at every hop-th node in their integral over the density about the middle one,
-    in units of hop spacings."""
+    """Return weights (2 reach + 1,) of values at every hop-th node for the integral over the middle density.
+
+    They are in units of hop spacings.
+    """
     powers = 2 * np.arange(reach + 1)
     moments = 0.5**powers / (powers + 1.0) if shape == "constant" else 2.0 / ((powers + 1.0) * (powers + 2.0))
     moments = moments / float(hop) ** (powers + 1)

@@ -84,7 +84,7 @@ class Symbol:
             return found, places
 
     def _made(self, numbers: Sequence[int], precision: np.dtype[Any]) -> Iterable[tuple[int, Array]]:
-        """These entries; in single precision rounded if they are there in double."""
+        """Return these entries; in single precision they are rounded from double precision if available."""
         places = self._places.get(DOUBLE, {})
         if precision == DOUBLE or not places.keys() >= set(numbers):
             return self.make(numbers, precision)

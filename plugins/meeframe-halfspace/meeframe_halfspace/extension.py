@@ -1,9 +1,9 @@
 """Extension of values at some nodes of a grid to all nodes, and the transposed map.
 
 Among all displacements that agree on the loaded nodes, the one with the least energy belongs to a load on these nodes
-alone. With the inverse W of the compliance on the whole grid, the inverse of the compliance restricted to the loaded
+only. With the inverse W of the compliance on the whole grid, the inverse of the compliance restricted to the loaded
 nodes is the minimum of E' W E over all extensions E from them. Extension by zeros is far from the minimum at the border
-of the loaded nodes and where these are many small spots. Here values fade over a few levels: on each of them cells of
+of the loaded nodes and where these are many small spots. Here values decay over a few levels: on each of them cells of
 2 x 2 have the mean of the values in them, and empty cells a fraction of the interpolation between cells twice as large.
 """
 
@@ -24,16 +24,16 @@ conjugate gradients took the fewest iterations on the rough surfaces of validati
 
 @dataclass(frozen=True, eq=False)
 class MultilevelExtension:
-    """An extension on the levels of a periodic grid, in single precision.
+    """Extension on the levels of a periodic grid, in single precision.
 
     Attributes
     ----------
     places
-        (f,) places of the nodes with values in the flattened grid.
+        Positions (f,) of the nodes with values in the flattened grid.
     cells
-        (f,) numbers of the cells of 2 x 2 that contain them.
+        Numbers (f,) of the cells of 2 x 2 that contain them.
     shares
-        For the grid and each coarser level, (a, b) inverse of the number of nodes in each cell, zero if there are none.
+        For the grid and each coarser level the inverse number of nodes in each cell, (a, b), zero if there are none.
     """
 
     places: Indices
@@ -42,7 +42,7 @@ class MultilevelExtension:
 
     @classmethod
     def of(cls, size: tuple[int, int], places: Indices) -> "MultilevelExtension":
-        """Return the extension from nodes at these places (f,) of a grid of that size."""
+        """Create the extension from nodes at these positions (f,) of a grid of this size."""
         numbers: list[Array] = [np.zeros(size, np.float32)]
         numbers[0].ravel()[places] = 1.0
         for _ in range(LEVELS):
@@ -52,28 +52,28 @@ class MultilevelExtension:
         return cls(places, rows // 2 * numbers[1].shape[1] + columns // 2, tuple(inverses))
 
     def prolong(self, values: Array) -> Array:
-        """Return values at all places, (a, b), from values (f,) of the nodes."""
+        """Return values at all nodes, (a, b), from values (f,) of the nodes with values."""
         sums: list[Array] = [np.zeros(self.shares[0].shape, np.float32)]
         sums[0].ravel()[self.places] = values
         for _ in range(LEVELS):
             sums.append(_sums(sums[-1]))
-        whole = sums[-1] * self.shares[-1]
+        field = sums[-1] * self.shares[-1]
         for level in reversed(range(LEVELS)):
-            interpolate(whole, _fraction(level), self.shares[level], sums[level])
-            whole = sums[level]
-        return whole
+            interpolate(field, _fraction(level), self.shares[level], sums[level])
+            field = sums[level]
+        return field
 
-    def restrict(self, whole: Array) -> Array:
+    def restrict(self, field: Array) -> Array:
         """Return the transposed map, (f,) from (a, b)."""
-        parts = [whole]
+        levels = [field]
         for level, share in enumerate(self.shares[:-1]):
-            larger = np.zeros(self.shares[level + 1].shape, np.float32)
-            restrict_level(parts[-1], _fraction(level), share, larger)
-            parts.append(larger)
-        sums = parts[-1] * self.shares[-1]
+            coarse = np.zeros(self.shares[level + 1].shape, np.float32)
+            restrict_level(levels[-1], _fraction(level), share, coarse)
+            levels.append(coarse)
+        sums = levels[-1] * self.shares[-1]
         for level in reversed(range(1, LEVELS)):
-            sums = add_to_cells(sums, parts[level], self.shares[level])
-        restricted: Array = whole.take(self.places) + sums.take(self.cells)
+            sums = add_to_cells(sums, levels[level], self.shares[level])
+        restricted: Array = field.take(self.places) + sums.take(self.cells)
         return restricted
 
 
@@ -90,7 +90,7 @@ def _sums(fine: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def add_up(fine, coarse):
-    """coarse += sums of fine over cells of 2 x 2."""
+    """Add sums of fine values over cells of 2 x 2 to coarse."""
     for i in range(fine.shape[0]):
         row, sums = fine[i], coarse[i // 2]
         for j in range(fine.shape[1] // 2):
@@ -101,7 +101,7 @@ def add_up(fine, coarse):
 
 @njit(cache=True, nogil=True)
 def add_to_cells(coarse, fine, shares):
-    """fine shares + coarse at the cell that each belongs to."""
+    """Return fine values times their shares plus the coarse value of the cell of each."""
     sums = np.empty_like(fine)
     for i in range(fine.shape[0]):
         for j in range(fine.shape[1]):
@@ -110,16 +110,16 @@ def add_to_cells(coarse, fine, shares):
 
 
 @njit(cache=True, nogil=True)
-def interpolate(coarse, part, shares, fine):
-    """fine = sums in fine times their shares, or the part of the values between coarse ones where there are none."""
-    between = np.empty(coarse.shape[1] + 2, coarse.dtype)  # of the row, with the neighbours across its ends
-    a, b = np.float32(0.75 * part), np.float32(0.25 * part)
+def interpolate(coarse, fraction, shares, fine):
+    """Replace sums in fine by sums times shares, or by a fraction of interpolated coarse values without a share."""
+    between = np.empty(coarse.shape[1] + 2, coarse.dtype)  # values of the row, periodically continued
+    a, b = np.float32(0.75 * fraction), np.float32(0.25 * fraction)
     c, d = np.float32(0.75), np.float32(0.25)
     for i in range(fine.shape[0]):
         p = i // 2
-        here, there = coarse[p], coarse[(p + 2 * (i % 2) - 1) % coarse.shape[0]]
-        for j in range(len(here)):
-            between[j + 1] = a * here[j] + b * there[j]
+        center_row, neighbour_row = coarse[p], coarse[(p + 2 * (i % 2) - 1) % coarse.shape[0]]
+        for j in range(len(center_row)):
+            between[j + 1] = a * center_row[j] + b * neighbour_row[j]
         between[0], between[-1] = between[-2], between[1]
         row, share = fine[i], shares[i]
         for j in range(fine.shape[1] // 2):
@@ -131,12 +131,12 @@ def interpolate(coarse, part, shares, fine):
 
 
 @njit(cache=True, nogil=True)
-def restrict_level(fine, part, shares, coarse):
-    """Add the transposed of `interpolate` to coarse."""
+def restrict_level(fine, fraction, shares, coarse):
+    """Add the transpose of `interpolate` to coarse."""
     columns, width = fine.shape[1], coarse.shape[1]
-    free = np.zeros(2 * width + 2, coarse.dtype)  # of the row, where there are no shares, with those across its ends
+    free = np.zeros(2 * width + 2, coarse.dtype)  # values of the row without shares, periodically continued
     between = np.empty(width, coarse.dtype)
-    a, b = np.float32(0.75 * part), np.float32(0.25 * part)
+    a, b = np.float32(0.75 * fraction), np.float32(0.25 * fraction)
     c, d, zero = np.float32(0.75), np.float32(0.25), np.float32(0.0)
     for i in range(fine.shape[0]):
         row, share = fine[i], shares[i]
@@ -147,8 +147,8 @@ def restrict_level(fine, part, shares, coarse):
             between[j] = c * (free[2 * j + 1] + free[2 * j + 2]) + d * (free[2 * j] + free[2 * j + 3])
         p = i // 2
         q = (p + 2 * (i % 2) - 1) % coarse.shape[0]
-        here, there = coarse[p], coarse[q]
+        center_row, neighbour_row = coarse[p], coarse[q]
         for j in range(width):
-            here[j] += a * between[j]
+            center_row[j] += a * between[j]
         for j in range(width):
-            there[j] += b * between[j]
+            neighbour_row[j] += b * between[j]

@@ -56,19 +56,19 @@ class HalfSpace(Formulation):
             raise CaseError(f"half-space: matrix_up_to = {self.matrix_up_to!r}; allowed: whole numbers from 0")
 
     def check(self, body: Body) -> None:
-        """Raises MeshError or CaseError if the body is no half space with a regular grid.
+        """Raise MeshError or CaseError if the body is not a half space with a regular grid.
 
         MeshError unless the mesh is part of a plane and its contact zone a regular grid; CaseError if boundary
-        conditions contradict each other or prescribe anything but zero flux beside the zone.
+        conditions contradict each other or prescribe anything but zero flux outside the zone.
         """
         self._grid(body)
 
     def is_periodic(self) -> bool:
-        """Return True if the zone is one period of an infinite surface."""
+        """Return whether the surface is periodic."""
         return self.periodic
 
     def resolves_edges(self) -> bool:
-        """Return True if edges are resolved between the nodes."""
+        """Return whether contact edges between nodes are resolved."""
         return self.edges == "resolved"
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:

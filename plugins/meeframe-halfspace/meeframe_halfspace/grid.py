@@ -1,4 +1,4 @@
-"""The regular grid that the nodes of a flat contact zone form."""
+"""Regular grid of the nodes of a flat contact zone."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,13 +10,22 @@ from meeframe.plugin import Array, Indices, MeshError
 from meeframe_halfspace.flat_zone import FlatZone
 
 SAME: Final = 1e-6
-"""Of a spacing: nodes nearer to a place of the grid stand there."""
+"""Tolerance of positions in spacings."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """nodes: (nx, ny) node at each place, e1 along the first axis; spacing: along e1 and e2 [m]; frame: (3, 3), rows
-    e1, e2, outward normal."""
+    """A regular grid.
+
+    Attributes
+    ----------
+    nodes
+        Node at each position, (nx, ny), e1 along the first axis.
+    spacing
+        Spacing along e1 and e2 [m].
+    frame
+        Rows e1, e2, outward normal, (3, 3).
+    """
 
     nodes: Indices
     spacing: tuple[float, float]
@@ -24,19 +33,19 @@ class Grid:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Nodes along e1 and e2."""
+        """Numbers of nodes along e1 and e2."""
         return self.nodes.shape[0], self.nodes.shape[1]
 
     @cached_property
     def _order(self) -> Literal["C", "F"] | None:
-        """Whether the nodes are numbered along the second axis first, or along the first; None if they are not."""
-        counted = np.arange(self.nodes.size)
-        if np.array_equal(self.nodes.ravel("C"), counted):
+        """Order of the numbers of nodes: 'C' along the second axis first, 'F' along the first, None otherwise."""
+        numbers = np.arange(self.nodes.size)
+        if np.array_equal(self.nodes.ravel("C"), numbers):
             return "C"
-        return "F" if np.array_equal(self.nodes.ravel("F"), counted) else None
+        return "F" if np.array_equal(self.nodes.ravel("F"), numbers) else None
 
     def place(self, values: Array) -> Array:
-        """Nodal values (k, n) on the grid, (k, nx, ny), in the same memory if it can be."""
+        """Return nodal values (k, n) on the grid, (k, nx, ny), as a view if possible."""
         if self._order is None:
             return values[:, self.nodes]
         if self._order == "C":
@@ -44,23 +53,23 @@ class Grid:
         return values.reshape(-1, *self.size[::-1]).swapaxes(1, 2)
 
     def scatter(self, values: Array) -> Array:
-        """Values on the grid, (k, nx, ny), at the nodes, (n, k), in the same memory if it can be.
+        """Return values on the grid, (k, nx, ny), at the nodes, (n, k), as a view if possible.
 
         Fields are stored one after another.
         """
         if self._order == "C":
             return values.reshape(len(values), self.nodes.size).T
         nodal = np.empty((len(values), self.nodes.size), values.dtype)
-        for part, value in zip(nodal, values, strict=True):
+        for row_of_values, value in zip(nodal, values, strict=True):
             if self._order is None:
-                part[self.nodes] = value
+                row_of_values[self.nodes] = value
             else:
-                part.reshape(self.size, order=self._order)[...] = value
+                row_of_values.reshape(self.size, order=self._order)[...] = value
         return nodal.T
 
     @cached_property
     def flat(self) -> tuple[tuple[int, int], Indices | None]:
-        """Size of the grid as nodal values are stored, and the place (n,) of each node in it, None if it is its number.
+        """Size of the grid as nodal values are stored, and the position (n,) of each node in it if numbers differ.
 
         The first axis is e2 if nodes are numbered along e1 first.
         """
@@ -69,22 +78,32 @@ class Grid:
         return self.size if self._order == "C" else self.size[::-1], None
 
     def weights(self, periodic: bool) -> Array:
-        """Area that belongs to each node [m^2]: a cell, of which a free grid has half or a quarter on its border."""
-        shares = [np.ones(n) for n in self.size]
+        """Return the area of each node [m^2]: a cell, or half or a quarter of it on the border of a free grid."""
+        fractions = [np.ones(n) for n in self.size]
         if not periodic:
-            for share in shares:
-                share[[0, -1]] = 0.5
-        areas = np.outer(*shares) * (self.spacing[0] * self.spacing[1])
+            for fraction in fractions:
+                fraction[[0, -1]] = 0.5
+        areas = np.outer(*fractions) * (self.spacing[0] * self.spacing[1])
         return self.scatter(areas[None])[:, 0]
 
 
 def find_grid(zone: FlatZone, name: str) -> Grid:
-    """The grid of a contact zone; name: of its face group.
+    """Return the grid of a contact zone.
 
-    Raises MeshError unless its nodes are the places of a full grid with equal spacings along e1 and along e2.
+    Parameters
+    ----------
+    zone
+        The contact zone.
+    name
+        Name of its face group, for messages.
+
+    Raises
+    ------
+    MeshError
+        Unless its nodes form a full grid with equal spacings along e1 and along e2.
     """
-    along, across, _ = zone.frame @ zone.points.T
-    (i, hx), (j, hy) = _places(along, across, name), _places(across, along, name)
+    x, y, _ = zone.frame @ zone.points.T
+    (i, hx), (j, hy) = _positions(x, y, name), _positions(y, x, name)
     nodes = np.full((i.max() + 1, j.max() + 1), -1)
     nodes[i, j] = np.arange(len(i))
     if nodes.size != len(i) or nodes.min() < 0:
@@ -94,25 +113,25 @@ def find_grid(zone: FlatZone, name: str) -> Grid:
 
 def _no_grid(name: str, count: int, reason: str) -> MeshError:
     return MeshError(
-        f"contact zone {name!r}: its {count} nodes are no full grid{reason}; allowed: a rectangle of equal elements "
-        "with edges along its axes e1 and e2, without nodes on edges alone (quad4, quad9, tri3, but not quad8)"
+        f"contact zone {name!r}: its {count} nodes do not form a full grid{reason}; allowed: a rectangle of equal "
+        "elements with edges along its axes e1 and e2, of quad4, quad9 or tri3 elements, but not quad8"
     )
 
 
-def _places(coordinates: Array, others: Array, name: str) -> tuple[Indices, float]:
-    """Place (n,) of each node along an axis, and the spacing [m]; others: coordinates along the other axis."""
+def _positions(coordinates: Array, others: Array, name: str) -> tuple[Indices, float]:
+    """Return the position (n,) of each node along an axis, and the spacing [m]; `others` is the other axis."""
     first, extent = others.min(), float(np.ptp(coordinates))
-    row = np.sort(coordinates[others <= first + SAME * np.ptp(others)])
-    count = 1 + int((np.diff(row) > SAME * extent).sum())
+    edge_coordinates = np.sort(coordinates[others <= first + SAME * np.ptp(others)])
+    count = 1 + int((np.diff(edge_coordinates) > SAME * extent).sum())
     if count < 2:
         raise _no_grid(name, len(coordinates), ": only one is on the edge along an axis")
-    spacing = float(row[-1] - row[0]) / (count - 1)
-    places = (coordinates - row[0]) / spacing
-    nearest = np.rint(places).astype(np.int64)
-    off = float(np.abs(places - nearest).max())
-    if off > SAME * count:
+    spacing = float(edge_coordinates[-1] - edge_coordinates[0]) / (count - 1)
+    positions = (coordinates - edge_coordinates[0]) / spacing
+    nearest = np.rint(positions).astype(np.int64)
+    deviation = float(np.abs(positions - nearest).max())
+    if deviation > SAME * count:
         raise MeshError(
-            f"contact zone {name!r}: its nodes are not equally spaced: one is {off:.2g} of the spacing {spacing:.3g} m "
-            f"away from its place; allowed: {SAME * count:.2g}"
+            f"contact zone {name!r}: its nodes are not equally spaced: one is {deviation:.2g} of the spacing "
+            f"{spacing:.3g} m away from its position; allowed: {SAME * count:.2g}"
         )
     return nearest, spacing

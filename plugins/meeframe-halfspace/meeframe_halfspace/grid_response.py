@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, final
 
 import numba
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 
 from meeframe.plugin import Array
 from meeframe_halfspace.cells import Shape, cell_table, far_tables, near_size, share_out
@@ -84,11 +84,11 @@ class FreeGrid(GridResponse):
         """Yield the nonzero ones of some of the entries, (nx, 2 ny - 1) or (nx, ny), exact also near the node."""
         for number, table in far_tables(self.response, self.spacing, self.shape, self.size, numbers):
             near = self._near[number]
-            reach = near.shape[1] // 2
+            half_width = near.shape[1] // 2
             if table.shape[1] == self.size[1]:
-                table[: len(near), : reach + 1] = near[:, reach:]
+                table[: len(near), : half_width + 1] = near[:, half_width:]
             else:
-                table[: len(near), self.size[1] - 1 - reach : self.size[1] + reach] = near
+                table[: len(near), self.size[1] - 1 - half_width : self.size[1] + half_width] = near
             yield number, table
 
     def symbol(self, numbers: Sequence[int], precision: np.dtype[Any] = DOUBLE) -> Iterator[tuple[int, Array]]:
@@ -101,19 +101,19 @@ class FreeGrid(GridResponse):
     def own(self) -> Array:
         """Response (25,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
-        values[self.response.layout.n_symmetric :] = 0.0  # an odd function at zero
+        values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return values
 
     def coarsen(self) -> "FreeGrid":
         """Return the coarser grid; as of 1/r, the response at as many spacings is twice that of the finer one."""
-        spacing, size = _doubled(self.spacing), _halved(self.size)
-        return replace(self, spacing=spacing, size=size, near=2.0 * self._nearer(near_size(spacing, size)))
+        spacing, size = _double(self.spacing), _halve(self.size)
+        return replace(self, spacing=spacing, size=size, near=2.0 * self._near_box(near_size(spacing, size)))
 
     def restrict(self, size: tuple[int, int]) -> "FreeGrid":
         """Return the response without the nodes around the part."""
-        return replace(self, size=size, near=self._nearer(near_size(self.spacing, size)))
+        return replace(self, size=size, near=self._near_box(near_size(self.spacing, size)))
 
-    def _nearer(self, size: tuple[int, int]) -> Array:
+    def _near_box(self, size: tuple[int, int]) -> Array:
         """Return the entries near the node on a grid of that size."""
         (nx, ny), middle = size, self._near.shape[2] // 2
         return self._near[:, :nx, middle - ny + 1 : middle + ny]
@@ -171,22 +171,22 @@ class PeriodicGrid(GridResponse):
     def own(self) -> Array:
         """Response (25,) of a node to the density around it."""
         nx, ny = self.size
-        twice = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
-        twice[0] = 1.0
+        multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
+        multiplicity[0] = 1.0
         if nx % 2 == 0:
-            twice[-1] = 1.0
-        values = np.zeros(self.response.layout.n_values)  # those of odd functions are zero
+            multiplicity[-1] = 1.0
+        values = np.zeros(self.response.layout.n_values)  # odd functions vanish at zero
         parities = self.response.parities
         for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
             whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
-            values[number] = twice @ whole.sum(axis=1) / (nx * ny)
+            values[number] = multiplicity @ whole.sum(axis=1) / (nx * ny)
         return values
 
     def coarsen(self) -> "PeriodicGrid | None":
         """Return the coarser grid; None unless numbers of nodes are even."""
         if any(n % 2 for n in self.size):
             return None
-        return replace(self, spacing=_doubled(self.spacing), size=_halved(self.size))
+        return replace(self, spacing=_double(self.spacing), size=_halve(self.size))
 
     def restrict(self, size: tuple[int, int]) -> None:
         """Return None: parts of a period do not repeat themselves."""
@@ -194,13 +194,24 @@ class PeriodicGrid(GridResponse):
 
 
 def mean_length(size: tuple[int, int], spacing: tuple[float, float]) -> float:
-    """Length [m] by which a uniform load on a periodic surface is multiplied: 1/k of a wave as long as the period."""
+    """Return the factor [m] of a uniform load on a periodic surface: 1/k of a wave as long as the period."""
     return float(np.sqrt(size[0] * spacing[0] * size[1] * spacing[1]) / (2.0 * np.pi))
 
 
 def free_symbol(table: Array, response: PointResponse, number: int, padded: tuple[int, int]) -> Array:
-    """An entry of a symbol, see Symbol, from its table, (nx, 2 ny - 1) or (nx, ny), see far_tables; padded: (px, py),
-    even."""
+    """Return an entry of a symbol, see Symbol, from its table.
+
+    Parameters
+    ----------
+    table
+        Table (nx, 2 ny - 1) or (nx, ny), see far_tables.
+    response
+        Response of the half space.
+    number
+        Number of the entry.
+    padded
+        Size (px, py) of the padded grid, even.
+    """
     coefficients, odd = response.entry(number)
     parity, mirror = (-1 if odd else 1), mirrored(coefficients)
     if mirror:
@@ -213,7 +224,7 @@ def free_symbol(table: Array, response: PointResponse, number: int, padded: tupl
 
 
 def _wrap(kernel: Array, response: Array, parity: float) -> None:
-    """Enter the response, (nx, 2 ny - 1), of offsets (i, j) and by parity (-i, -j), negative ones from the end."""
+    """Enter the response, (nx, 2 ny - 1), at offsets (i, j) and by parity at (-i, -j), negative ones from the end."""
     nx, wide = response.shape
     ny = (wide + 1) // 2
     kernel[:nx, :ny] = response[:, ny - 1 :]
@@ -224,22 +235,25 @@ def _wrap(kernel: Array, response: Array, parity: float) -> None:
 
 
 def whole_entry(half: Array, parity: int, width: int) -> Array:
-    """Entry (n, width) of a symbol that is an even or odd function along its rows, of its half (n, width // 2 + 1)."""
+    """Return the entry (n, width) of a symbol that is even or odd along its rows from its half (n, width // 2 + 1)."""
     return np.concatenate([half, parity * half[:, (width - 1) // 2 : 0 : -1]], axis=1)
 
 
 def _half_symbol(quarter: Array, parities: tuple[int, int], padded: tuple[int, int]) -> Array:
-    """Entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at offsets that are not negative, (nx, ny).
+    """Return an entry (px // 2 + 1, py // 2 + 1) of a symbol from its kernel at nonnegative offsets, (nx, ny).
 
-    parities: 1 or -1 along each axis, where the kernel is an even or an odd function; padded: (px, py), even.
+    parities: 1 or -1 along each axis, for an even or odd kernel; padded: (px, py), even.
     """
     (along, across), (px, py) = parities, padded
     half = _half_spectrum(_half_spectrum(quarter, along, px, 0), across, py, 1)
-    return np.negative(half, out=half) if along == across == -1 else half  # i times i
+    return np.negative(half, out=half) if along == across == -1 else half  # i squared
 
 
 def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
-    """Transform, padded // 2 + 1 along an axis, of even or odd functions from zero on, without the factor i."""
+    """Return the transform, padded // 2 + 1 along an axis, of even or odd functions from zero on.
+
+    The factor i of odd functions is omitted.
+    """
     middle, workers = padded // 2, numba.get_num_threads()
     if parity == 1:
         return np.asarray(scipy.fft.dct(half, 1, middle + 1, axis, workers=workers))
@@ -250,9 +264,9 @@ def _half_spectrum(half: Array, parity: int, padded: int, axis: int) -> Array:
     return np.negative(np.pad(scipy.fft.dst(inside, 1, middle - 1, axis, workers=workers), sides))
 
 
-def _doubled(spacing: tuple[float, float]) -> tuple[float, float]:
+def _double(spacing: tuple[float, float]) -> tuple[float, float]:
     return 2.0 * spacing[0], 2.0 * spacing[1]
 
 
-def _halved(size: tuple[int, int]) -> tuple[int, int]:
+def _halve(size: tuple[int, int]) -> tuple[int, int]:
     return (size[0] + 1) // 2, (size[1] + 1) // 2

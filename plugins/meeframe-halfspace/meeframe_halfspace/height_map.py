@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal, final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.plugin import Array, CaseError, Indenter, Quantity, SampledHeights, check_quantities
@@ -19,14 +19,30 @@ Length = Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
 @final
 @dataclass(frozen=True)
 class MeasuredHeights(Indenter):
-    """A rigid rough surface from a height map: see read_height_map for the files that are understood.
+    """A rigid rough surface from a height map; see read_height_map for the file formats.
 
-    unit, lateral_unit: metres in the file's unit of heights (by default what the file says, or metres) and of
-    coordinates; spacing: of a matrix along x and y, whatever the file says;
-    dataset: in an HDF5 file. facing: 'up' as measured, so that peaks touch first, or 'down' as an indenter's height.
-    levelled: take away the best plane. centred: the middle of the map on the indenter's axis; otherwise where its
-    coordinates say. missing: heights that the file marks as missing are an error, or those of the nearest neighbour.
-    interpolation: bilinear or bicubic; beyond the map there is no surface.
+    There is no surface beyond the map.
+
+    Attributes
+    ----------
+    file
+        File of the height map.
+    unit, lateral_unit
+        Metres per unit of heights (by default that of the file, or metres) and of coordinates.
+    spacing
+        Spacing of a matrix along x and y, overriding that of the file.
+    dataset
+        Path of the dataset in an HDF5 file.
+    facing
+        'up' as measured, so that peaks touch first, or 'down' as the height of an indenter.
+    levelled
+        Whether the best-fit plane is subtracted.
+    centred
+        Whether the middle of the map is on the axis of the indenter; otherwise its coordinates apply.
+    missing
+        Whether missing heights are an error or replaced by those of the nearest neighbours.
+    interpolation
+        Bilinear or bicubic interpolation.
     """
 
     file: Path
@@ -44,12 +60,18 @@ class MeasuredHeights(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest given one, (n,) [m], inf beyond the map. Raises CaseError, naming the file."""
-        # bicubic patches may swing below the lowest height
-        return np.maximum(_sampled(self, _changed(self.file)).height(x, y), 0.0)
+        """Return the height above the lowest one of the map, (n,) [m], inf beyond the map.
+
+        Raises
+        ------
+        CaseError
+            If the file cannot be read; the message names it.
+        """
+        # bicubic patches can undershoot the lowest height
+        return np.maximum(_sample(self, _modification_time(self.file)).height(x, y), 0.0)
 
 
-def _changed(file: Path) -> int:
+def _modification_time(file: Path) -> int:
     try:
         return os.stat(file).st_mtime_ns
     except OSError as error:
@@ -57,29 +79,29 @@ def _changed(file: Path) -> int:
 
 
 @lru_cache(maxsize=2)
-def _sampled(given: MeasuredHeights, _changed: int) -> SampledHeights:
-    """The map as an indenter, kept until the file changes."""
-    scales = Scales(given.unit, given.lateral_unit, given.spacing, given.dataset)
-    surface = read_height_map(given.file, scales)
-    gaps = ~np.isfinite(surface.heights)
-    if gaps.any() and (given.missing == "error" or gaps.all()):
+def _sample(indenter: MeasuredHeights, _modification_time: int) -> SampledHeights:
+    """Return the map as an indenter, cached until the file changes."""
+    scales = Scales(indenter.unit, indenter.lateral_unit, indenter.spacing, indenter.dataset)
+    surface = read_height_map(indenter.file, scales)
+    missing = ~np.isfinite(surface.heights)
+    if missing.any() and (indenter.missing == "error" or missing.all()):
         raise CaseError(
-            f"height map {given.file}: {int(gaps.sum())} of {gaps.size} heights are missing; allowed: a full map, or "
-            "missing = 'nearest' to take those of the nearest neighbours"
+            f"height map {indenter.file}: {int(missing.sum())} of {missing.size} heights are missing; allowed: a full "
+            "map, or missing = 'nearest' for those of the nearest neighbours"
         )
-    if given.levelled:
-        surface = surface.levelled()  # by the measured heights alone
-    surface = _filled(surface, gaps)
+    if indenter.levelled:
+        surface = surface.levelled()  # missing heights do not affect the plane
+    surface = _fill(surface, missing)
     x, y = surface.x, surface.y
-    if given.centred:
+    if indenter.centred:
         x, y = x - (x[0] + x[-1]) / 2, y - (y[0] + y[-1]) / 2
-    heights = surface.heights if given.facing == "down" else -surface.heights
+    heights = surface.heights if indenter.facing == "down" else -surface.heights
     grid = np.meshgrid(x, y, indexing="ij")
-    return SampledHeights(np.column_stack([grid[0].ravel(), grid[1].ravel(), heights.ravel()]), given.interpolation)
+    return SampledHeights(np.column_stack([grid[0].ravel(), grid[1].ravel(), heights.ravel()]), indenter.interpolation)
 
 
-def _filled(surface: HeightMap, gaps: NDArray[np.bool_]) -> HeightMap:
-    if not gaps.any():
+def _fill(surface: HeightMap, missing: NDArray[np.bool_]) -> HeightMap:
+    if not missing.any():
         return surface
-    nearest = scipy.ndimage.distance_transform_edt(gaps, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
     return HeightMap(surface.x, surface.y, surface.heights[tuple(nearest)])

@@ -16,12 +16,11 @@ NONE: Final = 1e-5
 
 
 def wave_inverse(convolution: Convolution, fields: Sequence[int]) -> Convolution:
-    """Loads of the given k fields from the displacements that they cause.
+    """Return the convolution that gives the loads of k fields for their displacements.
 
-    On a periodic grid it is exact. A free one of p padded nodes along an axis answers to the waves of p / 2 nodes as
-    their neighbours among its own do in the mean: as if its response were multiplied by cos(2 pi x / p), which falls to
-    zero as the part of it does that wraps around, and leaves the shorter waves as they are. Single precision: what
-    preconditions need not be better.
+    On a periodic grid it is exact. On a free grid of p padded nodes along an axis, the p / 2 nodes respond to waves as
+    their neighbours do on average: as if the response were multiplied by cos(2 pi x / p), which falls to zero like its
+    part that wraps around, and preserves the shorter waves. Single precision is sufficient for preconditioning.
     """
     single, k, padded = np.dtype(np.float32), len(fields), convolution.padded
     if not convolution.periodic:

@@ -99,9 +99,9 @@ class PointResponse:
 
     @cached_property
     def parities(self) -> Indices | None:
-        """Parities of the entries: 1 for even, -1 for odd functions of the angle; None without mirror symmetry.
+        """Parities of the entries: 1 for even and -1 for odd functions of the angle, None if there are none.
 
-        The plane of symmetry contains the normal and the first axis.
+        Media that are mirrored about the first axis have parities.
         """
         found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):

@@ -5,28 +5,43 @@ from functools import lru_cache
 from typing import Annotated, Final, final
 
 import numpy as np
-import scipy  # its parts load where they are used
+import scipy  # submodules are loaded on first use
 from pydantic import Field
 
 from meeframe.plugin import Array, CaseError, Indenter, Quantity, check_quantities
 
 SAMPLES_PER_WAVE: Final = 8
-"""Of the shortest wave, where the number of samples is not given."""
+"""Default number of samples per shortest wavelength."""
 
 
 @final
 @dataclass(frozen=True)
 class SelfAffine(Indenter):
-    """A rigid periodic surface, sum of waves of random phases with a self-affine spectrum.
+    """A rigid periodic surface, a sum of waves with random phases and a self-affine spectrum.
 
-    The power spectral density is constant for wavelengths from the period down to the roll-off, falls like
-    q^-2(1 + hurst) from there to the shortest wavelength, and is zero beyond. Given is either the root mean square
-    height or the root mean square slope (of the gradient's length), which the surface has exactly.
+    The power spectral density is constant for wavelengths from the period to the roll-off, falls like q^-2(1 + hurst)
+    from there to the shortest wavelength, and is zero beyond. Either the root mean square height or the root mean
+    square slope (of the modulus of the gradient) is given, and the surface has it exactly. Between samples the surface
+    is a periodic cubic spline. Heights count from the lowest sample.
 
-    roll_off: by default the period. seed: of the phases; waves are numbered from the longest on, so that a shorter
-    cut-off adds waves and leaves the long ones as they are. samples: along the period, at the middles of so many equal
-    parts of it; a contact zone of samples - 1 divisions, one part shorter than the period, has its nodes there. Between
-    samples a periodic cubic spline. Heights count from the lowest sample.
+    Attributes
+    ----------
+    period
+        Period along x and y.
+    shortest
+        Shortest wavelength.
+    hurst
+        Hurst exponent.
+    rms_height, rms_slope
+        Root mean square height or slope.
+    roll_off
+        Roll-off wavelength; by default the period.
+    seed
+        Seed of the phases. Waves are numbered from the longest on, so that a shorter cut-off adds waves and leaves the
+        long ones unchanged.
+    samples
+        Samples along the period, at the midpoints of equal intervals; a contact zone of samples - 1 divisions, one
+        interval shorter than the period, has its nodes there.
     """
 
     period: Annotated[float, Quantity("m", gt=0, lt=float("inf"))]
@@ -52,38 +67,41 @@ class SelfAffine(Indenter):
                 f"self-affine: shortest = {self.shortest!r} m, roll-off {longest!r} m, period = {self.period!r} m; "
                 "allowed: shortest <= roll_off <= period"
             )
-        least = 2 * _most_waves(self) + 1
-        if self.samples is not None and self.samples < least:
-            raise CaseError(f"self-affine: samples = {self.samples!r}; the shortest wave needs at least {least}")
+        minimum = 2 * _max_wave_number(self) + 1
+        if self.samples is not None and self.samples < minimum:
+            raise CaseError(f"self-affine: samples = {self.samples!r}; the shortest wave needs at least {minimum}")
 
     def surface(self) -> Array:
-        """Heights about their mean, (samples, samples) [m], at x and y = (i + 1/2) period / samples - period / 2."""
+        """Return the heights about their mean, (samples, samples) [m].
+
+        They are at x and y = (i + 1/2) period / samples - period / 2.
+        """
         return _surface(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Height above the lowest sample, (n,) [m]."""
+        """Return the height above the lowest sample, (n,) [m]."""
         spline, lowest, count = _spline(self)
-        places = (np.array([x, y]) / self.period + 0.5) * count - 0.5
+        positions = (np.array([x, y]) / self.period + 0.5) * count - 0.5
         heights: Array = (
-            scipy.ndimage.map_coordinates(spline, places, order=3, mode="grid-wrap", prefilter=False) - lowest
+            scipy.ndimage.map_coordinates(spline, positions, order=3, mode="grid-wrap", prefilter=False) - lowest
         )
-        # a spline may swing below the lowest sample
+        # a spline can undershoot the lowest sample
         return np.maximum(heights, 0.0)
 
 
-def _most_waves(surface: SelfAffine) -> int:
-    """Along the period, of the shortest ones; round-off of the quotient may not cost one."""
+def _max_wave_number(surface: SelfAffine) -> int:
+    """Return the number of shortest waves along the period; round-off of the quotient must not remove one."""
     return int(surface.period / surface.shortest * (1 + 1e-12))
 
 
 def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
-    """Numbers (m, 2) of waves along the period, of each pair of opposite ones one, amplitudes (m,) [m], phases (m,)."""
-    most = _most_waves(surface)
-    numbers = np.indices((2 * most + 1, 2 * most + 1)).reshape(2, -1).T - most
+    """Return numbers (m, 2) of waves per period, one for each opposite pair, amplitudes (m,) [m] and phases (m,)."""
+    limit = _max_wave_number(surface)
+    numbers = np.indices((2 * limit + 1, 2 * limit + 1)).reshape(2, -1).T - limit
     square = (numbers**2).sum(axis=1)
-    first = (numbers[:, 0] > 0) | ((numbers[:, 0] == 0) & (numbers[:, 1] > 0))
-    kept = first & (square <= (surface.period / surface.shortest) ** 2 * (1 + 1e-12))
-    numbers, square = numbers[kept], square[kept]
+    half_plane = (numbers[:, 0] > 0) | ((numbers[:, 0] == 0) & (numbers[:, 1] > 0))
+    selected = half_plane & (square <= (surface.period / surface.shortest) ** 2 * (1 + 1e-12))
+    numbers, square = numbers[selected], square[selected]
     order = np.lexsort((numbers[:, 1], numbers[:, 0], square))
     numbers, q = numbers[order], 2.0 * np.pi / surface.period * np.sqrt(square[order])
     knee = 2.0 * np.pi / (surface.roll_off or surface.period)
@@ -98,9 +116,9 @@ def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
 @lru_cache(maxsize=2)
 def _surface(surface: SelfAffine) -> Array:
     numbers, amplitudes, phases = _waves(surface)
-    count = surface.samples or SAMPLES_PER_WAVE * (_most_waves(surface) + 1)
+    count = surface.samples or SAMPLES_PER_WAVE * (_max_wave_number(surface) + 1)
     spectrum = np.zeros((count, count), complex)
-    # phases are those at the corner of the period, half a sample before the first one
+    # phases refer to the corner of the period, half a sample before the first one
     waves = amplitudes / 2.0 * np.exp(1j * (phases + np.pi / count * numbers.sum(axis=1)))
     spectrum[tuple(numbers.T)] += waves
     spectrum[tuple(-numbers.T)] += np.conj(waves)
@@ -111,6 +129,6 @@ def _surface(surface: SelfAffine) -> Array:
 
 @lru_cache(maxsize=2)
 def _spline(surface: SelfAffine) -> tuple[Array, float, int]:
-    """Coefficients of the periodic cubic spline, its lowest sample, samples along a side."""
+    """Return the coefficients of the periodic cubic spline, its lowest sample, and the samples along a side."""
     heights = _surface(surface)
     return scipy.ndimage.spline_filter(heights, order=3, mode="grid-wrap"), float(heights.min()), len(heights)

@@ -291,7 +291,7 @@ def _prolonged(grid: Grid, size: tuple[int, int], periodic: bool, values: Array)
 
 
 def dense_matrix(system: HalfSpaceSystem) -> Array:
-    """The compliance of a system as (n, 5, n, 5), by as many products as a unit load has fields."""
+    """Return the compliance of a system, (n, 5, n, 5), by one product for each field of a unit load."""
     (nx, ny), n, n_fields = system.grid.size, system.grid.nodes.size, system.n_fields
     # a unit density in the corner of a grid that has room for all offsets
     wide = replace(system.convolution, size=system.convolution.padded)

@@ -1,4 +1,4 @@
-"""Between a grid and one of every HOP-th node, by interpolation of the fifth degree."""
+"""Transfer between a grid and one of every RATIO-th node, by interpolation of the fifth degree."""
 
 # mypy: ignore-errors
 from math import prod
@@ -7,51 +7,53 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-HOP: Final = 4
-"""Spacings of the grid in one of the coarse one."""
-TAPS: Final = 6
-"""Coarse nodes that say what is at a node between them."""
-BEFORE: Final = TAPS // 2 - 1
-"""Of them as many stand before the one at or just before the node; coarse grids begin with so many beside the grid."""
+RATIO: Final = 4
+"""Ratio of the spacings of the coarse and the fine grid."""
+N_POINTS: Final = 6
+"""Number of coarse nodes from which the value at a node between them is interpolated."""
+N_BEFORE: Final = N_POINTS // 2 - 1
+"""Number of these before the one at or just before the node; coarse grids begin this many nodes outside the grid."""
 
 
 def _weights():
-    """(HOP, TAPS) of the coarse nodes around the nodes 0, 1, ... spacings behind one."""
-    places = range(-BEFORE, TAPS - BEFORE)
-    shares = [[prod((step / HOP - q) / (p - q) for q in places if q != p) for p in places] for step in range(HOP)]
-    return np.array(shares, np.float32)
+    """Return the weights (RATIO, N_POINTS) of the coarse nodes at 0, 1, ... fine spacings behind one of them."""
+    positions = range(-N_BEFORE, N_POINTS - N_BEFORE)
+    weights = [
+        [prod((step / RATIO - q) / (p - q) for q in positions if q != p) for p in positions] for step in range(RATIO)
+    ]
+    return np.array(weights, np.float32)
 
 
 WEIGHTS: Final = _weights()
 
 
 def coarse_count(count: int) -> int:
-    """Nodes of the coarse grid of so many nodes in a row."""
-    return (count - 1) // HOP + TAPS
+    """Return the number of coarse nodes for `count` nodes in a row."""
+    return (count - 1) // RATIO + N_POINTS
 
 
 @njit(cache=True, nogil=True)
 def add_restricted(fine, weights, coarse):
-    """coarse (c, m) += what `add_interpolated` takes from it, transposed, of fine (n, m)."""
+    """Add to coarse (c, m) the transpose of `add_interpolated` applied to fine (n, m)."""
     for i in range(len(fine)):
         step, first = i % len(weights), i // len(weights)
-        for tap in range(weights.shape[1]):
-            if weights[step, tap] != 0.0:
-                _add(weights[step, tap], fine[i], coarse[first + tap])
+        for point in range(weights.shape[1]):
+            if weights[step, point] != 0.0:
+                _add(weights[step, point], fine[i], coarse[first + point])
 
 
 @njit(cache=True, nogil=True)
 def add_interpolated(coarse, weights, fine):
-    """fine (n, m) += coarse (c, m) between its nodes, along the first axis."""
+    """Add to fine (n, m) the interpolation of coarse (c, m) along the first axis."""
     for i in range(len(fine)):
         step, first = i % len(weights), i // len(weights)
-        for tap in range(weights.shape[1]):
-            if weights[step, tap] != 0.0:
-                _add(weights[step, tap], coarse[first + tap], fine[i])
+        for point in range(weights.shape[1]):
+            if weights[step, point] != 0.0:
+                _add(weights[step, point], coarse[first + point], fine[i])
 
 
 @njit(cache=True, nogil=True)
-def _add(factor, part, whole):
-    """whole += factor part."""
-    for j in range(len(whole)):
-        whole[j] += factor * part[j]
+def _add(factor, term, total):
+    """Add `factor` times `term` to `total`."""
+    for j in range(len(total)):
+        total[j] += factor * term[j]

@@ -12,12 +12,12 @@ import pytest
 from meeframe_halfspace import HalfSpace, convolution
 from meeframe_halfspace.cells import Shape, far_table
 from meeframe_halfspace.convolution import Convolution
+from meeframe_halfspace.cutoff import MIN_CUTOFF, cutoff_radius
 from meeframe_halfspace.grid_response import FreeGrid, PeriodicGrid
-from meeframe_halfspace.reach import LEAST, reach
 from meeframe_halfspace.response import PointResponse
 from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, potential_signs
-from meeframe_halfspace.transfer import BEFORE, HOP, WEIGHTS, add_interpolated, add_restricted, coarse_count
-from meeframe_halfspace.two_grids import _add_interpolated, _restricted
+from meeframe_halfspace.transfer import N_BEFORE, RATIO, WEIGHTS, add_interpolated, add_restricted, coarse_count
+from meeframe_halfspace.two_grids import _add_interpolated, _restrict
 
 from meeframe.contact.problem import Status
 from meeframe.elements import Quad4
@@ -140,7 +140,7 @@ def test_responses_of_a_medium_much_stiffer_along_one_axis() -> None:
 @pytest.mark.parametrize("medium", ["turned", "straight", "ceramic"])
 def test_smooth_responses_are_near_within_some_of_the_wider_spacings(medium, spacing) -> None:
     response = PointResponse.of(MEDIA[medium], np.eye(3))
-    assert LEAST <= reach(response, spacing, np.inf) / max(spacing) < 1.2 * LEAST
+    assert MIN_CUTOFF <= cutoff_radius(response, spacing, np.inf) / max(spacing) < 1.2 * MIN_CUTOFF
 
 
 @pytest.mark.full(except_for=1)
@@ -151,12 +151,12 @@ def test_sharp_responses_are_near_farther_out(along, across) -> None:
         PointResponse.of(FIBRES, np.eye(3)),
         np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     )
-    found = reach(response, (along, across), np.inf)
-    assert found > 1.5 * LEAST * across
-    assert reach(PointResponse.of(FIBRES, turned_by), (across, along), np.inf) == pytest.approx(found, rel=1e-6)
-    assert reach(response, (along, 0.5 * across), np.inf) < found
-    assert reach(response, (1e-6 * along, 1e-6 * across), np.inf) == pytest.approx(1e-6 * found, rel=1e-6)
-    assert 70.0 * across < reach(response, (along, across), 70.0 * across) < found  # there is no room for it
+    found = cutoff_radius(response, (along, across), np.inf)
+    assert found > 1.5 * MIN_CUTOFF * across
+    assert cutoff_radius(PointResponse.of(FIBRES, turned_by), (across, along), np.inf) == pytest.approx(found, rel=1e-6)
+    assert cutoff_radius(response, (along, 0.5 * across), np.inf) < found
+    assert cutoff_radius(response, (1e-6 * along, 1e-6 * across), np.inf) == pytest.approx(1e-6 * found, rel=1e-6)
+    assert 70.0 * across < cutoff_radius(response, (along, across), 70.0 * across) < found  # there is no room for it
 
 
 @pytest.mark.parametrize(("loaded", "fields"), CHOICES)
@@ -238,7 +238,7 @@ def test_periodic_grids_have_none() -> None:
 @pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("count", [*range(1, 14), 40, 41, 42, 43])
 def test_interpolation_is_exact_of_the_fifth_degree(count) -> None:
-    nodes, places = np.arange(count), HOP * (np.arange(coarse_count(count)) - BEFORE)
+    nodes, places = np.arange(count), RATIO * (np.arange(coarse_count(count)) - N_BEFORE)
     middle, half = places.mean(), np.ptp(places) / 2.0
     for degree in range(7):
         found = np.zeros((count, 1))
@@ -249,14 +249,14 @@ def test_interpolation_is_exact_of_the_fifth_degree(count) -> None:
 
 def test_as_many_coarse_nodes_count_on_either_side() -> None:
     """Mirrored about the middle between two of them; a node of the coarse grid is itself."""
-    for step in range(1, HOP):
-        np.testing.assert_allclose(WEIGHTS[step], WEIGHTS[HOP - step, ::-1], rtol=1e-6)
-    np.testing.assert_array_equal(WEIGHTS[0], np.arange(WEIGHTS.shape[1]) == BEFORE)
+    for step in range(1, RATIO):
+        np.testing.assert_allclose(WEIGHTS[step], WEIGHTS[RATIO - step, ::-1], rtol=1e-6)
+    np.testing.assert_array_equal(WEIGHTS[0], np.arange(WEIGHTS.shape[1]) == N_BEFORE)
 
 
 def test_interpolation_along_both_axes() -> None:
     size = 33, 58
-    x, y = (HOP * (np.arange(coarse_count(n)) - BEFORE) / n for n in size)
+    x, y = (RATIO * (np.arange(coarse_count(n)) - N_BEFORE) / n for n in size)
     i, j = (np.arange(n) / n for n in size)
     fine = np.ones((2, *size))
     _add_interpolated(np.array([np.outer(x**5, y**4), np.outer(x, y**5 - y)]), fine)
@@ -270,7 +270,7 @@ def test_gathering_is_the_transpose_of_interpolation(size) -> None:
     coarse = random.standard_normal((2, *(coarse_count(n) for n in size)))
     fine, between = random.standard_normal((2, *size)), np.zeros((2, *size))
     _add_interpolated(coarse, between)
-    gathered = _restricted(fine)
+    gathered = _restrict(fine)
     assert gathered.shape == coarse.shape
     assert (gathered * coarse).sum() == pytest.approx((fine * between).sum(), rel=1e-12)
 
@@ -287,17 +287,17 @@ def test_gathering_adds() -> None:
 def test_far_responses_at_every_fourth_offset(shape, spacing) -> None:
     """To fourth order in one over the distance, of all entries."""
     response = PointResponse.of(TURNED, np.eye(3))
-    size = tuple(int(160.0 / (HOP * h)) for h in spacing)
-    places = [HOP * h * np.arange(n) for h, n in zip(spacing, size, strict=True)]
+    size = tuple(int(160.0 / (RATIO * h)) for h in spacing)
+    places = [RATIO * h * np.arange(n) for h, n in zip(spacing, size, strict=True)]
     distance = np.hypot(*np.meshgrid(*places, indexing="ij"))
     errors = []
     for low, high in ((60.0, 75.0), (120.0, 150.0)):
         ring = (distance > low) & (distance < high)
         off = []
         for number in range(25):
-            fine = far_table(response, spacing, shape, tuple(HOP * n for n in size), number)  # type: ignore[arg-type]
-            hopped = far_table(response, spacing, shape, size, number, HOP)
-            exact = fine[::HOP, HOP * size[1] - 1 :: HOP]
+            fine = far_table(response, spacing, shape, tuple(RATIO * n for n in size), number)  # type: ignore[arg-type]
+            hopped = far_table(response, spacing, shape, size, number, RATIO)
+            exact = fine[::RATIO, RATIO * size[1] - 1 :: RATIO]
             off.append(np.abs(hopped[:, size[1] - 1 :] - exact)[ring].max() / np.abs(exact[ring]).max())
         errors.append(max(off))
     assert errors[0] < 1e-5

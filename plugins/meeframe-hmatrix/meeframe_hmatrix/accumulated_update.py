@@ -1,7 +1,7 @@
-"""Accumulated updates of blocks: products that are subtracted once they meet an undivided block.
+"""Accumulated updates of blocks: products that are subtracted when they reach an undivided block.
 
-There their sum is subtracted from the block in one compression (Boerm, Numerische Mathematik 142 (2019) 1-41), here
-with a random range finder.
+Their sum is then subtracted from the block in one compression (Boerm, Numerische Mathematik 142 (2019) 1-41), here with
+a random range finder.
 """
 
 from collections.abc import Iterator
@@ -17,16 +17,16 @@ from meeframe_hmatrix.blocks import (
     LowRank,
     Split,
     compress,
-    converted,
+    convert,
     multiply,
     multiply_transposed,
     rank,
+    relative_range,
     shape,
     to_dense,
-    within,
 )
 from meeframe_hmatrix.gemm import Outer, subtract_products, table_of
-from meeframe_hmatrix.truncation import truncated
+from meeframe_hmatrix.truncation import truncate
 
 MAX_ENTRYWISE = 250
 """Largest number of rows or columns of low-rank blocks for which the sum of an update is formed entry by entry."""
@@ -34,7 +34,7 @@ MAX_ENTRYWISE = 250
 
 @dataclass(frozen=True, eq=False)
 class AccumulatedUpdate:
-    """An update that is still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of blocks."""
+    """An update still to be subtracted from a block: low-rank terms (m, k), (k, n) and products of blocks."""
 
     terms: tuple[tuple[Array, Array], ...] = ()
     products: tuple[tuple[Block, Block], ...] = ()
@@ -53,32 +53,32 @@ def with_product(update: AccumulatedUpdate, first: Block, second: Block) -> Accu
     return AccumulatedUpdate(update.terms, (*update.products, (first, second)))
 
 
-def _part(block: Block, row: int, column: int) -> Block:
+def _child(block: Block, row: int, column: int) -> Block:
     return block.parts[row][column] if isinstance(block, Split) else block
 
 
-def _inner_parts(first: Block, second: Block) -> int:
+def _inner_count(first: Block, second: Block) -> int:
     if isinstance(first, Split):
         return len(first.parts[0])
     return len(second.parts) if isinstance(second, Split) else 1
 
 
-def handed_down(update: AccumulatedUpdate, block: Split, row: int, column: int) -> AccumulatedUpdate:
-    """Return the update of one part of a block."""
-    part = block.parts[row][column]
-    rows, columns = within(part.rows, block.rows), within(part.columns, block.columns)
-    share = AccumulatedUpdate(tuple((left[rows], right[:, columns]) for left, right in update.terms))
+def restrict_update(update: AccumulatedUpdate, block: Split, row: int, column: int) -> AccumulatedUpdate:
+    """Return the update of one block of a divided block."""
+    child = block.parts[row][column]
+    rows, columns = relative_range(child.rows, block.rows), relative_range(child.columns, block.columns)
+    restricted = AccumulatedUpdate(tuple((left[rows], right[:, columns]) for left, right in update.terms))
     for first, second in update.products:
-        for inner in range(_inner_parts(first, second)):
-            share = with_product(share, _part(first, row, inner), _part(second, inner, column))
-    return share
+        for inner in range(_inner_count(first, second)):
+            restricted = with_product(restricted, _child(first, row, inner), _child(second, inner, column))
+    return restricted
 
 
-def subtracted(
+def subtract_update(
     block: Dense | LowRank, update: AccumulatedUpdate, tolerance: float, dtype: DTypeLike
 ) -> Dense | LowRank:
     """Return an undivided block minus an update."""
-    converted_block = converted(block, dtype)
+    converted_block = convert(block, dtype)
     assert not isinstance(converted_block, Split)
     block = converted_block
     if not update.terms and not update.products:
@@ -92,9 +92,9 @@ def subtracted(
             raise RuntimeError("BLAS cannot be called from compiled code")
         if isinstance(block, Dense):
             return Dense(block.rows, block.columns, array)
-        return LowRank(block.rows, block.columns, *truncated(array, tolerance))
-    left = np.concatenate([block.left, *(-part for part, _ in update.terms)], axis=1)
-    right = np.concatenate([block.right, *(part for _, part in update.terms)], axis=0)
+        return LowRank(block.rows, block.columns, *truncate(array, tolerance))
+    left = np.concatenate([block.left, *(-factor for factor, _ in update.terms)], axis=1)
+    right = np.concatenate([block.right, *(factor for _, factor in update.terms)], axis=0)
 
     def product(x: Array) -> Array:
         y = left @ (right @ x)
@@ -102,19 +102,19 @@ def subtracted(
             y -= multiply(first, multiply(second, x))
         return y
 
-    def transposed(x: Array) -> Array:
+    def transposed_product(x: Array) -> Array:
         y = right.T @ (left.T @ x)
         for first, second in update.products:
             y -= multiply_transposed(second, multiply_transposed(first, x))
         return y
 
     expected = rank(block)  # elimination hardly changes it
-    factors = compress(product, transposed, shape(block), expected, tolerance, dtype)
+    factors = compress(product, transposed_product, shape(block), expected, tolerance, dtype)
     return LowRank(block.rows, block.columns, *factors)
 
 
 def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
-    """A product as products of two matrices, each in its range of rows and columns."""
+    """Yield a product as products of two matrices, each in its range of rows and columns."""
     if isinstance(first, LowRank) or isinstance(second, LowRank):
         ((left, right),) = with_product(NOTHING, first, second).terms
         yield first.rows, second.columns, left, right
@@ -123,5 +123,5 @@ def _outer_products(first: Block, second: Block) -> Iterator[Outer]:
     else:
         rows = len(first.parts) if isinstance(first, Split) else 1
         columns = len(second.parts[0]) if isinstance(second, Split) else 1
-        for row, column, inner in np.ndindex(rows, columns, _inner_parts(first, second)):
-            yield from _outer_products(_part(first, row, inner), _part(second, inner, column))
+        for row, column, inner in np.ndindex(rows, columns, _inner_count(first, second)):
+            yield from _outer_products(_child(first, row, inner), _child(second, inner, column))

@@ -1,7 +1,7 @@
 """Truncated LU factors of hierarchical matrices, and solutions with them.
 
-Products that are to be subtracted from a block are not formed at once: they accumulate (`update`) and are handed
-down with the elimination, until they meet an undivided block.
+Products to be subtracted from a block are not computed at once: they accumulate (`update`) and are passed down with the
+elimination until they reach an undivided block.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -17,34 +17,53 @@ from numba import get_num_threads
 from numpy.typing import DTypeLike
 
 from meeframe.plugin import ONE_BLAS_THREAD, Array
-from meeframe_hmatrix.accumulated_update import NOTHING, AccumulatedUpdate, handed_down, subtracted, with_product
-from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transposed
+from meeframe_hmatrix.accumulated_update import (
+    NOTHING,
+    AccumulatedUpdate,
+    restrict_update,
+    subtract_update,
+    with_product,
+)
+from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, multiply, transpose
 
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
 class Truncation:
-    """Accuracy and threads of truncated elimination.
+    """Parameters of the computation of factors.
 
-    tolerance: relative, in the Frobenius norm, block by block; dtype: precision, to which blocks are converted one by
-    one when it is their turn, since a copy of them all is as costly as many of its products; pool: threads that help.
+    Attributes
+    ----------
+    tolerance
+        Relative tolerance in the Frobenius norm, block by block.
+    dtype
+        Precision, to which blocks are converted one by one when they are used, since a copy of all costs as much as
+        many products.
+    pool
+        Pool of additional threads.
     """
 
     tolerance: float
     dtype: DTypeLike
     pool: Executor
 
-    def shared(self, tasks: Sequence[Callable[[], Result]]) -> list[Result]:
-        """Results of independent tasks, which may share their own: this thread does those that no other has begun."""
-        begun = [self.pool.submit(task) for task in tasks[1:]]
+    def run_all(self, tasks: Sequence[Callable[[], Result]]) -> list[Result]:
+        """Return the results of independent tasks, which may be run by other threads.
+
+        This thread runs those that no other has started. Tasks may share out tasks themselves.
+        """
+        futures = [self.pool.submit(task) for task in tasks[1:]]
         first = tasks[0]()
-        return [first, *(task() if one.cancel() else one.result() for task, one in zip(tasks[1:], begun, strict=True))]
+        return [
+            first,
+            *(task() if future.cancel() else future.result() for task, future in zip(tasks[1:], futures, strict=True)),
+        ]
 
 
 @contextmanager
 def helpers() -> Iterator[Executor]:
-    """Threads beside this one, which works, too; each has BLAS for itself. What they have not begun ends with it."""
+    """Provide additional threads, each with a single-threaded BLAS; tasks not started are cancelled at the end."""
     with ONE_BLAS_THREAD, ExitStack() as at_end:
         pool = ThreadPoolExecutor(max(1, get_num_threads() - 1))
         at_end.callback(pool.shutdown, cancel_futures=True)
@@ -53,9 +72,14 @@ def helpers() -> Iterator[Executor]:
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """Factors of an undivided diagonal block: the lower one is unity, the upper one the block itself.
+    """Factors of an undivided diagonal block: the lower one is the identity, the upper one the block.
 
-    inverse: of the block, (n, n), so that solutions are products.
+    Attributes
+    ----------
+    rows, columns
+        Ranges of the block.
+    inverse
+        Inverse of the block, (n, n), so that solutions are products.
     """
 
     rows: slice
@@ -65,7 +89,7 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class EliminatedSplit:
-    """Factors of a divided diagonal block: lower parts below the diagonal, upper parts above it, factors on it."""
+    """Factors of a divided diagonal block: lower blocks below the diagonal, upper blocks above it, factors on it."""
 
     rows: slice
     columns: slice
@@ -76,15 +100,15 @@ class EliminatedSplit:
 
     @cached_property
     def upper_transposed(self) -> Block:
-        """The transpose of the upper part."""
-        return transposed(self.upper)
+        """Transpose of the upper block."""
+        return transpose(self.upper)
 
 
 Factors = Eliminated | EliminatedSplit
 
 
 class Form(StrEnum):
-    """A triangle of factors: the lower one, the upper one, and the upper one transposed, which is lower again."""
+    """A triangle of factors: lower, upper, or the transpose of the upper one, which is lower again."""
 
     LOWER = "lower"
     UPPER = "upper"
@@ -93,10 +117,16 @@ class Form(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Triangle:
-    """A triangle of divided factors as it is solved with, part after part.
+    """A triangle of divided factors in the order of its solution.
 
-    order: numbers of the parts along the diagonal; parts: these, in that order; coupling: the block by which the
-    solution of the first enters the equations of the second.
+    Attributes
+    ----------
+    order
+        Numbers of the diagonal blocks in this order.
+    parts
+        The diagonal blocks in this order.
+    coupling
+        Block by which the solution of the first enters the equations of the second.
     """
 
     order: tuple[int, int]
@@ -112,22 +142,22 @@ def _triangle(factors: EliminatedSplit, form: Form) -> Triangle:
 
 
 def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING) -> Factors:
-    """LU factors of a square block minus an update."""
+    """Return the LU factors of a square block minus an update."""
     if isinstance(block, Dense):
-        rest = subtracted(block, update, truncation.tolerance, truncation.dtype)
-        assert isinstance(rest, Dense)
-        return Eliminated(block.rows, block.columns, np.linalg.inv(rest.array))
+        remainder = subtract_update(block, update, truncation.tolerance, truncation.dtype)
+        assert isinstance(remainder, Dense)
+        return Eliminated(block.rows, block.columns, np.linalg.inv(remainder.array))
     assert isinstance(block, Split)
-    first = eliminate(block.parts[0][0], truncation, handed_down(update, block, 0, 0))
+    first = eliminate(block.parts[0][0], truncation, restrict_update(update, block, 0, 0))
 
-    def left() -> Block:
-        return solve_from_right(first, block.parts[1][0], truncation, handed_down(update, block, 1, 0))
+    def solve_below() -> Block:
+        return solve_from_right(first, block.parts[1][0], truncation, restrict_update(update, block, 1, 0))
 
-    def above() -> Block:
-        return solve(first, Form.LOWER, block.parts[0][1], truncation, handed_down(update, block, 0, 1))
+    def solve_right() -> Block:
+        return solve(first, Form.LOWER, block.parts[0][1], truncation, restrict_update(update, block, 0, 1))
 
-    lower, upper = truncation.shared([left, above])
-    remaining = with_product(handed_down(update, block, 1, 1), lower, upper)
+    lower, upper = truncation.run_all([solve_below, solve_right])
+    remaining = with_product(restrict_update(update, block, 1, 1), lower, upper)
     second = eliminate(block.parts[1][1], truncation, remaining)
     return EliminatedSplit(block.rows, block.columns, first, upper, lower, second)
 
@@ -135,14 +165,14 @@ def eliminate(block: Block, truncation: Truncation, update: AccumulatedUpdate = 
 def solve(
     factors: Factors, form: Form, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
 ) -> Block:
-    """X of triangle @ X = block - update, for one of the triangles of factors."""
+    """Return X of triangle @ X = block - update, for one of the triangles of factors."""
     if not isinstance(block, Split):
-        rest = subtracted(block, update, truncation.tolerance, truncation.dtype)
-        if isinstance(rest, Dense):
-            return Dense(rest.rows, rest.columns, solution(factors, form, rest.array))
-        return LowRank(rest.rows, rest.columns, solution(factors, form, rest.left), rest.right)
+        remainder = subtract_update(block, update, truncation.tolerance, truncation.dtype)
+        if isinstance(remainder, Dense):
+            return Dense(remainder.rows, remainder.columns, solution(factors, form, remainder.array))
+        return LowRank(remainder.rows, remainder.columns, solution(factors, form, remainder.left), remainder.right)
     numbers = range(len(block.parts[0]))
-    columns = truncation.shared(
+    columns = truncation.run_all(
         [partial(_column, factors, form, block, number, truncation, update) for number in numbers]
     )
     return Split(block.rows, block.columns, tuple(zip(*columns, strict=True)))
@@ -151,40 +181,40 @@ def solve(
 def _column(
     factors: Factors, form: Form, block: Split, column: int, truncation: Truncation, update: AccumulatedUpdate
 ) -> list[Block]:
-    """The parts of a solution in one of its columns."""
+    """Return the blocks of a solution in one of its columns."""
     parts = [line[column] for line in block.parts]
-    shares = [handed_down(update, block, row, column) for row in range(len(parts))]
+    updates = [restrict_update(update, block, row, column) for row in range(len(parts))]
     if isinstance(factors, Eliminated):
-        return [solve(factors, form, parts[0], truncation, shares[0])]
+        return [solve(factors, form, parts[0], truncation, updates[0])]
     triangle = _triangle(factors, form)
     first, second = triangle.order
-    parts[first] = solve(triangle.parts[0], form, parts[first], truncation, shares[first])
-    share = with_product(shares[second], triangle.coupling, parts[first])
-    parts[second] = solve(triangle.parts[1], form, parts[second], truncation, share)
+    parts[first] = solve(triangle.parts[0], form, parts[first], truncation, updates[first])
+    block_update = with_product(updates[second], triangle.coupling, parts[first])
+    parts[second] = solve(triangle.parts[1], form, parts[second], truncation, block_update)
     return parts
 
 
 def solve_from_right(
     factors: Factors, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
 ) -> Block:
-    """X of X @ upper = block - update."""
+    """Return X of X @ upper = block - update."""
     update_transposed = AccumulatedUpdate(
         tuple((right.T, left.T) for left, right in update.terms),
-        tuple((transposed(second), transposed(first)) for first, second in update.products),
+        tuple((transpose(second), transpose(first)) for first, second in update.products),
     )
-    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), truncation, update_transposed))
+    return transpose(solve(factors, Form.UPPER_TRANSPOSED, transpose(block), truncation, update_transposed))
 
 
 def solution(factors: Factors, form: Form, x: Array) -> Array:
-    """triangle^-1 @ x for x (n, k), for one of the triangles of factors."""
+    """Return triangle^-1 @ x for x (n, k), for one of the triangles of factors."""
     if isinstance(factors, Eliminated):
         if form is Form.LOWER:
             return x
         inverse = factors.inverse if form is Form.UPPER else factors.inverse.T
         solved: Array = inverse @ x
         return solved
-    middle = factors.first.rows.stop - factors.rows.start
-    parts = [x[:middle], x[middle:]]
+    n_first = factors.first.rows.stop - factors.rows.start
+    parts = [x[:n_first], x[n_first:]]
     triangle = _triangle(factors, form)
     first, second = triangle.order
     parts[first] = solution(triangle.parts[0], form, parts[first])
@@ -193,12 +223,12 @@ def solution(factors: Factors, form: Form, x: Array) -> Array:
 
 
 def solved(factors: Factors, x: Array) -> Array:
-    """matrix^-1 @ x for x (n, k) and the factors of a matrix, in their precision."""
+    """Return matrix^-1 @ x for x (n, k) and the factors of a matrix, in their precision."""
     values = x.astype(precision(factors), copy=False)
     result: Array = solution(factors, Form.UPPER, solution(factors, Form.LOWER, values)).astype(x.dtype, copy=False)
     return result
 
 
 def precision(factors: Factors) -> np.dtype[Any]:
-    """Return the precision of factors."""
+    """Return the type of the numbers of factors."""
     return factors.inverse.dtype if isinstance(factors, Eliminated) else precision(factors.first)

@@ -1,4 +1,4 @@
-"""Assembly of the collocated system in hierarchical form: leaves and pairs of clusters are shared out over threads."""
+"""Assembly of the collocated system in hierarchical form; leaves and pairs of clusters are distributed over threads."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,17 +17,17 @@ from meeframe_hmatrix.facets import Facets, facets
 from meeframe_hmatrix.integrals import Integrals
 from meeframe_hmatrix.kernels import Rows
 from meeframe_hmatrix.rows import column_window, near_rows
-from meeframe_hmatrix.truncation import truncated
+from meeframe_hmatrix.truncation import truncate
 
 ADMISSIBLE = 3.0
-"""Clusters are far from each other if the smaller of their diameters is less than so many times their distance."""
+"""Clusters are far from each other if the smaller diameter is less than this multiple of their distance."""
 
 Pair = tuple[Cluster, Cluster]
 
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """matrix @ unknowns = rhs + load_matrix @ loads, all in the order of the cluster tree."""
+    """System matrix @ unknowns = rhs + load_matrix @ loads, all in the order of the cluster tree."""
 
     matrix: Block
     load_matrix: Split
@@ -35,9 +35,16 @@ class System:
 
 
 def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> System:
-    """The boundary element system (eqs. 19, 20).
+    """Assemble the boundary element system (eqs. 19, 20).
 
-    Far blocks have a relative tolerance in the Frobenius norm, those of a row cluster together.
+    Parameters
+    ----------
+    integrals
+        Data of the integrals.
+    tolerance
+        Relative tolerance of far blocks in the Frobenius norm, for those of a row cluster together.
+    progress
+        Called with the stage and the fraction of it that is done.
     """
     tree = integrals.tree
     far: list[Pair] = []
@@ -53,21 +60,21 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     values: dict[tuple[int, int, int, int], Block] = {}
     loads: dict[tuple[int, int, int, int], Block] = {}
     lines: list[Rows] = []
-    # the largest first, so that threads end together
+    # the largest first, so that threads finish together
     clusters = sorted(partners, key=lambda row: row.sites.start - row.sites.stop)
     rows = [row for row in tree.root.leaves() if row.sites.start in neighbours]
-    n_tasks, known = len(clusters) + len(rows), facets(integrals)
+    n_tasks, facets_of_leaves = len(clusters) + len(rows), facets(integrals)
     with ExitStack() as at_end:
         pool = ThreadPoolExecutor(get_num_threads())
         at_end.callback(pool.shutdown, cancel_futures=True)
-        far_found = pool.map(lambda row: _far(integrals, known, row, partners[row], tolerance), clusters)
-        near_found = pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows)
-        for done, (row, (blocks, share)) in enumerate(zip(clusters, far_found, strict=True), 1):
+        far_results = pool.map(lambda row: _far(integrals, facets_of_leaves, row, partners[row], tolerance), clusters)
+        near_results = pool.map(lambda row: near_rows(integrals, row, neighbours[row.sites.start]), rows)
+        for done, (row, (blocks, contribution)) in enumerate(zip(clusters, far_results, strict=True), 1):
             for column, (value, load) in zip(partners[row], blocks, strict=True):
                 values[_key((row, column))], loads[_key((row, column))] = value, load
-            rest[row.unknowns] += share
+            rest[row.unknowns] += contribution
             progress("assembly", done / n_tasks)
-        for line in near_found:
+        for line in near_results:
             lines.append(line)
             progress("assembly", (len(clusters) + len(lines)) / n_tasks)
     for row, line in zip(rows, lines, strict=True):
@@ -76,7 +83,7 @@ def assemble(integrals: Integrals, tolerance: float, progress: Progress) -> Syst
     _subtract_constants(integrals, rows, lines, neighbours, rest[:, 1:], rhs)
     for row, line in zip(rows, lines, strict=True):
         _enter(row, neighbours[row.sites.start], line, values, loads)
-    lines_of_loads = tuple((_tree((part, tree.zone), loads),) for part in tree.root.children)
+    lines_of_loads = tuple((_tree((child, tree.zone), loads),) for child in tree.root.children)
     load_matrix = Split(tree.root.unknowns, tree.zone.loads, lines_of_loads)
     return System(_tree((tree.root, tree.root), values), load_matrix, rhs)
 
@@ -86,9 +93,9 @@ def _partition(integrals: Integrals, row: Cluster, column: Cluster, far: list[Pa
     if extent < ADMISSIBLE * distance(row.row_box, column.column_box) and reachable(integrals, row, column):
         far.append((row, column))
     elif row.children or column.children:
-        for part in row.parts:
+        for child in row.parts:
             for other in column.parts:
-                _partition(integrals, part, other, far, near)
+                _partition(integrals, child, other, far, near)
     else:
         near.append((row, column))
 
@@ -99,24 +106,24 @@ def _key(pair: Pair) -> tuple[int, int, int, int]:
 
 
 def _far(
-    integrals: Integrals, known: Facets, row: Cluster, columns: Sequence[Cluster], tolerance: float
+    integrals: Integrals, facets_of_leaves: Facets, row: Cluster, columns: Sequence[Cluster], tolerance: float
 ) -> tuple[list[tuple[Block, Block]], Array]:
-    """A cluster's equations in the columns of others: blocks of unknowns and loads, and the share of the rest."""
-    left, chosen = far_rows(integrals, known, row, columns, tolerance)
+    """Return the far blocks of a cluster, of unknowns and of loads, and its contribution to the known data."""
+    left, skeleton_rows = far_rows(integrals, facets_of_leaves, row, columns, tolerance)
     q, r = np.linalg.qr(left)
 
-    def part(whole: Array, first: int, place: slice) -> tuple[LowRank, int]:
-        last = first + place.stop - place.start
-        factor, right = truncated(r @ whole[:, first:last].astype(r.dtype), tolerance)
-        return LowRank(row.unknowns, place, (q @ factor).astype(float), right.astype(float)), last
+    def child(rows_of_skeleton: Array, first: int, column_range: slice) -> tuple[LowRank, int]:
+        last = first + column_range.stop - column_range.start
+        factor, right = truncate(r @ rows_of_skeleton[:, first:last].astype(r.dtype), tolerance)
+        return LowRank(row.unknowns, column_range, (q @ factor).astype(float), right.astype(float)), last
 
     blocks: list[tuple[Block, Block]] = []
     unknown = load = 0
     for column in columns:
-        value, unknown = part(chosen.unknown, unknown, column.unknowns)
-        loads, load = part(chosen.load, load, column.loads)
+        value, unknown = child(skeleton_rows.unknown, unknown, column.unknowns)
+        loads, load = child(skeleton_rows.load, load, column.loads)
         blocks.append((value, loads))
-    return blocks, left @ chosen.rest
+    return blocks, left @ skeleton_rows.rest
 
 
 def _subtract_constants(
@@ -127,9 +134,9 @@ def _subtract_constants(
     constant: Array,
     rhs: Array,
 ) -> None:
-    """Free term and principal value from the five constant fields: the rows of a closed surface annul them.
+    """Subtract free term and principal value, such that rows of a closed surface vanish for constant fields.
 
-    constant: (u, 5) what each equation makes of them without.
+    constant: (u, 5) product of each equation with the five constant fields without them.
     """
     tree, sources = integrals.tree, integrals.sources
     if integrals.mesh.semi_infinite:
@@ -144,12 +151,14 @@ def _subtract_constants(
             for point, shape in zip(sources.mesh_points[number], sources.shape[number], strict=True):
                 if shape == 0.0:
                     continue
-                share = shape * constant[equations]
+                contribution = shape * constant[equations]
                 columns = integrals.columns.value_column[tree.rank[point]]
-                known = columns == NONE
-                rhs[equations] += share[:, known] @ integrals.columns.value_data[tree.rank[point], known]
-                places = window.unknown[columns[~known]]
-                line.unknown[np.ix_(equations - row.unknowns.start, places)] -= share[:, ~known]
+                prescribed = columns == NONE
+                rhs[equations] += (
+                    contribution[:, prescribed] @ integrals.columns.value_data[tree.rank[point], prescribed]
+                )
+                unknown_positions = window.unknown[columns[~prescribed]]
+                line.unknown[np.ix_(equations - row.unknowns.start, unknown_positions)] -= contribution[:, ~prescribed]
 
 
 def _enter(
@@ -159,7 +168,7 @@ def _enter(
     values: dict[tuple[int, int, int, int], Block],
     loads: dict[tuple[int, int, int, int], Block],
 ) -> None:
-    """The near blocks of a leaf as parts of its line."""
+    """Enter the near blocks of a leaf."""
     unknown = load = 0
     for column in near:
         key = _key((row, column))
@@ -169,13 +178,13 @@ def _enter(
         unknown, load = unknown + width, load + load_width
 
 
-def _tree(pair: Pair, known: dict[tuple[int, int, int, int], Block]) -> Block:
-    """The block of a pair of clusters from undivided ones."""
-    found = known.get(_key(pair))
-    if found is not None:
-        return found
+def _tree(pair: Pair, blocks_by_pair: dict[tuple[int, int, int, int], Block]) -> Block:
+    """Return the block of a pair of clusters from undivided ones."""
+    block = blocks_by_pair.get(_key(pair))
+    if block is not None:
+        return block
     row, column = pair
-    parts = tuple(tuple(_tree((part, other), known) for other in column.parts) for part in row.parts)
-    first, last = parts[0], parts[-1]
+    children = tuple(tuple(_tree((child, other), blocks_by_pair) for other in column.parts) for child in row.parts)
+    first, last = children[0], children[-1]
     rows = slice(first[0].rows.start, last[0].rows.stop)
-    return Split(rows, slice(first[0].columns.start, first[-1].columns.stop), parts)
+    return Split(rows, slice(first[0].columns.start, first[-1].columns.stop), children)

@@ -1,6 +1,6 @@
 """Hierarchical matrices: trees of dense, low-rank and divided blocks, products with them, and compression.
 
-Ranges of rows and columns are slices of the whole matrix, so that blocks find each other without their clusters.
+Ranges of rows and columns are slices of the full matrix, so that blocks can be located without their clusters.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from meeframe.plugin import Array, Indices
-from meeframe_hmatrix.gemm import COLUMNS, FULL, add_products, located
+from meeframe_hmatrix.gemm import COLUMNS, FULL, add_products, locate
 
 FIRST_GUESS = 8
-"""More random vectors than the rank that is expected, in the compression of a product."""
+"""Number of random vectors in addition to the expected rank in the compression of a product."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """A block given entry by entry, array (m, n)."""
+    """A block given by its entries, array (m, n)."""
 
     rows: slice
     columns: slice
@@ -39,7 +39,7 @@ class LowRank:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """A block divided into parts [row][column], one or two each way."""
+    """A block divided into blocks `parts[row][column]`, one or two in each direction."""
 
     rows: slice
     columns: slice
@@ -47,39 +47,41 @@ class Split:
 
     @cached_property
     def dtype(self) -> np.dtype[Any]:
-        """The precision of all numbers."""
+        """Type of its numbers."""
         leaf = next(leaves(self))
         return (leaf.array if isinstance(leaf, Dense) else leaf.left).dtype
 
     @cached_property
     def table(self) -> Indices:
-        """The table of undivided blocks for `add_products`."""
+        """Table of its undivided blocks, for `add_products`."""
         return np.concatenate([_table(part, self.dtype) for line in self.parts for part in line])
 
     def __getstate__(self) -> dict[str, Any]:
-        return {one.name: getattr(self, one.name) for one in fields(self)}  # addresses are those of this process
+        return {
+            entry.name: getattr(self, entry.name) for entry in fields(self)
+        }  # the table has addresses of this process
 
 
 Block = Dense | LowRank | Split
 
 
 def shape(block: Block) -> tuple[int, int]:
-    """Rows and columns."""
+    """Return the numbers of rows and columns."""
     return block.rows.stop - block.rows.start, block.columns.stop - block.columns.start
 
 
 def rank(block: LowRank) -> int:
-    """Columns of its left factor."""
+    """Return the number of columns of the left factor."""
     return block.left.shape[1]
 
 
-def within(part: slice, whole: slice) -> slice:
-    """A range in terms of another that contains it."""
-    return slice(part.start - whole.start, part.stop - whole.start)
+def relative_range(inner: slice, outer: slice) -> slice:
+    """Return a range relative to another one that contains it."""
+    return slice(inner.start - outer.start, inner.stop - outer.start)
 
 
 def leaves(block: Block) -> Iterator[Dense | LowRank]:
-    """The undivided blocks of a tree."""
+    """Yield the undivided blocks of a tree."""
     if isinstance(block, Split):
         for line in block.parts:
             for part in line:
@@ -89,14 +91,14 @@ def leaves(block: Block) -> Iterator[Dense | LowRank]:
 
 
 def stored(block: Block) -> int:
-    """Numbers that a block keeps."""
+    """Return the number of stored entries of a block."""
     return sum(
         leaf.array.size if isinstance(leaf, Dense) else leaf.left.size + leaf.right.size for leaf in leaves(block)
     )
 
 
 def multiply(block: Block, x: Array) -> Array:
-    """block @ x for x (n, k) in the precision of the block; that of a divided block is converted to it."""
+    """Return block @ x for x (n, k) in the precision of the block; for a divided block x is converted to it."""
     if isinstance(block, Dense):
         product: Array = block.array @ x
         return product
@@ -106,7 +108,7 @@ def multiply(block: Block, x: Array) -> Array:
 
 
 def multiply_transposed(block: Block, x: Array) -> Array:
-    """block.T @ x for x (m, k), likewise."""
+    """Return block.T @ x for x (m, k), like `multiply`."""
     if isinstance(block, Dense):
         product: Array = block.array.T @ x
         return product
@@ -115,14 +117,16 @@ def multiply_transposed(block: Block, x: Array) -> Array:
     return _by_leaves(block, x, True)
 
 
-def _by_leaves(block: Split, x: Array, transpose: bool) -> Array:
-    """block @ x, or its transpose @ x."""
-    here, there = (block.columns, block.rows) if transpose else (block.rows, block.columns)
-    result = np.zeros((here.stop - here.start, x.shape[1]), block.dtype)
-    if len(x) != there.stop - there.start:
+def _by_leaves(block: Split, x: Array, transposed: bool) -> Array:
+    """Return block @ x, or its transpose @ x."""
+    output_range, input_range = (block.columns, block.rows) if transposed else (block.rows, block.columns)
+    result = np.zeros((output_range.stop - output_range.start, x.shape[1]), block.dtype)
+    if len(x) != input_range.stop - input_range.start:
         raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(x)} rows")
     values = np.ascontiguousarray(x, block.dtype)
-    if not add_products(block.table, transpose, (*located(values, block.dtype), there.start), result, here.start):
+    if not add_products(
+        block.table, transposed, (*locate(values, block.dtype), input_range.start), result, output_range.start
+    ):
         raise RuntimeError("BLAS cannot be called from compiled code")
     return result
 
@@ -134,36 +138,34 @@ def _table(block: Block, dtype: DTypeLike) -> Indices:
         return block.table
     (m, n), first, left = shape(block), block.rows.start, block.columns.start
     if isinstance(block, Dense):
-        row = first, m, left, n, FULL, *located(block.array, dtype), 0, 0, 0
+        row = first, m, left, n, FULL, *locate(block.array, dtype), 0, 0, 0
     else:
-        row = first, m, left, n, rank(block), *located(block.left, dtype), *located(block.right, dtype)
+        row = first, m, left, n, rank(block), *locate(block.left, dtype), *locate(block.right, dtype)
     return np.array(row, np.int64).reshape(1, COLUMNS)
 
 
-def transposed(block: Block) -> Block:
-    """The transpose; it shares the numbers."""
+def transpose(block: Block) -> Block:
+    """Return the transpose, which shares the numbers."""
     if isinstance(block, Dense):
         return Dense(block.columns, block.rows, block.array.T)
     if isinstance(block, LowRank):
         return LowRank(block.columns, block.rows, block.right.T, block.left.T)
-    parts = tuple(tuple(transposed(part) for part in column) for column in zip(*block.parts, strict=True))
+    parts = tuple(tuple(transpose(part) for part in column) for column in zip(*block.parts, strict=True))
     return Split(block.columns, block.rows, parts)
 
 
-def converted(block: Block, dtype: DTypeLike) -> Block:
-    """Return a block in another precision; numbers that have it already are shared."""
+def convert(block: Block, dtype: DTypeLike) -> Block:
+    """Return the block in another precision; numbers that have it already are shared."""
     if isinstance(block, Dense):
         return Dense(block.rows, block.columns, block.array.astype(dtype, copy=False))
     if isinstance(block, LowRank):
         left, right = (factor.astype(dtype, copy=False) for factor in (block.left, block.right))
         return LowRank(block.rows, block.columns, left, right)
-    return Split(
-        block.rows, block.columns, tuple(tuple(converted(part, dtype) for part in line) for line in block.parts)
-    )
+    return Split(block.rows, block.columns, tuple(tuple(convert(part, dtype) for part in line) for line in block.parts))
 
 
 def to_dense(block: Block) -> Array:
-    """All entries, (m, n)."""
+    """Return all entries, (m, n)."""
     if isinstance(block, Dense):
         return block.array
     if isinstance(block, LowRank):
@@ -172,38 +174,38 @@ def to_dense(block: Block) -> Array:
     return np.block([[to_dense(part) for part in line] for line in block.parts])
 
 
-def kept_rank(values: Array, tolerance: float) -> int:
-    """Return the number of leading singular values, the rest below tolerance in the relative Frobenius norm."""
+def truncated_rank(values: Array, tolerance: float) -> int:
+    """Return the number of descending singular values so that the norm of the rest is below the tolerance."""
     tails = np.sqrt(np.cumsum(np.square(values[::-1], dtype=float)))[::-1]
     return int(np.count_nonzero(tails > tolerance * tails[0])) if len(values) and tails[0] > 0.0 else 0
 
 
 def recompress(left: Array, right: Array, tolerance: float) -> tuple[Array, Array]:
-    """The best factors of left (m, k) @ right (k, n) for a relative tolerance in the Frobenius norm (QR and SVD)."""
+    """Return the best factors of left (m, k) @ right (k, n) for a relative tolerance in the Frobenius norm."""
     if min(*left.shape, right.shape[1]) == 0:
         return left[:, :0], right[:0]
     q, r = np.linalg.qr(left)
-    return _rotated(q, r @ right, tolerance)
+    return _truncate_rows(q, r @ right, tolerance)
 
 
-def _rotated(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
-    """Factors of q @ rows for orthonormal q (m, k), rows (k, n). Raises LinAlgError if they are not finite."""
-    if rows.dtype == np.float32:  # its Gram matrix in double precision has all digits, and costs less
+def _truncate_rows(q: Array, rows: Array, tolerance: float) -> tuple[Array, Array]:
+    """Return factors of q @ rows for orthonormal q (m, k), rows (k, n). Raises LinAlgError if they are not finite."""
+    if rows.dtype == np.float32:  # the Gram matrix in double precision is accurate and cheaper
         exact = rows.astype(float)
         gram = exact @ exact.T
         if not np.isfinite(gram).all():
             raise np.linalg.LinAlgError("entries of a block are not finite")
         squares, vectors = np.linalg.eigh(gram)
         values = np.sqrt(np.maximum(squares[::-1], 0.0))
-        turn = vectors[:, ::-1][:, : kept_rank(values, tolerance)].astype(rows.dtype)
-        return q @ turn, turn.T @ rows
+        rotation = vectors[:, ::-1][:, : truncated_rank(values, tolerance)].astype(rows.dtype)
+        return q @ rotation, rotation.T @ rows
     if rows.shape[1] > rows.shape[0]:
         basis, triangle = np.linalg.qr(rows.T)
         u, values, v = np.linalg.svd(triangle.T, full_matrices=False)
         v = v @ basis.T
     else:
         u, values, v = np.linalg.svd(rows, full_matrices=False)
-    rank = kept_rank(values, tolerance)
+    rank = truncated_rank(values, tolerance)
     return q @ (u[:, :rank] * values[:rank]), v[:rank]
 
 
@@ -215,10 +217,25 @@ def compress(
     tolerance: float,
     dtype: DTypeLike = float,
 ) -> tuple[Array, Array]:
-    """Factors of a matrix known by its products, for a relative tolerance in the Frobenius norm.
+    """Return factors of a matrix given by its products, for a relative tolerance in the Frobenius norm.
 
-    product: X @ (n, k); transposed: X.T @ (m, k); size: (m, n) of X; rank: what is expected;
-    dtype: the precision of the products.
+    Parameters
+    ----------
+    product
+        X @ (n, k).
+    transposed
+        X.T @ (m, k).
+    size
+        Size (m, n) of X.
+    rank
+        Expected rank.
+    tolerance
+        Relative tolerance.
+    dtype
+        Precision of the products.
+
+    Notes
+    -----
     Random range finder: Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217-288, algorithm 4.1; the number of random
     vectors is doubled until some of them are not needed.
     """
@@ -232,7 +249,7 @@ def compress(
             unity = np.eye(size[0], dtype=dtype)
             return recompress(unity, transposed(unity).T, tolerance)
         q, _ = np.linalg.qr(product(random.standard_normal((size[1], width), dtype)))
-        left, right = _rotated(q, transposed(q).T, tolerance)
+        left, right = _truncate_rows(q, transposed(q).T, tolerance)
         if right.shape[0] <= width - FIRST_GUESS // 2:
             return left, right
         width *= 2

@@ -1,8 +1,8 @@
-"""Integrals over plane parts of far leaves from few values of the kernel, by interpolation between Gauss points.
+"""Integrals over planar facets of far leaves from few values of the kernel, by interpolation between Gauss points.
 
-As seen from afar the kernel is smooth over all elements of a leaf together: on a rectangle around them it is a
-polynomial to the tolerance, given by its values at the Gauss points of the rectangle. The integrals of that polynomial
-times the shape functions need no kernel and serve every row cluster that is far enough away.
+Far away the kernel is smooth over all elements of a leaf together: on a rectangle around them it is a polynomial to the
+tolerance, given by its values at the Gauss points of the rectangle. The integrals of that polynomial times the shape
+functions need no kernel and serve every row cluster that is far enough away.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,18 +18,19 @@ from meeframe_hmatrix.clusters import Cluster
 from meeframe_hmatrix.facet_kernels import add_products, add_weights, orders_of_facet
 from meeframe_hmatrix.integrals import Integrals, Kind
 from meeframe_hmatrix.kernels import Sums, Window
-from meeframe_hmatrix.rows import orders_from, placed
+from meeframe_hmatrix.rows import orders_from, quadrature_points
 
-WORTHWHILE = 0.7
-"""A facet is interpolated if that takes at most so many times the points on its elements: more gain nothing, since all
-elements of a leaf are integrated where one facet is not interpolated (measured)."""
+MAX_POINT_RATIO = 0.7
+"""Largest ratio of points of a facet and points on its elements for which it is interpolated.
+
+A larger ratio has no advantage, since all elements of a leaf are integrated if one facet is not interpolated
+(measured)."""
 ORDERS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16)
-"""Of interpolation: few, so that weights serve many row clusters."""
-MIN_PLANE_ELEMENTS = 4
-"""Smallest mean number of elements in each plane of a leaf for which facets are searched: on curved surfaces of plane
-triangles each element has its plane."""
+"""Orders of interpolation; few, so that weights serve many row clusters."""
+MIN_ELEMENTS = 4
+"""Smallest average number of elements in each plane of a leaf; on curved surfaces each plane triangle has its plane."""
 SAME_PLANE = 9
-"""Digits to which normal and height of the elements of a plane agree."""
+"""Number of digits to which normal and height of the elements of a plane agree."""
 
 Orders = tuple[int, int]
 
@@ -38,9 +39,19 @@ Orders = tuple[int, int]
 class Facet:
     """The elements of one plane that touch the sites of a leaf.
 
-    kind, numbers: the elements; normal: (3,); centre (3,), axes (2, 3), half (2,): the rectangle around them; sites,
-    patches: those of the leaf that they touch; weights: integrals of the interpolating polynomials, (sites, p) and
-    (patches, p), by the orders of interpolation and of the rules on elements.
+    Attributes
+    ----------
+    kind, numbers
+        The elements.
+    normal
+        Normal (3,).
+    centre, axes, half
+        The rectangle around the elements: centre (3,), axes (2, 3), half sides (2,).
+    sites, patches
+        Sites and patches of the leaf that the elements touch.
+    weights
+        Integrals of the interpolating polynomials, (sites, p) and (patches, p), by the orders of interpolation and of
+        the rules on elements.
     """
 
     kind: Kind
@@ -54,26 +65,28 @@ class Facet:
     weights: dict[tuple[Orders, Orders], tuple[Array, Array]] = field(default_factory=dict)
 
     def points(self, orders: Orders) -> Array:
-        """Return the points at which the kernel is evaluated, (p, 3)."""
+        """Return the points (p, 3) at which the kernel is evaluated."""
         first, second = (gauss_table().points[n, :n] for n in orders)
-        places = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
-        found: Array = self.centre + (places * self.half) @ self.axes
-        return found
+        positions = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+        result: Array = self.centre + (positions * self.half) @ self.axes
+        return result
 
-    def integrated(self, integrals: Integrals, orders: Orders, rules: Orders) -> tuple[Array, Array]:
-        """Weights (sites, p), (patches, p) of the values at the points, by rules on the elements."""
+    def integrate(self, integrals: Integrals, orders: Orders, rules: Orders) -> tuple[Array, Array]:
+        """Return the weights (sites, p), (patches, p) of the values at the points, by rules on the elements."""
         key = orders, rules
         if key not in self.weights:
-            own = np.tile(rules, (len(self.numbers), 1))
-            points, _ = placed(integrals, np.zeros(3), self.kind, self.numbers, own, np.full(own.shape, np.nan))
-            found = np.zeros((len(self.sites), prod(orders))), np.zeros((len(self.patches), prod(orders)))
-            places = (
-                _places(self.sites, self.kind.sites[self.numbers]),
-                _places(self.patches, self.kind.patches[self.numbers]),
+            selection = np.tile(rules, (len(self.numbers), 1))
+            points, _ = quadrature_points(
+                integrals, np.zeros(3), self.kind, self.numbers, selection, np.full(selection.shape, np.nan)
+            )
+            result = np.zeros((len(self.sites), prod(orders))), np.zeros((len(self.patches), prod(orders)))
+            positions = (
+                _find_positions(self.sites, self.kind.sites[self.numbers]),
+                _find_positions(self.patches, self.kind.patches[self.numbers]),
             )
             nodes = (gauss_table().points[n, :n] for n in orders)
-            add_weights(points, self.numbers, *places, self.centre, self.axes, self.half, *nodes, *found)
-            self.weights[key] = found
+            add_weights(points, self.numbers, *positions, self.centre, self.axes, self.half, *nodes, *result)
+            self.weights[key] = result
         return self.weights[key]
 
 
@@ -81,12 +94,12 @@ Facets = Mapping[Cluster, Sequence[Facet]]
 
 
 def facets(integrals: Integrals) -> Facets:
-    """The plane parts of all leaves; none of a leaf with elements that are not plane, or with few in each plane."""
+    """Return the facets of all leaves; none for a leaf with elements that are not planar, or with few in each plane."""
     return {leaf: _facets(integrals, leaf) for leaf in integrals.tree.root.leaves()}
 
 
 def _facets(integrals: Integrals, leaf: Cluster) -> tuple[Facet, ...]:
-    kinds, found = list(integrals.elements([leaf])), []
+    kinds, result = list(integrals.elements([leaf])), []
     for kind, numbers in kinds:
         if kind.planes is None:
             return ()
@@ -94,42 +107,59 @@ def _facets(integrals: Integrals, leaf: Cluster) -> tuple[Facet, ...]:
         heights = np.einsum("ex,ex->e", normals, nodes[:, 0])
         digits = np.round(np.column_stack([normals, heights]), SAME_PLANE)
         planes, plane = np.unique(digits, axis=0, return_inverse=True)
-        if len(planes) * MIN_PLANE_ELEMENTS > len(numbers):
+        if len(planes) * MIN_ELEMENTS > len(numbers):
             return ()
         for number in range(len(planes)):
-            own = plane.ravel() == number
-            found.append(_facet(leaf, kind, numbers[own], normals[own][0], nodes[own].reshape(-1, 3)))
-    return tuple(found)
+            selection = plane.ravel() == number
+            result.append(
+                _facet(leaf, kind, numbers[selection], normals[selection][0], nodes[selection].reshape(-1, 3))
+            )
+    return tuple(result)
 
 
 def _facet(leaf: Cluster, kind: Kind, numbers: Indices, normal: Array, nodes: Array) -> Facet:
-    along = np.eye(3)[np.abs(normal).argmin()]
-    first = along - (along @ normal) * normal
+    axis = np.eye(3)[np.abs(normal).argmin()]
+    first = axis - (axis @ normal) * normal
     first /= np.linalg.norm(first)
     axes = np.stack([first, np.cross(normal, first)])
     local = nodes @ axes.T
     low, high = local.min(axis=0), local.max(axis=0)
     centre = (0.5 * (low + high)) @ axes + (nodes[0] @ normal) * normal
     sites, patches = kind.sites[numbers].ravel(), kind.patches[numbers].ravel()
-    own = (sites >= leaf.sites.start) & (sites < leaf.sites.stop)
+    selection = (sites >= leaf.sites.start) & (sites < leaf.sites.stop)
     return Facet(
-        kind, numbers, normal, centre, axes, 0.5 * (high - low), np.unique(sites[own]), np.unique(patches[own])
+        kind,
+        numbers,
+        normal,
+        centre,
+        axes,
+        0.5 * (high - low),
+        np.unique(sites[selection]),
+        np.unique(patches[selection]),
     )
 
 
-def _places(chosen: Indices, numbers: Indices) -> Indices:
-    """The place of each number in some that rise, negative if it is not there."""
-    found = np.searchsorted(chosen, numbers)
-    there = chosen[np.minimum(found, len(chosen) - 1)] == numbers
-    return np.where(there, found, -1)
+def _find_positions(selected: Indices, numbers: Indices) -> Indices:
+    """Return the position of each number among ascending ones, negative if it is not there."""
+    result = np.searchsorted(selected, numbers)
+    present = selected[np.minimum(result, len(selected) - 1)] == numbers
+    return np.where(present, result, -1)
 
 
 @dataclass(frozen=True, eq=False)
-class Interpolated:
-    """Interpolated facets as seen from all sources of a row cluster.
+class InterpolatedFacets:
+    """Interpolated facets, for all sources of a row cluster.
 
-    points, normals: (c, 3), facet by facet from starts[g] to starts[g + 1]; weights: all of them, flat; sites, patches:
-    their places in the sums, likewise.
+    Attributes
+    ----------
+    points, normals
+        Points and normals (c, 3), facet by facet from starts[g] to starts[g + 1].
+    starts
+        First points of the facets.
+    weights
+        All weights, flat.
+    sites, patches
+        Positions in the sums, and their starts.
     """
 
     points: Array
@@ -140,64 +170,66 @@ class Interpolated:
     patches: tuple[Indices, Indices]
 
     def add(self, kernel: Kernel, position: Array, sums: Sums) -> None:
-        """Add the integrals that a source sees to its sums."""
+        """Add the integrals seen from a source to its sums."""
         u, t = kernel.evaluate(self.points - position, self.normals)
         kernels = u.reshape(-1, 25), t.reshape(-1, 25)
         add_products(*kernels, self.starts, self.weights, *self.sites, *self.patches, sums)
 
 
-def interpolated(
+def interpolate(
     integrals: Integrals,
     leaves: Sequence[Cluster],
-    known: Facets,
+    facets_of_leaves: Facets,
     positions: Array,
     box: Array,
     accuracy: Accuracy,
     window: Window,
-) -> tuple[Interpolated | None, list[Cluster]]:
-    """The facets that are interpolated for the sources at positions (s, 3) in a box (2, 3), and leaves that are not."""
-    chosen: list[tuple[Facet, Orders, tuple[Array, Array]]] = []
+) -> tuple[InterpolatedFacets | None, list[Cluster]]:
+    """Return the facets that are interpolated for sources at positions (s, 3) in a box (2, 3), and the other leaves."""
+    selected: list[tuple[Facet, Orders, tuple[Array, Array]]] = []
     others: list[Cluster] = []
     for leaf in leaves:
-        orders = _orders(known[leaf], positions, box, accuracy)
+        orders = _orders(facets_of_leaves[leaf], positions, box, accuracy)
         if orders is None:
             others.append(leaf)
         else:
-            chosen += [(facet, own, facet.integrated(integrals, own, rules)) for facet, own, rules in orders]
-    if not chosen:
+            selected += [
+                (facet, selection, facet.integrate(integrals, selection, rules)) for facet, selection, rules in orders
+            ]
+    if not selected:
         return None, others
-    points = [facet.points(orders) for facet, orders, _ in chosen]
-    counts = [len(part) for part in points]
-    return Interpolated(
+    points = [facet.points(orders) for facet, orders, _ in selected]
+    counts = [len(array) for array in points]
+    return InterpolatedFacets(
         np.concatenate(points),
-        np.repeat([facet.normal for facet, _, _ in chosen], counts, axis=0),
+        np.repeat([facet.normal for facet, _, _ in selected], counts, axis=0),
         _starts(counts),
-        np.concatenate([part.ravel() for _, _, weights in chosen for part in weights]),
-        _side_by_side([window.site[facet.sites] for facet, _, _ in chosen]),
-        _side_by_side([window.patch[facet.patches] for facet, _, _ in chosen]),
+        np.concatenate([array.ravel() for _, _, weights in selected for array in weights]),
+        _side_by_side([window.site[facet.sites] for facet, _, _ in selected]),
+        _side_by_side([window.patch[facet.patches] for facet, _, _ in selected]),
     ), others
 
 
 def _orders(
-    known: Sequence[Facet], positions: Array, box: Array, accuracy: Accuracy
+    facets_of_leaves: Sequence[Facet], positions: Array, box: Array, accuracy: Accuracy
 ) -> list[tuple[Facet, Orders, Orders]] | None:
-    """The facets of a leaf with orders of interpolation and of the rules on elements; None if one is not worth it."""
-    found = []
-    for facet in known:
-        needed = orders_of_facet(positions, facet.centre, facet.axes, facet.half, accuracy)
-        if max(needed) > ORDERS[-1]:
+    """Return the facets of a leaf with orders of interpolation and of the rules on elements; None if inefficient."""
+    result = []
+    for facet in facets_of_leaves:
+        required = orders_of_facet(positions, facet.centre, facet.axes, facet.half, accuracy)
+        if max(required) > ORDERS[-1]:
             return None
-        first, second = (ORDERS[np.searchsorted(ORDERS, n)] for n in needed)
+        first, second = (ORDERS[np.searchsorted(ORDERS, n)] for n in required)
         rules = orders_from(box, facet.kind, facet.numbers, accuracy)
-        if first * second > WORTHWHILE * rules.prod(axis=1).sum():
+        if first * second > MAX_POINT_RATIO * rules.prod(axis=1).sum():
             return None
         xi, eta = rules.max(axis=0).tolist()
-        found.append((facet, (first, second), (xi, eta)))
-    return found or None
+        result.append((facet, (first, second), (xi, eta)))
+    return result or None
 
 
-def _side_by_side(parts: Sequence[Indices]) -> tuple[Indices, Indices]:
-    return np.concatenate(parts), _starts([len(part) for part in parts])
+def _side_by_side(arrays: Sequence[Indices]) -> tuple[Indices, Indices]:
+    return np.concatenate(arrays), _starts([len(array) for array in arrays])
 
 
 def _starts(counts: Sequence[int]) -> Indices:

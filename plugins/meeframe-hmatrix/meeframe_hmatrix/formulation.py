@@ -151,7 +151,7 @@ class HierarchicalBEM(PersistentFormulation):
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
-        """The system of the whole boundary with its factors, unchecked."""
+        """Return the system of the whole boundary with its factors, without checks."""
         stiffness = _scaled(body)
         accuracy = Accuracy(QUADRATURE_SHARE * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
@@ -176,12 +176,12 @@ def _scaled(body: Body) -> Array:
 
 
 def memory_of_machine() -> float:
-    """Bytes of memory of this machine."""
+    """Return the memory of this machine in bytes."""
     return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def _check_memory(unknowns: int, tolerance: float) -> None:
-    """Raises TooLargeError if the matrices and factors are larger than the memory of the machine."""
+    """Raise TooLargeError if the matrices and factors are larger than the memory of the machine."""
     digits = -np.log10(BLOCK_SHARE * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_A_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
     if needed > memory_of_machine():

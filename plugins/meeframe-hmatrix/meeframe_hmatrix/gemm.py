@@ -1,9 +1,9 @@
 # mypy: ignore-errors
-"""Sums of products of matrices that lie anywhere in memory, in one call that does not hold the interpreter's lock.
+"""Sums of products of matrices anywhere in memory, in one call without the global interpreter lock.
 
-A table has one row for each product: first row and number of rows of its place, likewise columns, inner size (FULL
-where there is no right factor), then address, distance of lines and order of the left factor, likewise of the right
-one. BLAS is SciPy's, as numba calls it.
+A table has one row for each product: first row and number of rows of its target, likewise columns, inner size (FULL
+without a right factor), then address, distance of lines and order of the left factor, likewise of the right one. BLAS
+is that of SciPy, as called by numba.
 """
 
 from typing import Final
@@ -15,19 +15,19 @@ from numba.extending import intrinsic
 from meeframe.plugin import Array
 
 FULL: Final = -1
-"""In the place of an inner size: the left factor alone."""
+"""Inner size of an entry without a right factor."""
 COLUMNS: Final = 11
 Outer = tuple[slice, slice, Array, Array]
 """A product left (m, k) @ right (k, n) in a range of rows and columns."""
 BY_ROWS, BY_COLUMNS = 0, 1
-"""Orders: neighbours in memory belong to one row, or to one column."""
+"""Orders of storage: by rows or by columns."""
 
 _gemm = types.ExternalFunction("numba_xxgemm", types.intc(*(types.char,) * 3, *(types.intp,) * 11))
 
 
 @intrinsic
 def _pointer(context, address, like):
-    """To numbers as those of an array, from an address."""
+    """Return a pointer to numbers like those of an array, from an address."""
 
     def code(context, builder, signature, arguments):
         return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
@@ -37,61 +37,64 @@ def _pointer(context, address, like):
 
 @njit(cache=True)
 def _address(array):
-    """Of the first number, faster than numpy tells it."""
+    """Return the address of the first number, faster than numpy does."""
     return array.ctypes.data
 
 
-def located(array, dtype):
-    """Address, distance of lines and order of a matrix. Raises ValueError if it is of another type or has gaps."""
-    (rows, columns), (down, across), size = array.shape, array.strides, array.itemsize
+def locate(array, dtype):
+    """Return address, distance of lines and order of a matrix. Raises ValueError for another type or gaps in lines."""
+    (rows, columns), (row_stride, column_stride), size = array.shape, array.strides, array.itemsize
     if array.dtype == dtype:
         address = _address(array)
-        if (columns <= 1 or across == size) and (rows <= 1 or down >= columns * size):
-            return address, max(1, columns, down // size), BY_ROWS
-        if (rows <= 1 or down == size) and (columns <= 1 or across >= rows * size):
-            return address, max(1, rows, across // size), BY_COLUMNS
-    raise ValueError(f"a matrix of {array.dtype} and strides {array.strides}; allowed: {dtype}, without gaps in lines")
+        if (columns <= 1 or column_stride == size) and (rows <= 1 or row_stride >= columns * size):
+            return address, max(1, columns, row_stride // size), BY_ROWS
+        if (rows <= 1 or row_stride == size) and (columns <= 1 or column_stride >= rows * size):
+            return address, max(1, rows, column_stride // size), BY_COLUMNS
+    raise ValueError(f"a matrix of {array.dtype} with strides {array.strides}; allowed: {dtype}, without gaps in lines")
 
 
 def table_of(products, first_row, first_column, dtype):
-    """Table of products (range of rows, range of columns, left (m, k), right (k, n)); raises as `located`."""
-    places = [
+    """Return the table of products (range of rows, range of columns, left (m, k), right (k, n)). Raises as `locate`."""
+    entries = [
         (
             rows.start - first_row,
             len(left),
             columns.start - first_column,
             right.shape[1],
             len(right),
-            *located(left, dtype),
-            *located(right, dtype),
+            *locate(left, dtype),
+            *locate(right, dtype),
         )
         for rows, columns, left, right in products
     ]
-    return np.array(places, np.int64).reshape(-1, COLUMNS)
+    return np.array(entries, np.int64).reshape(-1, COLUMNS)
 
 
 @njit(cache=True, nogil=True)
-def _multiply(kind, m, n, k, factor, left, right, share, target):
-    """target (m, n) = share * target + factor * left (m, k) @ right (k, n); the last three by address, lines, order.
+def _multiply(kind, m, n, k, factor, left, right, scale, target):
+    """Set target (m, n) to scale * target + factor * left (m, k) @ right (k, n), given by address, lines and order.
 
-    factor and share are addresses of numbers; target is ordered by rows, that is, transposed for BLAS. Not zero if BLAS
-    could not be called.
+    factor and scale are addresses of numbers; target is ordered by rows, that is, transposed for BLAS. Returns nonzero
+    if BLAS could not be called.
     """
-    turns = ord("t") if right[2] else ord("n"), ord("t") if left[2] else ord("n")
-    return _gemm(kind, *turns, n, m, k, factor, right[0], right[1], left[0], left[1], share, *target)
+    transpositions = ord("t") if right[2] else ord("n"), ord("t") if left[2] else ord("n")
+    return _gemm(kind, *transpositions, n, m, k, factor, right[0], right[1], left[0], left[1], scale, *target)
 
 
 @njit(cache=True, nogil=True)
-def _below(place, lines, size):
-    """The same matrix from a later row on."""
-    address, distance, order = place
+def _below(matrix, lines, size):
+    """Return the same matrix from a later row on."""
+    address, distance, order = matrix
     return address + lines * size * (1 if order else distance), distance, order
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def _add_to_vector(m, n, place, x, result):
-    """result (m,) += matrix (m, n) @ x (n,). What is read once is not worth BLAS, which reads several lines at once."""
-    address, distance, order = place
+def _add_to_vector(m, n, matrix, x, result):
+    """Add matrix (m, n) @ x (n,) to result (m,).
+
+    BLAS is not used because it reads several lines at once, which does not pay for numbers that are read once.
+    """
+    address, distance, order = matrix
     numbers = carray(_pointer(address, result), (distance * (n if order else m),))
     if order:
         for j in range(n):
@@ -108,9 +111,10 @@ def _add_to_vector(m, n, place, x, result):
 
 @njit(cache=True, nogil=True)
 def add_products(table, transpose, x, result, origin):
-    """result (m, w) += matrix @ x, for a matrix given by its parts; transpose: by its transpose. True if BLAS did it.
+    """Add matrix @ x, or its transpose @ x, to result (m, w), for a matrix given by its blocks.
 
-    x: address, distance of lines, order, first row in terms of the table; origin: the first row of the result.
+    Returns True if BLAS did it. x: address, distance of lines, order, first row in terms of the table; origin: the
+    first row of the result.
     """
     size, width = result.itemsize, result.shape[1]
     kind = ord("s") if size == 4 else ord("d")
@@ -141,18 +145,18 @@ def add_products(table, transpose, x, result, origin):
                 _add_to_vector(m, k, left, inner[:k, 0], total)
             continue
         target = base + (r - origin) * width * size, width
-        part = _below((x[0], x[1], x[2]), c - x[3], size)
+        operand = _below((x[0], x[1], x[2]), c - x[3], size)
         if k == FULL:
-            failed |= _multiply(kind, m, width, n, one, left, part, one, target)
+            failed |= _multiply(kind, m, width, n, one, left, operand, one, target)
         elif k > 0 and n > 0:
-            failed |= _multiply(kind, k, width, n, one, right, part, zero, middle)
+            failed |= _multiply(kind, k, width, n, one, right, operand, zero, middle)
             failed |= _multiply(kind, m, width, k, one, left, (middle[0], width, 0), one, target)
     return failed == 0 and numbers[1] == 1.0 and inner.size >= 0  # arrays live until here
 
 
 @njit(cache=True, nogil=True)
 def subtract_products(table, target):
-    """target (m, n), ordered by rows, less products of two factors. True if BLAS did it."""
+    """Subtract products of two factors from target (m, n), ordered by rows. Returns True if BLAS did it."""
     size, columns, failed = target.itemsize, target.shape[1], 0
     kind = ord("s") if size == 4 else ord("d")
     numbers = np.array([-1.0, 1.0]).astype(target.dtype)
@@ -161,7 +165,7 @@ def subtract_products(table, target):
         r, m, c, n, k = table[line, :5]
         left = table[line, 5], table[line, 6], table[line, 7]
         right = table[line, 8], table[line, 9], table[line, 10]
-        place = target.ctypes.data + (r * columns + c) * size, columns
+        matrix = target.ctypes.data + (r * columns + c) * size, columns
         if k > 0:
-            failed |= _multiply(kind, m, n, k, minus, left, right, minus + size, place)
+            failed |= _multiply(kind, m, n, k, minus, left, right, minus + size, matrix)
     return failed == 0 and numbers[1] == 1.0  # arrays live until here

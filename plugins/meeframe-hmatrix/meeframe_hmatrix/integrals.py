@@ -18,8 +18,20 @@ PLANE = 1e-12
 class Kind:
     """The elements of one block of the mesh.
 
-    block: its number; first: number of its first element among all; sites, patches: (e, k) of the nodes, sites in the
-    order of the tree; planes: normals (e, 3) if all of them are plane.
+    Attributes
+    ----------
+    block
+        Number of the block.
+    element
+        Type of element.
+    first
+        Number of its first element among all.
+    elements
+        Geometry of the elements.
+    sites, patches
+        Sites and patches (e, k) of the nodes, sites in the order of the tree.
+    planes
+        Normals (e, 3) if all elements are planar.
     """
 
     block: int
@@ -33,11 +45,28 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Integrals:
-    """Data that every task reads; sources, rows and columns in the order of the tree.
+    """Data read by every task; sources, rows and columns are in the order of the tree.
 
-    positions: (s, 3) of the collocation points; rows: (s, 5) of their equations, NONE where there is none; sources: the
-    rest of them, in the order of `tree.sources`; patch_sites: (p,) of the patches; touching: elements at each site,
-    starts (sites + 1,) and elements.
+    Attributes
+    ----------
+    mesh, tree
+        Surface mesh in units of the system, and cluster tree.
+    sources
+        Collocation, in the order of `tree.sources`.
+    kernel, accuracy
+        Fundamental solution and accuracy of the rules.
+    positions
+        Collocation points (s, 3).
+    rows
+        Their equations (s, 5), NONE where there is none.
+    columns
+        Columns of unknowns and loads.
+    kinds
+        Elements by kind.
+    patch_sites
+        Sites (p,) of the patches.
+    touching
+        Elements at each site: starts (sites + 1,) and elements.
     """
 
     mesh: SurfaceMesh
@@ -53,10 +82,10 @@ class Integrals:
     touching: tuple[Indices, Indices]
 
     def elements(self, clusters: Sequence[Cluster]) -> Iterator[tuple[Kind, Indices]]:
-        """The elements that touch the sites of clusters: their numbers, rising, kind by kind."""
+        """Yield the elements that touch the sites of clusters, by kind, with ascending numbers."""
         starts, elements = self.touching
-        own = [elements[starts[cluster.sites.start] : starts[cluster.sites.stop]] for cluster in clusters]
-        numbers = np.unique(np.concatenate(own)) if own else elements[:0]
+        touched = [elements[starts[cluster.sites.start] : starts[cluster.sites.stop]] for cluster in clusters]
+        numbers = np.unique(np.concatenate(touched)) if touched else elements[:0]
         for kind in self.kinds:
             low, high = np.searchsorted(numbers, [kind.first, kind.first + len(kind.sites)])
             if low < high:
@@ -66,7 +95,7 @@ class Integrals:
 def prepare(
     mesh: SurfaceMesh, layout: Layout, sources: Sources, tree: ClusterTree, kernel: Kernel, accuracy: Accuracy
 ) -> Integrals:
-    """Tables of elements and columns. mesh: in units of the system."""
+    """Return the tables of elements and columns; the mesh is in units of the system."""
     rows = sources.row[tree.sources]
     rows = np.where(rows == NONE, NONE, tree.unknown_rank[rows])
     kinds = tuple(_kinds(mesh, layout, tree, accuracy.tolerance))
@@ -90,23 +119,24 @@ def prepare(
 
 
 def flux_unit(mesh: SurfaceMesh) -> float:
-    """The unit of unknown fluxes that makes their coefficients as large as those of values, at the body's own distance.
+    """Return the unit of unknown fluxes for which their coefficients are as large as those of values.
 
-    Truncation sees both in one block; without it the values would be left to the round-off of the fluxes.
+    It refers to distances of the size of the body. Truncation includes both in one block; without this unit the values
+    would be lost in the round-off of the fluxes.
     """
     return float(1.0 / np.ptp(mesh.points, axis=0).max())
 
 
 def _columns(mesh: SurfaceMesh, layout: Layout, tree: ClusterTree) -> Columns:
-    def ranked(numbers: Indices, rank: Indices) -> Indices:
+    def rank_numbers(numbers: Indices, rank: Indices) -> Indices:
         return np.where(numbers == NONE, NONE, rank[numbers]) if len(rank) else numbers
 
     return Columns(
-        ranked(layout.value_column, tree.unknown_rank)[tree.points],
+        rank_numbers(layout.value_column, tree.unknown_rank)[tree.points],
         layout.value_data[tree.points],
-        ranked(layout.flux_column, tree.unknown_rank),
+        rank_numbers(layout.flux_column, tree.unknown_rank),
         layout.flux_data,
-        ranked(layout.load_column, inverse(tree.loads)),
+        rank_numbers(layout.load_column, inverse(tree.loads)),
         flux_unit(mesh),
     )
 
@@ -123,7 +153,7 @@ def _kinds(mesh: SurfaceMesh, layout: Layout, tree: ClusterTree, tolerance: floa
 
 
 def _planes(element: SurfaceElement, nodes: Array) -> Array | None:
-    """Normals (e, 3) of elements with nodes (e, k, 3) if each has all of them in one plane."""
+    """Return the normals (e, 3) of elements with nodes (e, k, 3) if each is planar."""
     middle = element.nodes.mean(axis=0, keepdims=True)
     xi, eta = np.einsum("ak,eax->kex", shape_derivatives(element, middle)[0], nodes)
     normals = np.cross(xi, eta)

@@ -19,7 +19,15 @@ from meeframe.plugin.boundary_elements import (
 
 
 class Elements(NamedTuple):
-    """Elements of one kind: nodes (e, k, 3); centres (e, 3), sizes (e, 2), min_orders (e,) as in ElementExtents."""
+    """Elements of one kind.
+
+    Attributes
+    ----------
+    nodes
+        Nodes (e, k, 3).
+    centres, sizes, min_orders
+        Arrays (e, 3), (e, 2) and (e,) as in ElementExtents.
+    """
 
     nodes: np.ndarray
     centres: np.ndarray
@@ -28,10 +36,22 @@ class Elements(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Quadrature points on elements, the i-th of which has those from starts[i] to starts[i + 1].
+    """Quadrature points on elements, of which element i has those from starts[i] to starts[i + 1].
 
-    offsets: (c, 3) from the source; normals: (c, 3); weights: (c, k) shape functions times measure; measures: (c,); the
-    rest is scratch of rules.
+    Attributes
+    ----------
+    starts
+        First points of the elements, (e + 1,).
+    offsets
+        Positions (c, 3) relative to the source.
+    normals
+        Normals (c, 3).
+    weights
+        Shape functions times measure, (c, k).
+    measures
+        Measures (c,).
+    reference, reference_weights
+        Work arrays of rules.
     """
 
     starts: np.ndarray
@@ -44,10 +64,16 @@ class Points(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Columns of the nodes; sites, unknowns and loads in the order of the tree.
+    """Columns of nodes, with sites, unknowns and loads in the order of the tree.
 
-    value_column, value_data: (sites, 5); flux_column, flux_data, load_column: (patches, 5). Columns are negative where
-    there is none. flux_unit: unknown fluxes are in units of it.
+    Attributes
+    ----------
+    value_column, value_data
+        Columns and data of values at the sites, (sites, 5); columns are negative where there is none.
+    flux_column, flux_data, load_column
+        Columns and data of fluxes, and columns of loads, on the patches, (patches, 5).
+    flux_unit
+        Unit of unknown fluxes.
     """
 
     value_column: np.ndarray
@@ -59,8 +85,15 @@ class Columns(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The columns that are wanted: place of each unknown, load, site and patch, negative if it is not, and the numbers
-    of sites and patches in the order of their places."""
+    """The required columns.
+
+    Attributes
+    ----------
+    unknown, load, site, patch
+        Position of each unknown, load, site and patch, negative if it is not required.
+    sites, patches
+        Numbers of sites and patches in the order of their positions.
+    """
 
     unknown: np.ndarray
     load: np.ndarray
@@ -78,7 +111,7 @@ class Sums(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Output: coefficients of unknowns (r, u), of loads (r, l), of the known data and five constant fields (r, 6)."""
+    """Output: coefficients of unknowns (r, u) and loads (r, l), and the known data and five constant fields (r, 6)."""
 
     unknown: np.ndarray
     load: np.ndarray
@@ -87,7 +120,7 @@ class Rows(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
-    """Orders (n, 2) of tensor rules that serve elements (n,) seen from anywhere in a box (2, 3); 0 where none does."""
+    """Set out (n, 2) to orders of tensor rules valid for elements (n,) seen from anywhere in a box (2, 3), else 0."""
     limit, degree = max_points_per_direction(accuracy.tolerance, gauss), shape_degree(table)
     for i in range(len(numbers)):
         element = numbers[i]
@@ -108,9 +141,9 @@ def orders_from_box(box, numbers, elements, table, accuracy, gauss, out):
 
 @njit(cache=True, nogil=True)
 def element_points(source, numbers, orders, places, elements, table, accuracy, gauss, out):
-    """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones where 0.
+    """Fill out with rules on elements (n,) for a source (3,): tensor rules of orders (n, 2), adaptive ones for order 0.
 
-    places: (n, 2) reference coordinates of the source in an element that holds it, else NaN. Returns the number of
+    places: (n, 2) reference coordinates of the source in an element that contains it, else NaN. Returns the number of
     points, or a negative code of element_rule.
     """
     count = 0
@@ -143,7 +176,7 @@ def element_points(source, numbers, orders, places, elements, table, accuracy, g
 
 @njit(cache=True, nogil=True)
 def sums_by_element(u, t, flux_weights, value_weights, starts, sum_u, sum_t):
-    """Sums (m, k, 25) of weights (c, k) times u and t (c, 25) at the points from starts[e] to starts[e + 1]."""
+    """Set sums (m, k, 25) to weights (c, k) times u and t (c, 25) at the points from starts[e] to starts[e + 1]."""
     sum_u[:] = 0.0
     sum_t[:] = 0.0
     for element in range(len(starts) - 1):
@@ -160,9 +193,9 @@ def accumulate(u, t, sites, patches, window, sums):
     """Add integrals u, t (m, k, 25) over elements to the sums of their nodes; sites, patches: (m, k) of these."""
     for element in range(len(sites)):
         for a in range(sites.shape[1]):
-            place = window.site[sites[element, a]]
-            if place >= 0:
-                value, flux = sums.values[place], sums.fluxes[window.patch[patches[element, a]]]
+            position = window.site[sites[element, a]]
+            if position >= 0:
+                value, flux = sums.values[position], sums.fluxes[window.patch[patches[element, a]]]
                 for i in range(25):
                     value[i] += t[element, a, i]
                     flux[i] += u[element, a, i]
@@ -175,8 +208,8 @@ def enter(sums, rows, columns, window, out):
     Entry 5 J + K of an integral belongs to the field J in the equation K.
     """
     constants = np.zeros(25)
-    for place in range(len(window.sites)):
-        site, t = window.sites[place], sums.values[place]
+    for position in range(len(window.sites)):
+        site, t = window.sites[position], sums.values[position]
         for i in range(25):
             constants[i] += t[i]
         for j in range(5):
@@ -187,8 +220,8 @@ def enter(sums, rows, columns, window, out):
                 _add_column(t[5 * j :], -columns.value_data[site, j], rows, out.rest, 0)
     for j in range(5):
         _add_column(constants[5 * j :], 1.0, rows, out.rest, 1 + j)
-    for place in range(len(window.patches)):
-        patch, u = window.patches[place], sums.fluxes[place]
+    for position in range(len(window.patches)):
+        patch, u = window.patches[position], sums.fluxes[position]
         for j in range(5):
             column, load = columns.flux_column[patch, j], columns.load_column[patch, j]
             if column >= 0:

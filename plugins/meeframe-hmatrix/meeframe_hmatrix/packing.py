@@ -1,4 +1,4 @@
-"""A tree of blocks as two arrays, to be kept in files and sent to other processes."""
+"""Conversion of a tree of blocks to two arrays for files and other processes."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -9,46 +9,49 @@ from meeframe.plugin import Array, Indices
 from meeframe_hmatrix.blocks import Block, Dense, LowRank, Split, leaves, rank
 
 DIVIDED, FULL = -2, -1
-"""In the place of a rank: of divided and of dense blocks."""
+"""Values in place of a rank for divided and for dense blocks."""
 COLUMNS: Final = 7
 
 
 def packed(block: Block) -> tuple[Indices, Array]:
-    """Table (b, 7) of all blocks, a divided one before its parts, and the numbers of the undivided ones (k,).
+    """Return a table (b, 7) of all blocks, divided ones before their children, and the numbers (k,) of undivided ones.
 
-    A row of the table: first row and the one after the last, likewise columns, rank, lines and columns of the parts.
+    A row of the table has the first row and the one after the last, likewise columns, then the rank and the numbers of
+    rows and columns of children.
     """
-    arrays = [part for leaf in leaves(block) for part in _arrays(leaf)]
+    arrays = [child for leaf in leaves(block) for child in _arrays(leaf)]
     return np.array(list(_rows(block)), np.int64), np.concatenate([array.ravel() for array in arrays])
 
 
 def unpacked(table: Indices, numbers: Array) -> Block:
-    """The tree again; its arrays are parts of `numbers`. Raises ValueError unless they fit the table."""
+    """Return the tree, whose arrays are views of `numbers`. Raises ValueError unless they match the table."""
     if table.ndim != 2 or table.shape[1] != COLUMNS:
         raise ValueError(f"a table of blocks has {COLUMNS} columns, not the shape {table.shape}")
     rows = iter(table.tolist())
-    place = 0
+    position = 0
 
     def take(*size: int) -> Array:
-        nonlocal place
-        place += size[0] * size[1]
-        return numbers[place - size[0] * size[1] : place].reshape(size)
+        nonlocal position
+        position += size[0] * size[1]
+        return numbers[position - size[0] * size[1] : position].reshape(size)
 
     def block() -> Block:
         first, last, left, right, kind, lines, columns = next(rows)
-        here, there = slice(first, last), slice(left, right)
+        row_range, column_range = slice(first, last), slice(left, right)
         if kind == DIVIDED:
-            return Split(here, there, tuple([tuple([block() for _ in range(columns)]) for _ in range(lines)]))
+            return Split(
+                row_range, column_range, tuple([tuple([block() for _ in range(columns)]) for _ in range(lines)])
+            )
         if kind == FULL:
-            return Dense(here, there, take(last - first, right - left))
-        return LowRank(here, there, take(last - first, kind), take(kind, right - left))
+            return Dense(row_range, column_range, take(last - first, right - left))
+        return LowRank(row_range, column_range, take(last - first, kind), take(kind, right - left))
 
     try:
         tree = block()
     except StopIteration:
-        raise ValueError(f"a table of {len(table)} blocks ends before its tree") from None
-    if place != numbers.size or next(rows, None) is not None:
-        raise ValueError(f"{numbers.size} numbers and {len(table)} blocks are more than one tree has")
+        raise ValueError(f"a table of {len(table)} blocks is incomplete") from None
+    if position != numbers.size or next(rows, None) is not None:
+        raise ValueError(f"{numbers.size} numbers and {len(table)} blocks do not form one tree")
     return tree
 
 
@@ -57,8 +60,8 @@ def _rows(block: Block) -> Iterator[tuple[int, ...]]:
     if isinstance(block, Split):
         yield (*bounds, DIVIDED, len(block.parts), len(block.parts[0]))
         for line in block.parts:
-            for part in line:
-                yield from _rows(part)
+            for child in line:
+                yield from _rows(child)
     else:
         yield (*bounds, rank(block) if isinstance(block, LowRank) else FULL, 0, 0)
 

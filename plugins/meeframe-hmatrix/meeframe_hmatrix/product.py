@@ -1,4 +1,4 @@
-"""Fast products of a hierarchical matrix with one vector: all its numbers in the order in which they are read."""
+"""Fast products of a hierarchical matrix with one vector, with all numbers in the order in which they are read."""
 
 from dataclasses import dataclass
 
@@ -12,10 +12,16 @@ from meeframe_hmatrix.product_kernels import add_product
 
 @dataclass(frozen=True, eq=False)
 class Product:
-    """matrix @ x for x (n,), in double precision.
+    """Product matrix @ x for x (n,), in double precision.
 
-    rows, columns: of the matrix; table: (b, 5) of each undivided block first row and number of rows, first column and
-    number of columns, and rank or FULL; numbers: (k,) by rows, of left factors by columns.
+    Attributes
+    ----------
+    rows, columns
+        Size of the matrix.
+    table
+        For each undivided block first row, number of rows, first column, number of columns, and rank or FULL, (b, 5).
+    numbers
+        Numbers (k,) by rows, those of left factors by columns.
     """
 
     rows: int
@@ -24,7 +30,7 @@ class Product:
     numbers: Array
 
     def __call__(self, x: Array) -> Array:
-        """matrix @ x, (m,). Raises ValueError if x is of another length."""
+        """Return matrix @ x, (m,). Raises ValueError if x has another length."""
         if x.shape != (self.columns,):
             raise ValueError(f"a vector of shape {x.shape}; allowed: ({self.columns},)")
         result = np.zeros(self.rows)
@@ -33,13 +39,13 @@ class Product:
 
 
 def product_of(block: Block) -> Product:
-    """The product of a tree of blocks whose columns begin with 0; its rows count from their first."""
-    table, numbers, place = [], np.empty(stored(block)), 0
+    """Return the product of a tree of blocks whose columns begin with 0; rows count from its first row."""
+    table, numbers, position = [], np.empty(stored(block)), 0
     for leaf in leaves(block):
         (m, n), dense = shape(leaf), isinstance(leaf, Dense)
         first = leaf.rows.start - block.rows.start, m, leaf.columns.start, n
         table.append((*first, FULL if dense else rank(leaf)))
-        for part in (leaf.array,) if dense else (leaf.left.T, leaf.right):
-            numbers[place : place + part.size].reshape(part.shape)[:] = part
-            place += part.size
+        for factor in (leaf.array,) if dense else (leaf.left.T, leaf.right):
+            numbers[position : position + factor.size].reshape(factor.shape)[:] = factor
+            position += factor.size
     return Product(*shape(block), np.array(table, np.int64), numbers)

@@ -9,7 +9,7 @@ from meeframe_hmatrix.gemm import FULL
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _dots(numbers, x, result):
-    """result (m,) += matrix @ x, (n,), for the numbers (m n) of a matrix by rows."""
+    """Add matrix @ x to result (m,), for x (n,) and the numbers (m n) of a matrix by rows."""
     n = len(x)
     for i in range(len(result)):
         row, total = numbers[i * n : (i + 1) * n], 0.0
@@ -20,20 +20,20 @@ def _dots(numbers, x, result):
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def add_product(table, numbers, x, result):
-    """result (m,) += matrix @ x, (n,), from table and numbers of meeframe_hmatrix.product.Product."""
-    place = 0
+    """Add matrix @ x to result (m,), for x (n,) and table and numbers of meeframe_hmatrix.product.Product."""
+    position = 0
     for line in range(len(table)):
         row, m, column, n, rank = table[line]
         values, target = x[column : column + n], result[row : row + m]
         if rank == FULL:
-            _dots(numbers[place : place + m * n], values, target)
-            place += m * n
+            _dots(numbers[position : position + m * n], values, target)
+            position += m * n
             continue
         inner = np.zeros(rank)
-        left, right = place, place + rank * m
-        place = right + rank * n
-        _dots(numbers[right:place], values, inner)
+        left, right = position, position + rank * m
+        position = right + rank * n
+        _dots(numbers[right:position], values, inner)
         for k in range(rank):
-            part = numbers[left + k * m : left + (k + 1) * m]
+            factor = numbers[left + k * m : left + (k + 1) * m]
             for i in range(m):
-                target[i] += part[i] * inner[k]
+                target[i] += factor[i] * inner[k]

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Kernels of the cross approximation: points and samples of far columns, and sources that stand for all."""
+"""Kernels of the cross approximation: points and samples of far columns, and sources that represent all."""
 
 from math import sqrt
 
@@ -8,101 +8,101 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def spread_out(places, low, high, count):
-    """Numbers of at most count of the places (n, 3), spread out as seen from a box.
+def spread_out(points, low, high, count):
+    """Return the numbers of at most `count` of the points (n, 3), spread out as seen from a box.
 
-    The first is the nearest to the box; each next one is the farthest from those before, in terms of its distance from
-    the box, so that they are dense where it is close. A larger count only adds to them.
+    The first is the nearest to the box; each next one is the farthest from the previous ones relative to its distance
+    from the box, so that they are dense close to the box. A larger count only adds points.
     """
-    n = len(places)
+    n = len(points)
     count = min(count, n)
     scale, gap = np.empty(n), np.full(n, np.inf)
     for i in range(n):
         square = 0.0
         for axis in range(3):
-            x = places[i, axis]
+            x = points[i, axis]
             square += max(0.0, max(low[axis] - x, x - high[axis])) ** 2
         scale[i] = 1.0 / square
-    chosen = np.empty(count, np.int64)
-    chosen[0] = scale.argmax()
+    selected = np.empty(count, np.int64)
+    selected[0] = scale.argmax()
     for number in range(1, count):
         farthest, largest = 0, -1.0
         for i in range(n):
             square = 0.0
             for axis in range(3):
-                square += (places[i, axis] - places[chosen[number - 1], axis]) ** 2
+                square += (points[i, axis] - points[selected[number - 1], axis]) ** 2
             gap[i] = min(gap[i], square * scale[i])
             if gap[i] > largest:
                 farthest, largest = i, gap[i]
-        chosen[number] = farthest
-    return chosen
+        selected[number] = farthest
+    return selected
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def enter_samples(u, t, rows, samples, squares):
-    """Enter kernels u, t (s p, 25) of some sources in samples (m, p, 10), and add their squares up in squares (p, 2).
+    """Enter kernels u, t (s p, 25) of some sources in samples (m, p, 10), and add their squares to squares (p, 2).
 
-    rows: (s, 5) of the sources' equations, negative where there is none. Entry 5 J + K is that of the equation K.
+    rows: (s, 5) of the equations of the sources, negative where there is none. Entry 5 J + K is that of the equation K.
     """
     n = samples.shape[1]
     for source in range(len(rows)):
         for point in range(n):
-            one, other = u[source * n + point], t[source * n + point]
-            squares[point, 0] += (one**2).sum()
-            squares[point, 1] += (other**2).sum()
+            value_u, value_t = u[source * n + point], t[source * n + point]
+            squares[point, 0] += (value_u**2).sum()
+            squares[point, 1] += (value_t**2).sum()
             for k in range(5):
                 if rows[source, k] >= 0:
                     sample = samples[rows[source, k], point]
                     for j in range(5):
-                        sample[j], sample[5 + j] = one[5 * j + k], other[5 * j + k]
+                        sample[j], sample[5 + j] = value_u[5 * j + k], value_t[5 * j + k]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
-def skeleton_sources(rest, source, limit, mean):
-    """Sources whose rows of a matrix (m, n) span all of it, rising, and all rows in an orthonormal basis of these,
-    (m, r); overwrites the matrix.
+def skeleton_sources(remainder, source, limit, mean):
+    """Return ascending sources whose rows of a matrix (m, n) span all rows, and all rows in a basis of these (m, r).
 
-    source: (m,) of each row, rising. All rows of a source are taken together, because they cost as much as one; the
-    next source is the one whose rows are farthest from what is spanned, until the Frobenius norm of all that is left
-    is at most limit (block Gram-Schmidt with pivoting). mean: the matrix is another one times random vectors, whose
-    norm is meant: what r rows leave of it is seen by n - r of them only. Also whether a quarter still does.
+    Overwrites the matrix; the basis is orthonormal. The third result is False if random sums represent less than a
+    quarter of the norm. source: (m,) of each row, ascending. All rows of a source are used together, because they cost
+    as much as one; the next source is the one whose rows are farthest from the span, until the Frobenius norm of the
+    remainder is at most `limit` (block Gram-Schmidt with pivoting). mean: the matrix is another one times random
+    vectors, and the norm is that of the other one: what r rows leave of it is represented by n - r vectors only.
     """
-    m, n = rest.shape
+    m, n = remainder.shape
     n_sources = source[-1] + 1
-    basis, left = np.empty((min(m, n), n), rest.dtype), np.zeros(n_sources)
-    parts, projected = np.zeros((m, len(basis)), rest.dtype), np.empty((m, n), rest.dtype)
-    round_off = 500.0 * np.finfo(rest.dtype).eps
-    taken = np.zeros(n_sources, np.bool_)
+    basis, squares = np.empty((min(m, n), n), remainder.dtype), np.zeros(n_sources)
+    coefficients, projected = np.zeros((m, len(basis)), remainder.dtype), np.empty((m, n), remainder.dtype)
+    round_off = 500.0 * np.finfo(remainder.dtype).eps
+    used = np.zeros(n_sources, np.bool_)
     for i in range(m):
-        left[source[i]] += (rest[i] ** 2).sum()
-    rank, shown = 0, 1.0
-    while left.sum() > shown * limit * limit and not taken.all():
-        worst = left.argmax()
-        taken[worst] = True
+        squares[source[i]] += (remainder[i] ** 2).sum()
+    rank, represented = 0, 1.0
+    while squares.sum() > represented * limit * limit and not used.all():
+        worst = squares.argmax()
+        used[worst] = True
         first = rank
         for i in range(np.searchsorted(source, worst), np.searchsorted(source, worst, side="right")):
-            row = rest[i].copy()
+            row = remainder[i].copy()
             norm = sqrt((row**2).sum())
-            for _ in range(2):  # twice is enough
+            for _ in range(2):  # twice for round-off
                 for b in range(first, rank):
                     row -= (row * basis[b]).sum() * basis[b]
-            remains = sqrt((row**2).sum())
-            if rank < len(basis) and remains > round_off * norm:
-                basis[rank] = row / remains
+            remaining_norm = sqrt((row**2).sum())
+            if rank < len(basis) and remaining_norm > round_off * norm:
+                basis[rank] = row / remaining_norm
                 rank += 1
-        dots = np.dot(rest, basis[first:rank].T)
-        parts[:, first:rank] = dots
+        dots = np.dot(remainder, basis[first:rank].T)
+        coefficients[:, first:rank] = dots
         np.dot(dots, basis[first:rank], projected)
-        left[:] = 0.0
+        squares[:] = 0.0
         for i in range(m):
-            square = rest.dtype.type(0.0)
+            square = remainder.dtype.type(0.0)
             for q in range(n):
-                rest[i, q] -= projected[i, q]
-                square += rest[i, q] ** 2
-            if not taken[source[i]]:
-                left[source[i]] += square
+                remainder[i, q] -= projected[i, q]
+                square += remainder[i, q] ** 2
+            if not used[source[i]]:
+                squares[source[i]] += square
         if mean:
-            shown = 1.0 - rank / n
-            if shown < 0.25:
+            represented = 1.0 - rank / n
+            if represented < 0.25:
                 break
-    return np.flatnonzero(taken), parts[:, :rank].copy(), shown >= 0.25
+    return np.flatnonzero(used), coefficients[:, :rank].copy(), represented >= 0.25

@@ -67,9 +67,9 @@ class BoundarySystem:
     flux_unit: float
 
     def unknowns(self, loads: Array) -> Array:
-        """The unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
+        """Return the unknowns, in the numbering of the layout, for loads (5 n) in that of the tree.
 
-        By GMRES, preconditioned with the factors. Raises CaseError if it does not converge.
+        GMRES is preconditioned with the factors. Raises CaseError if it does not converge.
         """
         rhs = self.system.rhs + multiply(self.system.load_matrix, loads[:, None])[:, 0]
         solution = np.empty_like(rhs)
@@ -77,10 +77,10 @@ class BoundarySystem:
         return solution
 
     def solve(self, rhs: Array) -> tuple[Array, int]:
-        """matrix^-1 @ rhs and the number of iterations. Raises CaseError if GMRES does not converge.
+        """Return matrix^-1 @ rhs and the number of iterations. Raises CaseError if GMRES does not converge.
 
-        Flexible GMRES (SciPy's, which carries a vector over to the next cycle): factors in single precision are not
-        linear to the last digit.
+        Flexible GMRES (that of SciPy, which carries a vector over to the next cycle) is used because factors in single
+        precision are not linear to the last digit.
         """
         if not rhs.any():
             return np.zeros_like(rhs), 0
@@ -110,21 +110,24 @@ class BoundarySystem:
         return solution, iterations
 
     def fields(self, loads: Array) -> NodalFields:
-        """Fields on the boundary for loads (n, 5) in units of the system and the order of the layout, global axes."""
+        """Return the fields on the boundary for loads (n, 5).
+
+        Loads are in units of the system, the order of the layout and global axes.
+        """
         flat = loads.ravel()
         unknowns = self.unknowns(flat[self.tree.loads])
         return boundary_fields(self.layout, self.units, self.mesh, unknowns, self.flux_unit * unknowns, flat)
 
 
 def factorise(system: System, tolerance: float, progress: Progress) -> Factors:
-    """Truncated factors of the matrix."""
+    """Return the truncated factors of the matrix."""
     progress("elimination", 0.0)
     with truncation(tolerance) as how:
         return eliminate(system.matrix, how)
 
 
 def condense(system: System, factors: Factors, tolerance: float, progress: Progress) -> Block:
-    """The compliance of the contact zone by the factors of the matrix.
+    """Return the compliance of the contact zone by the factors of the matrix.
 
     It gives values (5 n) there for loads (5 n), both in the order of the tree and in units of the system.
     """
@@ -140,21 +143,28 @@ def condense(system: System, factors: Factors, tolerance: float, progress: Progr
 
 @contextmanager
 def truncation(tolerance: float) -> Iterator[Truncation]:
-    """In single precision where that is enough."""
+    """Provide a truncation in single precision if that is sufficient, else in double precision."""
     with helpers() as pool:
         yield Truncation(tolerance, precision(tolerance), pool)
 
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """The system of the whole boundary. make: gives it; made: it, once it is there. Copies to other processes make it
-    anew."""
+    """System of the whole boundary, created on demand; copies in other processes create it again.
+
+    Attributes
+    ----------
+    make
+        Function that creates the system.
+    made
+        The system once it has been created.
+    """
 
     make: Callable[[], BoundarySystem]
     made: list[BoundarySystem] = field(default_factory=list)
 
     def __call__(self) -> BoundarySystem:
-        """The system."""
+        """Return the system."""
         if not self.made:
             try:
                 self.made.append(self.make())
@@ -246,10 +256,10 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
         return self.inverses[key]
 
     def solved(self, load: Array) -> tuple[Array, int]:
-        """offset + compliance(load) by GMRES on the whole system, (n, 5), and its iterations.
+        """Return offset + compliance(load) by GMRES on the whole system, (n, 5), and the number of iterations.
 
-        Free of the truncations of elimination, of which only the preconditioner is made; those of the assembly remain.
-        Raises CaseError if it does not converge.
+        It is free of the truncation of the elimination, which only affects the preconditioner; that of the assembly
+        remains. Raises CaseError if it does not converge.
         """
         boundary = self.boundary
         loads = np.einsum("nja,na->nj", self.to_load, load)[self.order].ravel()

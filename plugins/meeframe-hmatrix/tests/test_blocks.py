@@ -14,7 +14,7 @@ from meeframe_hmatrix.blocks import (
     LowRank,
     Split,
     compress,
-    converted,
+    convert,
     leaves,
     multiply,
     multiply_transposed,
@@ -24,7 +24,7 @@ from meeframe_hmatrix.blocks import (
 )
 from meeframe_hmatrix.chosen_fields import in_fields, merged
 from meeframe_hmatrix.product import product_of
-from meeframe_hmatrix.truncation import SINGLE, truncated
+from meeframe_hmatrix.truncation import SINGLE, truncate
 from numba import get_num_threads
 
 LEAF = 12
@@ -79,9 +79,9 @@ def test_products_are_those_of_the_matrix(matrices):
         assert error(to_dense(blocks), matrix) < 2e-9
         assert error(multiply(blocks, x), matrix @ x) < 1e-8
         assert error(multiply_transposed(blocks, y), matrix.T @ y) < 1e-8
-        for same in (blocks, converted(blocks, np.float32)):  # merged otherwise it is to be the same to the last digit
+        for same in (blocks, convert(blocks, np.float32)):  # merged otherwise it is to be the same to the last digit
             product = product_of(same)
-            assert error(product(x[:, 0]), to_dense(converted(same, float)) @ x[:, 0]) < 1e-13
+            assert error(product(x[:, 0]), to_dense(convert(same, float)) @ x[:, 0]) < 1e-13
             assert product.numbers.size == stored(blocks)
 
 
@@ -124,7 +124,7 @@ def test_nothing_that_waits_is_begun_after_an_error(monkeypatch):
 
     monkeypatch.setattr(arithmetic, "ThreadPoolExecutor", Pool)
     with pytest.raises(ZeroDivisionError), helpers() as pool:
-        Truncation(1e-3, np.float64, pool).shared([fail, *(partial(wait, number) for number in range(300))])
+        Truncation(1e-3, np.float64, pool).run_all([fail, *(partial(wait, number) for number in range(300))])
     assert ended.is_set()
     assert len(begun) <= get_num_threads()
 
@@ -132,7 +132,7 @@ def test_nothing_that_waits_is_begun_after_an_error(monkeypatch):
 def test_blocks_of_two_precisions_and_vectors_of_other_lengths_are_refused(matrices):
     _, _, block, _ = matrices
     ((first, second), (third, fourth)) = block.parts
-    mixed = Split(block.rows, block.columns, ((first, second), (converted(third, np.float32), fourth)))
+    mixed = Split(block.rows, block.columns, ((first, second), (convert(third, np.float32), fourth)))
     with pytest.raises(ValueError, match="float32 in one of float64"):
         multiply(mixed, np.zeros((block.columns.stop, 1)))
     with pytest.raises(ValueError, match="not multiplied with 5 rows"):
@@ -155,7 +155,7 @@ def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance, dtype):
     for left, right in (
         recompress(*factors, tolerance),
         compress(lambda x: matrix @ x, lambda x: matrix.T @ x, matrix.shape, 3, tolerance, dtype),
-        truncated(matrix.copy(), tolerance),
+        truncate(matrix.copy(), tolerance),
     ):
         assert left.dtype == right.dtype == dtype
         assert error(left @ right, matrix) < 1.5 * tolerance
@@ -165,7 +165,7 @@ def test_compression_keeps_its_tolerance_and_the_best_rank(tolerance, dtype):
 def test_nothing_has_no_rank():
     zero = np.zeros((40, 30))
     compressed = compress(zero.dot, zero.T.dot, zero.shape, 2, 1e-3)
-    for left, right in (recompress(zero, np.eye(30), 1e-3), compressed, truncated(zero.copy(), 1e-3)):
+    for left, right in (recompress(zero, np.eye(30), 1e-3), compressed, truncate(zero.copy(), 1e-3)):
         assert left.shape == (40, 0)
         assert right.shape == (0, 30)
 
@@ -174,7 +174,7 @@ def test_nothing_has_no_rank():
 @pytest.mark.parametrize("size", [1e-25, 1.0, 1e25])
 def test_truncation_in_single_precision_does_not_depend_on_units(size):
     smooth = 1.0 / (1.0 + np.linspace(0, 1, 40)[:, None] + np.linspace(0, 2, 30))
-    left, right = truncated((size * smooth).astype(np.float32), 1e-4)
+    left, right = truncate((size * smooth).astype(np.float32), 1e-4)
     assert left.dtype == right.dtype == np.float32
     assert 0 < left.shape[1] < 8
     assert error(left.astype(float) @ right, size * smooth) < 1.5e-4
@@ -186,7 +186,7 @@ def test_truncation_refuses_what_is_not_finite(precision, entry):
     matrix = np.ones((6, 5), precision)
     matrix[2, 3] = entry
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
-        truncated(matrix, 1e-3)
+        truncate(matrix, 1e-3)
     if precision == np.float32:  # in double precision the singular values see to it
         matrix[2, 3] = entry
         with np.errstate(invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="not finite"):
@@ -241,7 +241,7 @@ def test_chosen_fields_are_those_of_the_matrix_where_a_block_is_nothing():
 @pytest.mark.full
 def test_single_precision_adds_nothing_to_coarse_truncation(matrices):
     square, _, block, _ = matrices
-    single = converted(block, np.float32)
+    single = convert(block, np.float32)
     assert {to_dense(leaf).dtype for leaf in leaves(single)} == {np.dtype(np.float32)}
     assert 0.0 < error(to_dense(single), square) < 1e-6
     x = np.random.default_rng(5).normal(size=(len(square), 2))

@@ -7,7 +7,7 @@ import pytest
 from meeframe_hmatrix import HierarchicalBEM, formulation
 from meeframe_hmatrix.assembly import assemble
 from meeframe_hmatrix.clusters import distance
-from meeframe_hmatrix.facets import facets, interpolated
+from meeframe_hmatrix.facets import facets, interpolate
 from meeframe_hmatrix.kernels import enter
 from meeframe_hmatrix.rows import column_window, local, near_rows, no_sums, orders_from, output
 
@@ -48,7 +48,7 @@ def test_integrals_are_those_element_by_element(make_block, monkeypatch, make, t
     for leaf in far:
         window = column_window(integrals, [leaf])
         box = np.stack([positions[0], positions[0]])
-        found, others = interpolated(integrals, [leaf], known, positions, box, accuracy, window)
+        found, others = interpolate(integrals, [leaf], known, positions, box, accuracy, window)
         assert (found is None) == (others == [leaf])
         if found is None:
             continue

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meeframe_hmatrix.gemm import FULL, add_products, located, subtract_products, table_of
+from meeframe_hmatrix.gemm import FULL, add_products, locate, subtract_products, table_of
 
 PRECISIONS = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 
@@ -26,8 +26,8 @@ def test_parts_are_added(dtype, width):
         for left in arrays(dtype):
             right = arrays(dtype)[2].T
             rows = [
-                (10, 7, 0, 4, FULL, *located(first, dtype), 0, 0, 0),
-                (10, 7, 4, 7, 4, *located(left, dtype), *located(right, dtype)),
+                (10, 7, 0, 4, FULL, *locate(first, dtype), 0, 0, 0),
+                (10, 7, 4, 7, 4, *locate(left, dtype), *locate(right, dtype)),
             ]
             matrix = np.hstack([first, left @ right])
             for turned, whole, starts in ((False, matrix, (10, 0)), (True, matrix.T, (0, 10))):
@@ -35,9 +35,7 @@ def test_parts_are_added(dtype, width):
                 for order in ("C", "F"):
                     ordered = np.array(x, order=order)
                     result = np.ones((len(whole), width), dtype)
-                    assert add_products(
-                        np.array(rows), turned, (*located(ordered, dtype), starts[1]), result, starts[0]
-                    )
+                    assert add_products(np.array(rows), turned, (*locate(ordered, dtype), starts[1]), result, starts[0])
                     np.testing.assert_allclose(result, 1 + whole @ x, rtol=0, atol=100 * np.finfo(dtype).eps)
 
 
@@ -45,11 +43,11 @@ def test_parts_are_added(dtype, width):
 @pytest.mark.parametrize("width", [1, 3])
 def test_low_rank_without_columns_adds_nothing(dtype, width):
     left, nothing, x = np.ones((300, 200), dtype), np.ones((200, 0), dtype), np.ones((0, width), dtype)
-    table = np.array([(0, 300, 0, 0, 200, *located(left, dtype), *located(nothing, dtype))])
+    table = np.array([(0, 300, 0, 0, 200, *locate(left, dtype), *locate(nothing, dtype))])
     for _ in range(20):
         np.full(200 * width, np.nan, dtype)  # what fresh memory may hold
         result = np.ones((300, width), dtype)
-        assert add_products(table, False, (*located(x, dtype), 0), result, 0)
+        assert add_products(table, False, (*locate(x, dtype), 0), result, 0)
         assert (result == 1).all()
 
 
@@ -69,4 +67,4 @@ def test_what_blas_cannot_read_is_refused():
     array = np.zeros((8, 8))
     for wrong in (array.astype(np.float32), array[::2, ::2], np.broadcast_to(array[0], (3, 8))):
         with pytest.raises(ValueError, match="allowed: "):
-            located(wrong, np.float64)
+            locate(wrong, np.float64)

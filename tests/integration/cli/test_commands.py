@@ -248,8 +248,8 @@ def test_interrupted_again_before_it_is_known_what_was_written(case_file, tmp_pa
         (
             RuntimeError("cannot cache function 'f': no locator available for file 'f.py'"),
             2,
-            "error: compiled kernels can be kept neither beside the sources nor in the user's cache folder: set "
-            "NUMBA_CACHE_DIR to a folder that can be written\n",
+            "error: compiled kernels can be cached neither next to the sources nor in the user's cache folder: set "
+            "NUMBA_CACHE_DIR to a writable folder\n",
         ),
     ],
 )
@@ -359,7 +359,7 @@ def test_compilation_is_told_once_of_what_is_ours_and_kept(tmp_path, monkeypatch
         numba.njit(kernel, cache=cache)(1)
 
     told = []
-    with console._compilation(told.append):
+    with console._report_compilation(told.append):
         for module, cache in (("somebody.else", True), ("meeframe.greens._kernels", False), (None, False)):
             compile_it(module, cache)
         compile_it("meeframe_file_rough_0123456789ab", cache=True)

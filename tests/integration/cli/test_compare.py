@@ -162,9 +162,9 @@ def test_a_run_that_does_not_converge_is_status_1(dragged, tmp_path):
     [
         ([], "nothing to compare; give at least one of --formulation, "),
         (["--solver", "newtn"], "unknown solver 'newtn'; did you mean 'newton'?"),
-        (["--solver", "newton", "--solver", "newton"], "--solver newton: given twice"),
+        (["--solver", "newton", "--solver", "newton"], "--solver newton: is given twice"),
         (["--contact-law", "orthotropic-coulomb"], ": orthotropic-coulomb: contact.law.mu1: missing key"),
-        (["--contact-law", '{name = "isotropic-coulomb" mu = 1}'], "is no inline table of TOML: "),
+        (["--contact-law", '{name = "isotropic-coulomb" mu = 1}'], "is not an inline table of TOML: "),
         (["--contact-law", '{name = "isotropic-coulomb", mu = -1}'], "contact.law.mu = -1: must be >= 0"),
         (["--fundamental-solution", "isotropic"], "isotropic: formulation: fundamental solution isotropic: "),
         (["--solver", "newton", "--solver", '{name = "newtn"}'], ": newtn: solver.name: unknown solver 'newtn'"),
@@ -208,10 +208,10 @@ def test_labels_of_choices():
     assert Choice.read("conductivity-law", nested).label == "electric=(step kappa=inf)"
     assert Choice.read("contact-law", "signorini").label == "signorini"
     assert Choice.read("contact-law", COULOMB).label == "isotropic-coulomb mu=0.2"
-    with pytest.raises(CaseError, match="is no inline table"):
+    with pytest.raises(CaseError, match="is not an inline table"):
         Choice.read("contact-law", "{mu}")
     for mu in ("9" * 5000, "0x" + "f" * 4000, "[" * 5000 + "]" * 5000):
-        with pytest.raises(CaseError, match="is no inline table"):
+        with pytest.raises(CaseError, match="is not an inline table"):
             Choice.read("contact-law", f"{{mu = {mu}}}")
 
 

@@ -315,7 +315,7 @@ def test_it_goes_on_after_the_death_of_its_process(study, tmp_path, log, go_on, 
     if death is not signal.SIGKILL:
         assert not list(scratch.iterdir()), "nothing is left of the processes"
         assert status == 130, told.read_text()
-        assert f"of 8 points are finished and in {out}; the same command goes on" in told.read_text()
+        assert f"of 8 points are finished and in {out}; the same command continues" in told.read_text()
         assert "Traceback" not in told.read_text()
     assert_done(sweep(file, out))
     assert_nothing_twice(out, log, before, solved)
@@ -341,7 +341,7 @@ def test_stopped_while_its_processes_start(study, tmp_path, log, end, monkeypatc
     assert not any(child.is_running() for child in children)
     assert status == 130, told.read_text()
     assert told.read_text().splitlines()[-1] == (
-        f"interrupted; 0 of 8 points are finished and in {out}; the same command goes on"
+        f"interrupted; 0 of 8 points are finished and in {out}; the same command continues"
     )
     assert "Traceback" not in told.read_text()
     assert not list(scratch.iterdir())
@@ -518,7 +518,7 @@ def test_a_scheduler_that_is_not_there(study, tmp_path):
     [
         (("--workers", 1, "--scheduler", "tcp://a:1"), "workers = 1 and scheduler = tcp://a:1: allowed: one of them"),
         (("--threads", 1, "--scheduler", "tcp://a:1"), "threads = 1 and scheduler = tcp://a:1: allowed: one of them"),
-        (("--workers", 3, "--threads", 2), "threads = 2 and workers = 3: allowed: a thread or more for each worker"),
+        (("--workers", 3, "--threads", 2), "threads = 2 and workers = 3: allowed: at least one thread for each worker"),
     ],
 )
 def test_workers_or_a_scheduler(study, tmp_path, options, text):

@@ -126,10 +126,10 @@ def test_outdated_plugins_are_told_apart_and_leave_the_others_alone(install, com
     warnings = {line.split()[2]: line for line in listed.stderr.splitlines() if line.startswith("warning: plugin ")}
     this = meeframe.__version__
     assert f"outdated: it needs meeframe>=99, this is meeframe {this}" in warnings["ahead"]
-    assert f"class Old lacks tangential_scaling, which meeframe {this} asks for" in warnings["behind"]
-    needs = f"Earlier.conductivity does not take (normal_traction, gap, drop), which meeframe {this} asks for"
+    assert f"class Old lacks tangential_scaling, which meeframe {this} requires" in warnings["behind"]
+    needs = f"Earlier.conductivity does not accept (normal_traction, gap, drop), which meeframe {this} requires"
     assert needs in warnings["earlier"]
-    assert f"it is written for another version of meeframe than {this}" in warnings["moved"]
+    assert f"it was written for another version of meeframe than {this}" in warnings["moved"]
     assert "unknown hook 'meeframe_indenter'" in warnings["misspelt"]
     assert command("check", case_file("plane")).returncode == 0
     refused = command("plugins", "show", "old")

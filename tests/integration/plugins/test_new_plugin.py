@@ -99,11 +99,11 @@ def test_the_readme_runs_a_case_under_several_solvers(packages):
             "mine",
             "unknown kind 'contct-law'; did you mean 'contact-law'? allowed: fundamental-solution, ",
         ),
-        ("solver", "uzawa", "solver 'uzawa' is there already, provided by meeframe "),
-        ("solver", "2nd", "name '2nd': allowed: small letters, digits and hyphens"),
+        ("solver", "uzawa", "solver 'uzawa' already exists, provided by meeframe "),
+        ("solver", "2nd", "name '2nd': allowed: lower-case letters, digits and hyphens"),
         ("solver", "my_solver", "name 'my_solver': allowed"),
-        ("solver", "none", "would make a class None"),
-        ("contact-law", "contact-law", "would make a class ContactLaw, a name that Python or meeframe uses"),
+        ("solver", "none", "needs a class None"),
+        ("contact-law", "contact-law", "needs a class ContactLaw, a name that Python or meeframe uses"),
     ],
 )
 def test_bad_names_are_refused(tmp_path, kind, name, message):
@@ -116,7 +116,7 @@ def test_bad_names_are_refused(tmp_path, kind, name, message):
 
 def test_folders_that_hold_files_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    told = f"folder {tmp_path} holds files; --out names the folder to make, such as {tmp_path / 'meeframe-mine'}"
+    told = f"folder {tmp_path} is not empty; name another one with --out, such as {tmp_path / 'meeframe-mine'}"
     status, _, err = invoke("new-plugin", "solver", "mine", "--out", tmp_path)
     assert (status, err) == (2, f"error: {told}\n")
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
@@ -130,7 +130,7 @@ def test_without_out_a_folder_that_is_there_already_is_told_to_be_named_otherwis
     (tmp_path / "meeframe-mine").mkdir()
     (tmp_path / "meeframe-mine" / "notes.txt").write_text("mine")
     status, _, err = invoke("new-plugin", "solver", "mine")
-    assert (status, err) == (2, "error: folder meeframe-mine holds files; --out names another one to make\n")
+    assert (status, err) == (2, "error: folder meeframe-mine is not empty; name another one with --out\n")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -210,7 +210,7 @@ def test_what_was_done_before_an_interruption_is_there(tmp_path):
     (out / "report.html").write_text("of an earlier run")
     status, _, err = command("--validation", cases, "--out", out)
     assert status == 130
-    assert f"0 of 1 cases finished; what was found so far is in {out / 'validation.json'}" in err
+    assert f"0 of 1 cases finished; results so far are in {out / 'validation.json'}" in err
     data = json.loads((out / "validation.json").read_text())
     assert [check["name"] for check in data["cases"][0]["checks"]] == ["first"]
     assert sorted(path.name for path in out.iterdir()) == ["validation.json"]

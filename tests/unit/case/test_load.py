@@ -218,7 +218,7 @@ WRONG = {
     "unknown indenter": ([('"sphere"', '"spere"')], "indenter.name: unknown indenter 'spere'; did you mean 'sphere'?"),
     "unknown law": (
         [("[indenter]", '[contact]\nlaw = "shear-limited"\n\n[indenter]')],
-        "; one of your own comes with --plugin FILE.py",
+        "; load a local plugin with --plugin FILE.py",
     ),
     "unknown mesh type": (
         [("half_width", 'type = "ball"\nhalf_width')],

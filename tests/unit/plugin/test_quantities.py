@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from meeframe.fields.units import Quantity, unit_registry
-from meeframe.study.declare import place_of
+from meeframe.study.declare import coordinate_of
 
 LENGTH = TypeAdapter(Annotated[float, Quantity("m", gt=0)])
 
@@ -107,7 +107,7 @@ NEITHER = [
 def test_one_number_and_then_units(given):
     with pytest.raises(ValidationError, match="cannot be read as one number and then units; expected a number in m"):
         LENGTH.validate_python(given)
-    assert place_of(given) is None
+    assert coordinate_of(given) is None
 
 
 def test_texts_without_end_are_read_at_once():
@@ -127,7 +127,7 @@ def test_powers_and_products_that_have_no_value_in_si(given):
     """pint says so with errors of other kinds, or with infinity."""
     with pytest.raises(ValueError, match="cannot be read as one number and then units; expected a number in m"):
         Quantity("m").convert(given)
-    assert place_of(given) is None
+    assert coordinate_of(given) is None
 
 
 @pytest.mark.parametrize(
@@ -143,12 +143,12 @@ def test_powers_and_products_that_have_no_value_in_si(given):
 def test_units_that_there_are_not(given, told):
     with pytest.raises(ValueError, match=f"^{re.escape(told)}"):
         Quantity("Pa").convert(given)
-    assert place_of(given) is None
+    assert coordinate_of(given) is None
 
 
 @pytest.mark.parametrize(("given", "place"), [("5 mm", 5e-3), ("2 N/(mm)^2", 2e6), ("30", 30.0), ("inf m", math.inf)])
 def test_places_on_axes_are_read_in_the_same_way(given, place):
-    assert place_of(given) == pytest.approx(place)
+    assert coordinate_of(given) == pytest.approx(place)
 
 
 @pytest.mark.parametrize("given", ["5 V", "1 (m^10)^10", "1 m⁹⁹⁹⁹⁹⁹⁹⁹^99"])

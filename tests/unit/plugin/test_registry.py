@@ -225,7 +225,7 @@ def registered(factory, *, name="law", summary="summary", source="source", hook=
 )
 def test_methods_that_do_not_take_what_the_contract_gives_are_broken(method):
     (broken,) = registered(law_with(conductivity=method)).broken
-    assert "conductivity law 'law': Law.conductivity does not take (normal_traction, gap, drop), which " in str(broken)
+    assert "law 'law': Law.conductivity does not accept (normal_traction, gap, drop), which " in str(broken)
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def test_arguments_that_callers_may_leave_out_may_be_left_out():
     assert not registered(formulation(lambda self, body, progress=None: None), hook=hook).broken
     for method in (lambda self, body, progress: None, lambda self, body: None):
         (broken,) = registered(formulation(method), hook=hook).broken
-        assert "Own.reduce does not take (body, progress)" in broken.reason
+        assert "Own.reduce does not accept (body, progress)" in broken.reason
 
 
 def test_inherited_methods_are_looked_at_too():
@@ -262,21 +262,21 @@ def test_inherited_methods_are_looked_at_too():
     law = dataclass(frozen=True)(type("Old", (Signorini,), members))
     child = dataclass(frozen=True)(type("Child", (law,), {}))
     (broken,) = registered(child, hook="meeframe_contact_laws").broken
-    assert "Child.for_increment does not take (slip_path, duration)" in broken.reason
+    assert "Child.for_increment does not accept (slip_path, duration)" in broken.reason
 
 
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"name": ""}, "conductivity law with the name ''; allowed: small letters, digits and hyphens"),
-        ({"name": "Law Bad Name!"}, "conductivity law with the name 'Law Bad Name!'; allowed: small letters"),
+        ({"name": ""}, "conductivity law with the name ''; allowed: lower-case letters, digits and hyphens"),
+        ({"name": "Law Bad Name!"}, "conductivity law with the name 'Law Bad Name!'; allowed: lower-case letters"),
         ({"name": None}, "conductivity law with the name None"),
-        ({"summary": None}, "conductivity law 'law': summary = None; allowed: a text that is not empty"),
-        ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a text that is not empty"),
+        ({"summary": None}, "conductivity law 'law': summary = None; allowed: a non-empty text"),
+        ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a non-empty text"),
         ({"factory": lambda: law_with()()}, "conductivity law 'law': its factory is <function "),
         ({"factory": 3}, "conductivity law 'law': its factory is 3; allowed: a class"),
         ({"factory": Ball}, "class Ball is no meeframe.laws.base.ConductivityLaw"),
-        ({"factory": type("Plain", (law_with(),), {})}, "class Plain is no frozen dataclass; allowed: classes under @"),
+        ({"factory": type("Plain", (law_with(),), {})}, "class Plain is not a frozen dataclass; allowed: classes"),
     ],
 )
 def test_records_that_are_none_are_broken(changes, expected):

@@ -32,13 +32,13 @@ def verdict(found):
 @pytest.mark.parametrize(
     ("found", "told"),
     [
-        (verification(scatter=1e-4), "verdict: agree"),
+        (verification(scatter=1e-4), "result: agree"),
         (
             verification(scatter=0.1),
-            "verdict: agree: 1 of 2 comparisons agree, none disagree, and of 1 the errors are too large to say much; "
-            "finer meshes say more",
+            "result: agree: 1 of 2 comparisons agree, none disagree; the errors of 1 are too large for a conclusion, "
+            "which needs finer meshes",
         ),
-        (verification(scatter=0.1, factor=1.05), "verdict: disagree"),
+        (verification(scatter=0.1, factor=1.05), "result: disagree"),
     ],
 )
 def test_the_verdict_says_on_how_many_comparisons_it_rests(found, told):

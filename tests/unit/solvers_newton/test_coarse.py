@@ -25,7 +25,7 @@ from meeframe.solvers.newton.globalization import Step
 from meeframe.solvers.newton.neighbourhood import inset
 from meeframe.solvers.newton.residual import ROUNDED, Equation, Point
 from meeframe.solvers.newton.slip_boundary import relaxed_slip
-from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 from meeframe.testing.half_space import indentation_problem
 
 COULOMB = IsotropicCoulomb(0.3)
@@ -102,7 +102,7 @@ def made(conducting) -> Callable[..., ContactProblem]:
             return problem
         load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-6)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
-        modes = [(PRESS, -total[2]), (SLIDE, total[0]), (ASIDE, total[1]), (VOLTAGE, total[3])]
+        modes = [(PRESS, -total[2]), (SLIDE, total[0]), (SLIDE_2, total[1]), (VOLTAGE, total[3])]
         prescribed_resultants = tuple(freedom(problem.system, mode, 1.001 * amount) for mode, amount in modes)
         gap, still = problem.gap - problem.gap.min(), np.zeros_like(problem.translation)
         return replace(problem, prescribed_resultants=prescribed_resultants, gap=gap, translation=still)

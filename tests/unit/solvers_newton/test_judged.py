@@ -14,7 +14,7 @@ from meeframe.laws import Insulating, IsotropicCoulomb, OrthotropicCoulomb, Sign
 from meeframe.solvers import SemismoothNewton, StoppingCriteria, solve
 from meeframe.solvers.newton.residual import Equation, Point
 from meeframe.system.capabilities import diagonal
-from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, VOLTAGE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, VOLTAGE, freedom
 
 MU, NODES = 0.3, 48
 COULOMB = IsotropicCoulomb(MU)
@@ -40,7 +40,7 @@ def made(conducting):
             return problem
         load = solve(problem, SemismoothNewton(), StoppingCriteria(tolerance=1e-8)).state.load
         total = (problem.system.weights[:, None] * load).sum(axis=0)
-        modes = [(PRESS, -total[2]), (SLIDE, total[0]), (ASIDE, total[1]), (VOLTAGE, total[3])]
+        modes = [(PRESS, -total[2]), (SLIDE, total[0]), (SLIDE_2, total[1]), (VOLTAGE, total[3])]
         prescribed_resultants = tuple(freedom(problem.system, mode, amount) for mode, amount in modes)
         return replace(
             problem, prescribed_resultants=prescribed_resultants, translation=np.zeros_like(problem.translation)

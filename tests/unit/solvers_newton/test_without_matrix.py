@@ -31,7 +31,7 @@ from meeframe.solvers import (
 from meeframe.solvers.newton.globalization import _coupled, _stated, newton_step
 from meeframe.solvers.newton.linear import krylov_step
 from meeframe.solvers.newton.residual import Equation
-from meeframe.testing.force_control import ASIDE, PRESS, SLIDE, freedom
+from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, freedom
 from meeframe.testing.half_space import indentation_problem
 from meeframe.testing.operation_counter import OperationCounter
 
@@ -45,7 +45,7 @@ def dragged(n: int, law: ContactLaw, flux: ConductivityLaw, force: float = FORCE
     x, y, _ = system.points.T
     prescribed_resultants = [freedom(system, PRESS, force)]
     if law.tangential_scaling().any():
-        prescribed_resultants += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, ASIDE, 0.0)]
+        prescribed_resultants += [freedom(system, SLIDE, 0.5 * MU * force), freedom(system, SLIDE_2, 0.0)]
     none = np.zeros((len(x), 2))
     gap = (x**2 + y**2) / (2.0 * RADIUS)
     return ContactProblem(

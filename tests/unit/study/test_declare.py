@@ -137,7 +137,7 @@ def test_maps_that_show_different_quantities(write):
     path = write(*changes)
     more = '\n[[panels]]\ntitle = "other"\nquantities = { stick = 1.0 }\nruns = [{ label = "one" }]\n'
     path.write_text(path.read_text() + more)
-    with pytest.raises(CaseError, match="maps: all panels have to show the same quantities"):
+    with pytest.raises(CaseError, match="maps: all panels must show the same quantities"):
         load_study(path)
 
 

@@ -139,9 +139,10 @@ WRONG = {
     "unknown": (('case = "case.toml"', 'case = "case.toml"\naxis = 1'), "axis = 1: unknown key; did you mean 'axes'?"),
     "axes.load": (('light = { "steps[1].approach" = "10 um" }', "light = 3"), "axes.load: allowed: a list of values"),
     "lengths": (
-        ("[axes.load]", "[axes.a]\nx = [1, 2]\ny = [1]\n[axes.load]"), "axes.a: allowed: lists of one length", "y has 1"
+        ("[axes.load]", "[axes.a]\nx = [1, 2]\ny = [1]\n[axes.load]"),
+        "axes.a: allowed: non-empty lists of equal length", "y has 1",
     ),
-    "empty": (("[0.0, 0.3, inf]", "[]"), "axes.contact.law.mu: allowed: lists of one length that are not empty"),
+    "empty": (("[0.0, 0.3, inf]", "[]"), "axes.contact.law.mu: allowed: non-empty lists of equal length"),
     "twice": (("[0.0, 0.3, inf]", "[0.3, 0.3]"), "axes.contact.law.mu: values: '0.3' is given twice"),
     "count": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 1 }"), "count = 1: allowed: a whole number from 2"),
     "ends": (("[0.0, 0.3, inf]", "{ from = 0, count = 3 }"), "from = 0, to = None: allowed: two finite numbers"),
@@ -153,7 +154,7 @@ WRONG = {
     ),
     "range": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, steps = 3 }"), "unknown key 'steps'; allowed: count, from"),
     "key": (('"contact.law.mu" = [', '"contact..mu" = ['), "'contact..mu' is not a key of a case file"),
-    "name": (("[axes.load]", "[axes.approach]"), "axes: 'approach' is the name of something else in sweep.h5"),
+    "name": (("[axes.load]", "[axes.approach]"), "axes: 'approach' is reserved in sweep.h5"),
     "quantity": (
         ('["normal_force"]', '["normal_farce"]'),
         "plots[1].quantities: unknown quantity 'normal_farce'; did you mean 'normal_force'?",
@@ -164,32 +165,32 @@ WRONG = {
         ("[axes]", 'fields = ["pressures"]\n[axes]'), "fields: unknown field 'pressures'; did you mean 'pressure'?"
     ),
     "no case": (('case = "case.toml"', ""), "case: missing key"),
-    "nul": (('"case.toml"', '"ca\\u0000se.toml"'), "case = 'ca\\x00se.toml': holds the character NUL"),
-    "nul in a value": (("[0.0, 0.3, inf]", '["a\\u0000"]'), "axes.contact.law.mu: 'a\\x00' holds the character NUL"),
-    "dot": (("[axes.load]", '[axes."."]'), "axes: '.' is the name of something else in sweep.h5"),
-    "dots": (("[axes.load]", '[axes.".."]'), "axes: '..' is the name of something else in sweep.h5"),
+    "nul": (('"case.toml"', '"ca\\u0000se.toml"'), "case = 'ca\\x00se.toml': contains the character NUL"),
+    "nul in a value": (("[0.0, 0.3, inf]", '["a\\u0000"]'), "axes.contact.law.mu: 'a\\x00' contains the character NUL"),
+    "dot": (("[axes.load]", '[axes."."]'), "axes: '.' is reserved in sweep.h5"),
+    "dots": (("[axes.load]", '[axes.".."]'), "axes: '..' is reserved in sweep.h5"),
     "same axis": (('x = "load"\nat = { "contact.law.mu" = 0.3 }', 'x = "load"\nlines = "load"'),
         "plots[1].x and lines are both 'load'; allowed: two axes"),
     "x in at": (('at = { "contact.law.mu" = 0.3 }', 'at = { load = "light" }'),
-        "plots[1].at.load: the plot goes along this axis; allowed: other axes"),
+        "plots[1].at.load: the plot already uses this axis; allowed: other axes"),
     "lines in at": (('x = "load"', 'lines = "contact.law.mu"'),
-        "plots[1].at.contact.law.mu: the plot goes along this axis"),
+        "plots[1].at.contact.law.mu: the plot already uses this axis"),
     "log over zero": (('x = "load"\nat = { "contact.law.mu" = 0.3 }', 'scale = "log"\nat = { load = "light" }'),
-        "plots[1].scale = 'log': allowed over positive numbers; contact.law.mu has 0, 0.3, inf"),
+        "plots[1].scale = 'log': needs positive numbers; contact.law.mu has 0, 0.3, inf"),
     "log over names": (('x = "load"', 'x = "load"\nscale = "log"'),
-        "plots[1].scale = 'log': allowed over positive numbers"),
-    "map of one": (('x = "load"', 'kind = "map"'), "plots[1].kind = 'map': allowed over two axes"),
+        "plots[1].scale = 'log': needs positive numbers"),
+    "map of one": (('x = "load"', 'kind = "map"'), "plots[1].kind = 'map': needs two axes"),
     "same key": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law.mu" = 0.1 }'),
-        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law.mu: one would undo the other"),
+        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law.mu: one would override the"),
     "key in a table": (('light = { "steps[1].approach" = "10 um" }', 'light = { "contact.law" = "signorini" }'),
-        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law: one would undo the other"),
+        "axes: 'contact.law.mu' changes contact.law.mu and 'load' changes contact.law: one would override the other"),
     "same place": (("[0.0, 0.3, inf]", '["25 um", "0.025 mm"]'), "values: '0.025 mm' is given twice, also as '25 um'"),
     "same number": (("[0.0, 0.3, inf]", '["25 um", 2.5e-5]'), "values: '2.5e-05' is given twice, also as '25 um'"),
     "units": (("[0.0, 0.3, inf]", '["25 um", "30 deg"]'),
         "values: '25 um' is in m, '30 deg' is in rad; allowed: units of"),
     "large count": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 1000000000 }"), "a whole number from 2 to 100000"),
     "large product": (("[0.0, 0.3, inf]", "{ from = 0, to = 1, count = 50001 }"),
-        "axes: they make 100002 points; allowed: at"),
+        "axes: 100002 points; allowed: at"),
     "large number": (("[0.0, 0.3, inf]", f"[1{'0' * 400}]"), "axes.contact.law.mu: "),
     "large end": (("[0.0, 0.3, inf]", f"{{ from = 0, to = 1{'0' * 400}, count = 3 }}"), "axes.contact.law.mu: "),
 }  # fmt: skip
@@ -208,7 +209,7 @@ def test_wrong_studies(read, tmp_path, kind):
 
 
 def test_nothing_to_run(read):
-    with pytest.raises(CaseError, match=r"nothing to run: give \[axes\], \[\[points\]\] or both"):
+    with pytest.raises(CaseError, match=r"nothing to run; give \[axes\], \[\[points\]\] or both"):
         read('case = "case.toml"')
 
 

@@ -167,7 +167,7 @@ def test_a_dense_system_travels(point, tmp_path, seen):
     outcome = solved_there(Sealed.of(here.case, ()), carried)
     expected = solve_case(here.case).steps[-1]
     np.testing.assert_array_equal(outcome.result.steps[-1].traction, expected.traction)
-    system = sweep_dask._opened(carried)
+    system = sweep_dask._open_system(carried)
     load = np.ones_like(system.offset)
     np.testing.assert_allclose(system.recover(load).values, reduce(here.case).recover(load).values, rtol=1e-12)
 

@@ -5,7 +5,7 @@ from copy import deepcopy
 import pytest
 
 from meeframe.common.errors import CaseError, PluginError
-from meeframe.study.refinement import coarser, element_size
+from meeframe.study.refinement import coarsen, element_size
 
 MESH = {"divisions": 16, "rings": 8, "layers": 4, "height": "120 mm", "half_width": 0.05}
 
@@ -13,7 +13,7 @@ MESH = {"divisions": 16, "rings": 8, "layers": 4, "height": "120 mm", "half_widt
 def test_counts_are_divided_and_growths_raised(registry):
     tables = {"mesh": MESH | {"layer_growth": 1.2}, "formulation": {"name": "skfem", "growth": 1.3, "layers": 6}}
     before = deepcopy(tables)
-    found = coarser(tables, 2.0, registry)
+    found = coarsen(tables, 2.0, registry)
     assert found["mesh"] == MESH | {"divisions": 8, "rings": 4, "layers": 2, "layer_growth": pytest.approx(1.44)}
     assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(1.69), "layers": 3}
     assert tables == before
@@ -21,30 +21,30 @@ def test_counts_are_divided_and_growths_raised(registry):
 
 def test_defaults_follow_too(registry):
     """skfem has a growth of 1.5, a block a growth of its layers of 1.5, a half space none."""
-    found = coarser({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
+    found = coarsen({"mesh": MESH, "formulation": "skfem"}, 2.0, registry)
     assert found["mesh"]["layer_growth"] == pytest.approx(2.25)
     assert found["formulation"] == {"name": "skfem", "growth": pytest.approx(2.25)}
     half_space = {"type": "half-space", "divisions": [16, 9], "rings": 8}
-    assert coarser({"mesh": half_space}, 2.0, registry)["mesh"] == half_space | {"divisions": [8, 4], "rings": 4}
-    assert coarser({"mesh": MESH, "formulation": "dense-bem"}, 2.0, registry)["formulation"] == {"name": "dense-bem"}
+    assert coarsen({"mesh": half_space}, 2.0, registry)["mesh"] == half_space | {"divisions": [8, 4], "rings": 4}
+    assert coarsen({"mesh": MESH, "formulation": "dense-bem"}, 2.0, registry)["formulation"] == {"name": "dense-bem"}
     nameless = {"quadrature_tolerance": 1e-3}
-    assert coarser({"mesh": MESH, "formulation": nameless}, 2.0, registry)["formulation"] == nameless
+    assert coarsen({"mesh": MESH, "formulation": nameless}, 2.0, registry)["formulation"] == nameless
 
 
 def test_the_same_size_is_the_same_mesh(registry):
-    found = coarser({"mesh": MESH}, 1.0, registry)
+    found = coarsen({"mesh": MESH}, 1.0, registry)
     assert found["mesh"] == MESH | {"layer_growth": 1.5}
 
 
 def test_both_bodies_follow(registry):
     second_body = {"mesh": MESH | {"divisions": 12}, "formulation": {"name": "skfem"}}
-    found = coarser({"mesh": MESH, "second_body": second_body}, 4.0, registry)
+    found = coarsen({"mesh": MESH, "second_body": second_body}, 4.0, registry)
     assert (found["mesh"]["divisions"], found["second_body"]["mesh"]["divisions"]) == (4, 3)
     assert found["second_body"]["formulation"]["growth"] == pytest.approx(1.5**4)
 
 
 def test_an_element_is_left(registry):
-    assert coarser({"mesh": MESH}, 100.0, registry)["mesh"]["layers"] == 1
+    assert coarsen({"mesh": MESH}, 100.0, registry)["mesh"]["layers"] == 1
 
 
 def test_sizes_of_elements():
@@ -55,16 +55,16 @@ def test_sizes_of_elements():
 @pytest.mark.parametrize(
     ("tables", "error", "message"),
     [
-        ({"mesh": {"file": "a.msh"}}, CaseError, "mesh.file: a mesh that is read cannot be coarsened"),
+        ({"mesh": {"file": "a.msh"}}, CaseError, "mesh.file: a mesh from a file cannot be coarsened"),
         (
             {"mesh": MESH, "second_body": {"mesh": {"file": "a.msh"}}},
             CaseError,
-            "second_body.mesh.file: a mesh that is read",
+            "second_body.mesh.file: a mesh from a file",
         ),
-        ({"mesh": MESH, "restart": {"from": "out"}}, CaseError, "restart: a run is continued on its own mesh"),
+        ({"mesh": MESH, "restart": {"from": "out"}}, CaseError, "restart: a run can only be continued on the same"),
         ({"mesh": MESH, "formulation": "skfen"}, PluginError, "unknown formulation 'skfen'"),
     ],
 )
 def test_what_cannot_be_coarsened_is_told(registry, tables, error, message):
     with pytest.raises(error, match=message):
-        coarser(tables, 2.0, registry)
+        coarsen(tables, 2.0, registry)

@@ -26,7 +26,7 @@ def test_sweeps_name_the_first_points(write_case, registry, tmp_path, depths, aw
         assert text.startswith(f"steps[1].approach = {depth} um, indenter.radius = 100 mm: ")
         assert AWAY.format(f"{depth * 1e-6:.3g}", f"{-depth * 1e-6:.3g}") in text
     assert len(told) == len(away) + bool(rest)
-    assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not asked for warnings like these"
+    assert not rest or told[-1] == f"{rest} of {2 * len(depths)} points were not checked for such warnings"
 
 
 def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, registry, tmp_path, monkeypatch):
@@ -45,7 +45,7 @@ def test_sweeps_ask_some_points_of_many_and_none_that_is_kept(write_case, regist
     sweep(study, tmp_path / "out", registry=registry, warn=told.append)
     assert asked == pytest.approx(np.linspace(1e-6, -30e-6, 62)[::3])
     assert told[0].endswith(": it is deep")
-    assert told[1:] == ["41 of 62 points were not asked for warnings like these"]
+    assert told[1:] == ["41 of 62 points were not checked for such warnings"]
     asked.clear()
     sweep(study, tmp_path / "out", registry=registry, warn=told.append)
     assert not asked
