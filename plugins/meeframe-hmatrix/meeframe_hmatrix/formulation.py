@@ -98,7 +98,7 @@ class HierarchicalBEM(PersistentFormulation):
         if body.fields.size != N_FIELDS:
             raise CaseError(
                 f"the formulation hmatrix-bem is compiled for {N_FIELDS} fields, the body has {body.fields.size}; "
-                "allowed: half-space, dense-bem or fem"
+                "allowed: half-space, dense-bem or skfem"
             )
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
