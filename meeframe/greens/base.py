@@ -28,9 +28,9 @@ class Kernel(ABC):
         Returns
         -------
         Array
-            U, (n, f, f), symmetric in J and K, C-contiguous.
+            U, (n, fields, fields), symmetric in J and K, C-contiguous.
         Array
-            T, (n, f, f), C-contiguous.
+            T, (n, fields, fields), C-contiguous.
 
         Notes
         -----
@@ -54,8 +54,8 @@ class Kernel(ABC):
         Returns
         -------
         tuple of Array or None
-            Sums for U and for T, (m, k, f^2) each, with entry f J + K. None, the default, if the caller must use
-            `evaluate`.
+            Sums for U and for T, (m, k, fields^2) each, with entry (J, K) row by row. None, the default, if the caller
+            must use `evaluate`.
 
         Notes
         -----
@@ -65,7 +65,7 @@ class Kernel(ABC):
 
     @abstractmethod
     def gradient(self, offset: Array) -> Array:
-        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, f, f, 3), for offsets (n, 3)."""
+        """Return the derivatives U_PJ,q with respect to x (eq. 48), (n, fields, fields, 3), for offsets (n, 3)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Fundamental solutions of field sets with further scalar fields, which are decoupled from all others."""
+"""Fundamental solutions of field sets other than the one for which the kernels are compiled."""
 
 from dataclasses import dataclass
 from typing import final
@@ -53,12 +53,15 @@ class DecoupledKernel(Kernel):
     Attributes
     ----------
     coupled : Kernel
-        Kernel of the first N_FIELDS fields.
+        Kernel of N_FIELDS fields.
+    count : int
+        Number of these fields that are used, from the first one on.
     scalars : tuple of LaplaceKernel
         Kernels of the scalar fields.
     """
 
     coupled: Kernel
+    count: int
     scalars: tuple[LaplaceKernel, ...]
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
@@ -83,49 +86,54 @@ class DecoupledKernel(Kernel):
 
     def gradient(self, offset: Array) -> Array:
         """Return U,q, (n, fields, fields, 3), for offsets (n, 3)."""
-        size = N_FIELDS + len(self.scalars)
+        count, size = self.count, self.count + len(self.scalars)
         gradient = np.zeros((len(offset), size, size, 3))
-        gradient[:, :N_FIELDS, :N_FIELDS] = self.coupled.gradient(offset)
-        for column, scalar in enumerate(self.scalars, N_FIELDS):
+        gradient[:, :count, :count] = self.coupled.gradient(offset)[:, :count, :count]
+        for column, scalar in enumerate(self.scalars, count):
             gradient[:, column, column] = scalar.gradient(offset)
         return gradient
 
     def _combine(self, coupled: Array, scalars: list[Array]) -> Array:
-        size = N_FIELDS + len(scalars)
+        count, size = self.count, self.count + len(scalars)
         combined = np.zeros((*coupled.shape[:-2], size, size))
-        combined[..., :N_FIELDS, :N_FIELDS] = coupled
-        for column, scalar in enumerate(scalars, N_FIELDS):
+        combined[..., :count, :count] = coupled[..., :count, :count]
+        for column, scalar in enumerate(scalars, count):
             combined[..., column, column] = scalar
         return combined
 
 
 def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
-    """Return the kernel of a material with further scalar fields.
+    """Return the kernel of a material with any number of fields.
 
     Parameters
     ----------
     fundamental_solution : FundamentalSolution
-        Method for the coupled fields of the default field set.
+        Method for the coupled fields.
     stiffness : Array
-        Scaled extended stiffness, (3, fields, fields, 3), of a field set that begins with the default one.
+        Scaled extended stiffness, (3, fields, fields, 3).
 
     Raises
     ------
     MaterialError
-        If a further field is coupled, or as `FundamentalSolution.bind`.
+        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind`.
 
     Notes
     -----
-    Kernels of coupled fields are compiled for the default field set. Decoupled scalar fields have a closed form.
+    Kernels of coupled fields are compiled for N_FIELDS. Fewer fields are complemented by decoupled ones. Decoupled
+    scalar fields after these have a closed form.
     """
     size = stiffness.shape[1]
-    if size <= N_FIELDS:
+    if size == N_FIELDS:
         return fundamental_solution.bind(stiffness)
-    couplings = stiffness[:, N_FIELDS:].copy()
-    for column in range(size - N_FIELDS):
-        couplings[:, column, N_FIELDS + column] = 0.0
-    if couplings.any() or stiffness[:, :N_FIELDS, N_FIELDS:].any():
+    count = min(size, N_FIELDS)
+    couplings = stiffness[:, count:].copy()
+    for column in range(size - count):
+        couplings[:, column, count + column] = 0.0
+    if couplings.any():
         raise MaterialError("a further scalar field is coupled to others; allowed: decoupled fields")
-    coupled = fundamental_solution.bind(np.ascontiguousarray(stiffness[:, :N_FIELDS, :N_FIELDS]))
-    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(N_FIELDS, size))
-    return DecoupledKernel(coupled, scalars)
+    complemented = np.zeros((3, N_FIELDS, N_FIELDS, 3))
+    complemented[:, :count, :count] = stiffness[:, :count, :count]
+    for column in range(count, N_FIELDS):
+        complemented[:, column, column] = -np.eye(3)
+    scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
+    return DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)

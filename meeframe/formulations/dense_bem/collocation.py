@@ -27,7 +27,7 @@ class Sources:
     position : Array
         Positions, (s, 3).
     row : Indices
-        Row of the equation of each field, (s, f), NONE if it is not collocated here.
+        Row of the equation of each field, (s, fields), NONE if it is not collocated here.
     singular_start : Indices
         First singular element of each point, and their number, (s + 1,). Singular elements contain the point.
     singular_block, singular_element : Indices

@@ -146,7 +146,7 @@ def _bind(fundamental_solution: FundamentalSolution, stiffness: bytes) -> Kernel
 
 
 def _check_memory(body: Body) -> None:
-    """Raise TooLargeError if the matrices, with an unknown for each field and point, exceed the memory."""
+    """Raise TooLargeError if the matrices, with one unknown for each field and point, exceed the memory."""
     n_fields = body.fields.size
     unknowns = n_fields * len(body.mesh.points)
     loads = 0 if body.contact_group is None else n_fields * len(body.mesh.group_points(body.contact_group))

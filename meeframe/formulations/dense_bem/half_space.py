@@ -25,7 +25,7 @@ def exterior_terms(kernel: Kernel, mesh: SurfaceMesh, positions: Array) -> Array
     Returns
     -------
     Array
-        Terms, (s, 25), with entry 5 J + K.
+        Terms, (s, fields^2), entry (J, K) row by row.
 
     Notes
     -----

@@ -36,19 +36,19 @@ class Units:
     scaling: FieldScaling
 
     def values(self, values: Array) -> Array:
-        """Convert values (..., f) from SI units to units of the system."""
+        """Convert values (..., fields) from SI units to units of the system."""
         return self.scaling.scale_values(values)
 
     def fluxes(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., f) from SI units to units of the system."""
+        """Convert fluxes (..., fields) from SI units to units of the system."""
         return self.scaling.scale_fluxes(fluxes) * self.length
 
     def values_si(self, values: Array) -> Array:
-        """Convert values (..., f) from units of the system to SI units."""
+        """Convert values (..., fields) from units of the system to SI units."""
         return self.scaling.unscale_values(values)
 
     def fluxes_si(self, fluxes: Array) -> Array:
-        """Convert fluxes (..., f) from units of the system to SI units."""
+        """Convert fluxes (..., fields) from units of the system to SI units."""
         return self.scaling.unscale_fluxes(fluxes) / self.length
 
 
@@ -63,11 +63,11 @@ class Layout:
     patches : Patches
         Flux nodes.
     value_column, value_data : Indices, Array
-        Column of each unknown value, and known values (zero where unknown), (p, f).
+        Column of each unknown value, and known values (zero where unknown), (p, fields).
     flux_column, flux_data : Indices, Array
-        Column of each unknown flux, and known fluxes (zero where unknown), (m, f).
+        Column of each unknown flux, and known fluxes (zero where unknown), (m, fields).
     load_column : Indices
-        Column of each contact load, (m, f).
+        Column of each contact load, (m, fields).
     zone : Indices
         Points of the contact zone, (n,).
     n_unknowns : int

@@ -85,9 +85,9 @@ def zone_relation(solution: BoundarySolution) -> tuple[Array, Array]:
     Returns
     -------
     Array
-        Values without loads on the zone, (n, f).
+        Values without loads on the zone, (n, fields).
     Array
-        Compliance, (n, f, n, f).
+        Compliance, (n, fields, n, fields).
     """
     layout, units = solution.layout, solution.units
     n, n_fields = len(layout.zone), layout.value_column.shape[1]
