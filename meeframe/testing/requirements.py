@@ -1,4 +1,4 @@
-"""What the conformance checks share: a property that holds, or an AssertionError that names it and shows a value."""
+"""Requirements of conformance checks: a property holds, or an AssertionError names it and shows a value."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -27,6 +27,7 @@ REASONS: Final = {
     "comes to no rest": "under constant slip the traction has to settle, or no solver can.",
     "depends on the step": "the solution must not depend on the solver's step length r: use tangential_scaling as the"
     " metric of project.",
+    "extra compliance": "a compliance that is not positive leaves contact without a solution.",
     "gains energy": "friction dissipates: the traction on the body has the sign of the indenter's slip over it.",
     "tangent is not the derivative": "Newton's method converges by it; leave it out and differences serve.",
     "tangent": "Newton's method takes it as (n, 3, 3), rows of the traction, finite everywhere.",
@@ -107,7 +108,7 @@ def require(holds: bool, what: str, value: object) -> None:
 
 @contextmanager
 def explained(subject: object) -> Iterator[None]:
-    """What fails inside says of what it does and why it matters."""
+    """Add the tested object and the reason to errors of checks inside."""
     try:
         yield
     except AssertionError as error:

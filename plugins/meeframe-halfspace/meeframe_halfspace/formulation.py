@@ -64,11 +64,11 @@ class HalfSpace(Formulation):
         self._grid(body)
 
     def is_periodic(self) -> bool:
-        """Whether it is periodic."""
+        """Return True if the zone is one period of an infinite surface."""
         return self.periodic
 
     def resolves_edges(self) -> bool:
-        """Whether they are asked for."""
+        """Return True if edges are resolved between the nodes."""
         return self.edges == "resolved"
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:

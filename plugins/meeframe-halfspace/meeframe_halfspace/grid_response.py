@@ -99,7 +99,7 @@ class FreeGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (25,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # an odd function at zero
         return values
@@ -169,7 +169,7 @@ class PeriodicGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (25,) of a node to the density around it."""
         nx, ny = self.size
         twice = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, but those that are their own
         twice[0] = 1.0
@@ -218,9 +218,9 @@ def _wrap(kernel: Array, response: Array, parity: float) -> None:
     ny = (wide + 1) // 2
     kernel[:nx, :ny] = response[:, ny - 1 :]
     kernel[:nx, kernel.shape[1] - ny + 1 :] = response[:, : ny - 1]
-    turned = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
-    kernel[kernel.shape[0] - nx + 1 :, :ny] = turned[:, ny - 1 :]
-    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = turned[:, : ny - 1]
+    reflected = parity * response[:0:-1, ::-1]  # offsets from (1 - nx, 1 - ny) to (-1, ny - 1)
+    kernel[kernel.shape[0] - nx + 1 :, :ny] = reflected[:, ny - 1 :]
+    kernel[kernel.shape[0] - nx + 1 :, kernel.shape[1] - ny + 1 :] = reflected[:, : ny - 1]
 
 
 def whole_entry(half: Array, parity: int, width: int) -> Array:

@@ -51,8 +51,11 @@ class HeightMap:
 
 @dataclass(frozen=True)
 class Scales:
-    """What a file does not say of itself, or says wrongly: metres per unit of its heights (None: what the file says, or
-    metres) and of its coordinates, spacing of a matrix [m] along x and y, path of the dataset in an HDF5 file."""
+    """Units and spacings that a file does not state, or states wrongly.
+
+    Metres per unit of heights (None: as the file states, or metres) and of coordinates, spacing of a matrix [m] along x
+    and y, path of the dataset in an HDF5 file.
+    """
 
     unit: float | None = None
     lateral_unit: float = 1.0

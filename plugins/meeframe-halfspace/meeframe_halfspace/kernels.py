@@ -171,9 +171,9 @@ def series_values(c, s, coefficients, odd, work, values):
 def _turn(c, s, by_c, by_s):
     """cos and sin of angles, added to in place those whose cos and sin are by_c and by_s."""
     for j in range(len(c)):
-        turned = c[j] * by_c[j] - s[j] * by_s[j]
+        rotated = c[j] * by_c[j] - s[j] * by_s[j]
         s[j] = s[j] * by_c[j] + c[j] * by_s[j]
-        c[j] = turned
+        c[j] = rotated
 
 
 @njit(cache=True, nogil=True)

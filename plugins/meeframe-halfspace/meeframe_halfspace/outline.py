@@ -1,4 +1,4 @@
-"""Where the edge of a contact runs between the nodes of a grid, from the pressures at them.
+"""Contact edges between the nodes of a grid, located from the nodal pressures.
 
 At the edge of a contact without singular pressure p^2 rises linearly with the distance d from it, p^2 = G d: a bilinear
 density reproduces that from the third node on. Nearer to the edge its nodal values differ from p by a function of d,

@@ -1,4 +1,4 @@
-"""How far from a node its response is too sharp for a coarser grid (meeframe_halfspace.two_grids)."""
+"""Cut-off radius beyond which a response is smooth enough for a coarser grid (meeframe_halfspace.two_grids)."""
 
 from math import ceil, comb, log
 from typing import Final

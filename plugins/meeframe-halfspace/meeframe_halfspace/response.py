@@ -54,7 +54,9 @@ class PointResponse:
 
     @classmethod
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
-        """Of a half space of stiffness C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
+        """Return the response of a half space.
+
+        stiffness: C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
 
         Raises MaterialError if the series does not converge, as of a material on the verge of inadmissibility.
         """
@@ -92,13 +94,15 @@ class PointResponse:
 
     @cached_property
     def numbers(self) -> list[int]:
-        """Of the entries that are not zero."""
+        """Numbers of the nonzero entries."""
         return [number for number in range(self.layout.n_values) if len(self.entry(number)[0])]
 
     @cached_property
     def parities(self) -> Indices | None:
-        """Of the entries, 1 if even and -1 if odd functions of the angle, as of a medium mirrored about the
-        first axis; None of other media."""
+        """Parities of the entries: 1 for even, -1 for odd functions of the angle; None without mirror symmetry.
+
+        The plane of symmetry contains the normal and the first axis.
+        """
         found = np.array([mirrored(self.entry(number)[0]) for number in self.numbers])
         for signs in product((1, -1), repeat=self.layout.n_fields - 1):
             of_fields = np.outer((1, *signs), (1, *signs))

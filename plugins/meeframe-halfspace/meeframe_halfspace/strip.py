@@ -1,4 +1,4 @@
-"""How much more a node at the edge of a contact has to respond to its own load, from the conducting strip.
+"""Extra response of nodes at a contact edge to their own load, derived from the conducting strip.
 
 A strip |x| < a at a constant potential carries Q/(pi sqrt(a^2 - x^2)) per unit of length, and the potential is
 2 Q ln(2/a) if a line source has -2 ln r (Muskhelishvili, Singular Integral Equations (1953), section 88). On equally
@@ -23,7 +23,7 @@ LEAST: Final = 0.02
 
 
 def edge_response(distance: Array) -> Array:
-    """What a node's own response, of a line, has to grow by, (n,) >= 0; distance: (n,) of the edge beyond the node.
+    """Return the extra response (n,) >= 0 of nodes of a line; distance: (n,) of the edge beyond the node.
 
     Zero beyond the farthest edge that a node has by itself, largest where it is no longer covered.
     """

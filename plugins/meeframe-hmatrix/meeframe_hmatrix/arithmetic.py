@@ -25,7 +25,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, eq=False)
 class Truncation:
-    """How factors are computed.
+    """Accuracy and threads of truncated elimination.
 
     tolerance: relative, in the Frobenius norm, block by block; dtype: precision, to which blocks are converted one by
     one when it is their turn, since a copy of them all is as costly as many of its products; pool: threads that help.
@@ -168,11 +168,11 @@ def solve_from_right(
     factors: Factors, block: Block, truncation: Truncation, update: AccumulatedUpdate = NOTHING
 ) -> Block:
     """X of X @ upper = block - update."""
-    turned = AccumulatedUpdate(
+    update_transposed = AccumulatedUpdate(
         tuple((right.T, left.T) for left, right in update.terms),
         tuple((transposed(second), transposed(first)) for first, second in update.products),
     )
-    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), truncation, turned))
+    return transposed(solve(factors, Form.UPPER_TRANSPOSED, transposed(block), truncation, update_transposed))
 
 
 def solution(factors: Factors, form: Form, x: Array) -> Array:
@@ -200,5 +200,5 @@ def solved(factors: Factors, x: Array) -> Array:
 
 
 def precision(factors: Factors) -> np.dtype[Any]:
-    """Of all their numbers."""
+    """Return the precision of factors."""
     return factors.inverse.dtype if isinstance(factors, Eliminated) else precision(factors.first)

@@ -47,13 +47,13 @@ class Split:
 
     @cached_property
     def dtype(self) -> np.dtype[Any]:
-        """Of all its numbers."""
+        """The precision of all numbers."""
         leaf = next(leaves(self))
         return (leaf.array if isinstance(leaf, Dense) else leaf.left).dtype
 
     @cached_property
     def table(self) -> Indices:
-        """Of its undivided blocks, for `add_products`."""
+        """The table of undivided blocks for `add_products`."""
         return np.concatenate([_table(part, self.dtype) for line in self.parts for part in line])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -115,14 +115,14 @@ def multiply_transposed(block: Block, x: Array) -> Array:
     return _by_leaves(block, x, True)
 
 
-def _by_leaves(block: Split, x: Array, turned: bool) -> Array:
+def _by_leaves(block: Split, x: Array, transpose: bool) -> Array:
     """block @ x, or its transpose @ x."""
-    here, there = (block.columns, block.rows) if turned else (block.rows, block.columns)
+    here, there = (block.columns, block.rows) if transpose else (block.rows, block.columns)
     result = np.zeros((here.stop - here.start, x.shape[1]), block.dtype)
     if len(x) != there.stop - there.start:
         raise ValueError(f"a block of the shape {shape(block)} is not multiplied with {len(x)} rows")
     values = np.ascontiguousarray(x, block.dtype)
-    if not add_products(block.table, turned, (*located(values, block.dtype), there.start), result, here.start):
+    if not add_products(block.table, transpose, (*located(values, block.dtype), there.start), result, here.start):
         raise RuntimeError("BLAS cannot be called from compiled code")
     return result
 
@@ -151,7 +151,7 @@ def transposed(block: Block) -> Block:
 
 
 def converted(block: Block, dtype: DTypeLike) -> Block:
-    """The same in another precision; numbers that have it already are shared."""
+    """Return a block in another precision; numbers that have it already are shared."""
     if isinstance(block, Dense):
         return Dense(block.rows, block.columns, block.array.astype(dtype, copy=False))
     if isinstance(block, LowRank):
@@ -173,7 +173,7 @@ def to_dense(block: Block) -> Array:
 
 
 def kept_rank(values: Array, tolerance: float) -> int:
-    """How many of falling singular values keep the Frobenius norm of the rest below tolerance times that of all."""
+    """Return the number of leading singular values, the rest below tolerance in the relative Frobenius norm."""
     tails = np.sqrt(np.cumsum(np.square(values[::-1], dtype=float)))[::-1]
     return int(np.count_nonzero(tails > tolerance * tails[0])) if len(values) and tails[0] > 0.0 else 0
 

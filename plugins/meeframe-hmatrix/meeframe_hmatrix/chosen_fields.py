@@ -43,7 +43,7 @@ def _from_left(parts: Array, array: Array) -> Array:
 
 
 def merged(block: Block) -> Block:
-    """The same with fewer blocks, where products with a vector are faster by that."""
+    """Return a block with parts merged where this makes products with vectors faster."""
     if isinstance(block, Split):
         parts = tuple(tuple(merged(part) for part in line) for line in block.parts)
         block = Split(block.rows, block.columns, parts)

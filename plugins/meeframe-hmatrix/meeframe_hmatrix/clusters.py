@@ -94,14 +94,14 @@ def cluster_tree(mesh: SurfaceMesh, layout: Layout, sources: Sources, leaf_size:
     low, high = _element_boxes(mesh)
 
     def cluster(start: int, stop: int, children: tuple[Cluster, ...]) -> Cluster:
-        own_sources, unknowns, loads = (
+        cluster_sources, unknowns, loads = (
             slice(*np.searchsorted(places, (start, stop)).tolist()) for places in sorted_ranks
         )
         own = points[start:stop]
         column_box = np.stack([low[own].min(axis=0), high[own].max(axis=0)])
-        has_sources = own_sources.stop > own_sources.start
-        row_box = _box(positions[own_sources]) if has_sources else column_box
-        return Cluster(slice(start, stop), own_sources, unknowns, loads, row_box, column_box, children)
+        has_sources = cluster_sources.stop > cluster_sources.start
+        row_box = _box(positions[cluster_sources]) if has_sources else column_box
+        return Cluster(slice(start, stop), cluster_sources, unknowns, loads, row_box, column_box, children)
 
     start, children = 0, []
     for half in halves:

@@ -35,7 +35,7 @@ LEAST = 1e-2
 
 
 def reachable(integrals: Integrals, row: Cluster, column: Cluster) -> bool:
-    """Whether tensor rules serve all elements of a column cluster from everywhere in a row cluster."""
+    """Return True if tensor rules serve all elements of a column cluster from everywhere in a row cluster."""
     return all(_orders(integrals, row, kind, numbers).all() for kind, numbers in integrals.elements([column]))
 
 

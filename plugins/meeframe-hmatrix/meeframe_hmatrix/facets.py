@@ -25,9 +25,9 @@ WORTHWHILE = 0.7
 elements of a leaf are integrated where one facet is not interpolated (measured)."""
 ORDERS = (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16)
 """Of interpolation: few, so that weights serve many row clusters."""
-FEWEST = 4
-"""Elements in each plane of a leaf, on average, from which on it is worth asking: on curved surfaces of plane triangles
-each has a plane of its own."""
+MIN_PLANE_ELEMENTS = 4
+"""Smallest mean number of elements in each plane of a leaf for which facets are searched: on curved surfaces of plane
+triangles each element has its plane."""
 SAME_PLANE = 9
 """Digits to which normal and height of the elements of a plane agree."""
 
@@ -54,7 +54,7 @@ class Facet:
     weights: dict[tuple[Orders, Orders], tuple[Array, Array]] = field(default_factory=dict)
 
     def points(self, orders: Orders) -> Array:
-        """Where the kernel is evaluated (p, 3)."""
+        """Return the points at which the kernel is evaluated, (p, 3)."""
         first, second = (gauss_table().points[n, :n] for n in orders)
         places = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
         found: Array = self.centre + (places * self.half) @ self.axes
@@ -94,7 +94,7 @@ def _facets(integrals: Integrals, leaf: Cluster) -> tuple[Facet, ...]:
         heights = np.einsum("ex,ex->e", normals, nodes[:, 0])
         digits = np.round(np.column_stack([normals, heights]), SAME_PLANE)
         planes, plane = np.unique(digits, axis=0, return_inverse=True)
-        if len(planes) * FEWEST > len(numbers):
+        if len(planes) * MIN_PLANE_ELEMENTS > len(numbers):
             return ()
         for number in range(len(planes)):
             own = plane.ravel() == number
@@ -126,7 +126,7 @@ def _places(chosen: Indices, numbers: Indices) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class Interpolated:
-    """What all sources of a row cluster see of the facets that are interpolated.
+    """Interpolated facets as seen from all sources of a row cluster.
 
     points, normals: (c, 3), facet by facet from starts[g] to starts[g + 1]; weights: all of them, flat; sites, patches:
     their places in the sums, likewise.

@@ -95,6 +95,11 @@ class HierarchicalBEM(PersistentFormulation):
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
+        if body.fields.size != N_FIELDS:
+            raise CaseError(
+                f"the formulation hmatrix-bem is compiled for {N_FIELDS} fields, the body has {body.fields.size}; "
+                "allowed: half-space, dense-bem or fem"
+            )
         check_mesh(body.mesh)
         check_contact_zone(body.mesh, body.contact_group)
         layout, _ = self._layout(body)
@@ -104,7 +109,7 @@ class HierarchicalBEM(PersistentFormulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Of slender parts, whose bending may be wrong; for a body that check lets pass."""
+        """Return warnings about slender parts, whose bending may be inaccurate."""
         if self.tolerance <= BENDING:
             return bending_warnings(body)
         return bending_warnings(body, TRUNCATED_RATIO, f"take a tolerance of {BENDING:.0e} or less; ")

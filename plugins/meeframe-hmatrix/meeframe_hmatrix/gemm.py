@@ -107,8 +107,8 @@ def _add_to_vector(m, n, place, x, result):
 
 
 @njit(cache=True, nogil=True)
-def add_products(table, turned, x, result, origin):
-    """result (m, w) += matrix @ x, for a matrix given by its parts; turned: by its transpose. True if BLAS did it.
+def add_products(table, transpose, x, result, origin):
+    """result (m, w) += matrix @ x, for a matrix given by its parts; transpose: by its transpose. True if BLAS did it.
 
     x: address, distance of lines, order, first row in terms of the table; origin: the first row of the result.
     """
@@ -125,7 +125,7 @@ def add_products(table, turned, x, result, origin):
         r, m, c, n, k = table[line, :5]
         left = table[line, 5], table[line, 6], table[line, 7]
         right = table[line, 8], table[line, 9], table[line, 10]
-        if turned:
+        if transpose:
             r, m, c, n = c, n, r, m
             left, right = (right[0], right[1], 1 - right[2]), (left[0], left[1], 1 - left[2])
             if k == FULL:

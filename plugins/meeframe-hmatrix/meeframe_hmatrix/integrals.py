@@ -1,4 +1,4 @@
-"""What the integrals of the assembly need: elements by kind, equations and columns in the order of the tree."""
+"""Data of the integrals of the assembly: elements by kind, equations and columns in the order of the tree."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Integrals:
-    """What every task reads; sources, rows and columns in the order of the tree.
+    """Data that every task reads; sources, rows and columns in the order of the tree.
 
     positions: (s, 3) of the collocation points; rows: (s, 5) of their equations, NONE where there is none; sources: the
     rest of them, in the order of `tree.sources`; patch_sites: (p,) of the patches; touching: elements at each site,

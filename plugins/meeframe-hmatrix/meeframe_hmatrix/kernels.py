@@ -44,7 +44,7 @@ class Points(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Where the nodes go; sites, unknowns and loads in the order of the tree.
+    """Columns of the nodes; sites, unknowns and loads in the order of the tree.
 
     value_column, value_data: (sites, 5); flux_column, flux_data, load_column: (patches, 5). Columns are negative where
     there is none. flux_unit: unknown fluxes are in units of it.
