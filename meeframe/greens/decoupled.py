@@ -1,4 +1,4 @@
-"""Fundamental solutions of other field sets than that for which the kernels are compiled."""
+"""Fundamental solutions of field sets other than the one for which the kernels are compiled."""
 
 from dataclasses import dataclass
 from typing import final
@@ -15,7 +15,12 @@ from meeframe.greens.base import FundamentalSolution, Kernel
 class LaplaceKernel:
     """Fundamental solution of -k_im phi_,im = -delta for one scalar field, with the flux -k_im phi_,m n_i.
 
-    inverse: (3, 3) of k; root: the root of its determinant.
+    Attributes
+    ----------
+    inverse : Array
+        Inverse of k, (3, 3).
+    root : float
+        Square root of the determinant of k.
     """
 
     inverse: Array
@@ -27,13 +32,13 @@ class LaplaceKernel:
         return cls(np.asarray(np.linalg.inv(coefficient)), float(np.sqrt(np.linalg.det(coefficient))))
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return U and T, (n,) each, for offset (n, 3) and unit normal (n, 3)."""
+        """Return U and T, (n,) each, for offsets (n, 3) and unit normals (n, 3)."""
         distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, self.inverse, offset, optimize=True))
         u = -1.0 / (4.0 * np.pi * self.root * distance)
         return u, u * (offset * normal).sum(axis=1) / distance**2
 
     def gradient(self, offset: Array) -> Array:
-        """Return U,q (n, 3) for offset (n, 3)."""
+        """Return U,q, (n, 3), for offsets (n, 3)."""
         reduced = offset @ self.inverse
         distance = np.sqrt((offset * reduced).sum(axis=1))
         gradient: Array = reduced / (4.0 * np.pi * self.root * distance**3)[:, None]
@@ -43,9 +48,16 @@ class LaplaceKernel:
 @final
 @dataclass(frozen=True, eq=False)
 class DecoupledKernel(Kernel):
-    """Kernel of fields of which the last are coupled neither to each other nor to the others.
+    """Kernel of coupled fields followed by decoupled scalar fields.
 
-    coupled: kernel of N_FIELDS fields, of which the first `count` are used; scalars: those of the last fields.
+    Attributes
+    ----------
+    coupled : Kernel
+        Kernel of N_FIELDS fields.
+    count : int
+        Number of these fields that are used, from the first one on.
+    scalars : tuple of LaplaceKernel
+        Kernels of the scalar fields.
     """
 
     coupled: Kernel
@@ -53,27 +65,27 @@ class DecoupledKernel(Kernel):
     scalars: tuple[LaplaceKernel, ...]
 
     def evaluate(self, offset: Array, normal: Array) -> tuple[Array, Array]:
-        """Return U and T, (n, fields, fields) each; see Kernel."""
+        """Return U and T, (n, fields, fields) each; see `Kernel.evaluate`."""
         columns = [scalar.evaluate(offset, normal) for scalar in self.scalars]
         first = self.coupled.evaluate(offset, normal)
-        return self._joined(first[0], [u for u, _ in columns]), self._joined(first[1], [t for _, t in columns])
+        return self._combine(first[0], [u for u, _ in columns]), self._combine(first[1], [t for _, t in columns])
 
     def integrate(self, offset: Array, weights: Array, starts: Indices, normals: Array) -> tuple[Array, Array] | None:
-        """Return weighted sums of U and T over the points of plane pieces; see Kernel."""
+        """Return weighted sums of U and T over the points of plane pieces; see `Kernel.integrate`."""
         first = self.coupled.integrate(offset, weights, starts, normals)
         if first is None:
             return None
         points = slice(starts[0], starts[-1])
-        at, shares = offset[points], weights[points]
+        piece_offsets, shares = offset[points], weights[points]
         normal = np.repeat(normals, np.diff(starts), axis=0)
-        columns = [scalar.evaluate(at, normal) for scalar in self.scalars]
-        sums = [[np.add.reduceat(shares * part[:, None], starts[:-1] - starts[0]) for part in pair] for pair in columns]
-        u, t = (part.reshape(*part.shape[:-1], N_FIELDS, N_FIELDS) for part in first)
-        both = self._joined(u, [pair[0] for pair in sums]), self._joined(t, [pair[1] for pair in sums])
-        return both[0].reshape(*u.shape[:-2], -1), both[1].reshape(*u.shape[:-2], -1)
+        columns = [scalar.evaluate(piece_offsets, normal) for scalar in self.scalars]
+        sums = [[np.add.reduceat(shares * k[:, None], starts[:-1] - starts[0]) for k in kernels] for kernels in columns]
+        u, t = (array.reshape(*array.shape[:-1], N_FIELDS, N_FIELDS) for array in first)
+        u_all, t_all = self._combine(u, [u_sum for u_sum, _ in sums]), self._combine(t, [t_sum for _, t_sum in sums])
+        return u_all.reshape(*u.shape[:-2], -1), t_all.reshape(*u.shape[:-2], -1)
 
     def gradient(self, offset: Array) -> Array:
-        """Return U,q (n, fields, fields, 3) for offset (n, 3)."""
+        """Return U,q, (n, fields, fields, 3), for offsets (n, 3)."""
         count, size = self.count, self.count + len(self.scalars)
         gradient = np.zeros((len(offset), size, size, 3))
         gradient[:, :count, :count] = self.coupled.gradient(offset)[:, :count, :count]
@@ -81,34 +93,47 @@ class DecoupledKernel(Kernel):
             gradient[:, column, column] = scalar.gradient(offset)
         return gradient
 
-    def _joined(self, coupled: Array, scalars: list[Array]) -> Array:
+    def _combine(self, coupled: Array, scalars: list[Array]) -> Array:
         count, size = self.count, self.count + len(scalars)
-        joined = np.zeros((*coupled.shape[:-2], size, size))
-        joined[..., :count, :count] = coupled[..., :count, :count]
+        combined = np.zeros((*coupled.shape[:-2], size, size))
+        combined[..., :count, :count] = coupled[..., :count, :count]
         for column, scalar in enumerate(scalars, count):
-            joined[..., column, column] = scalar
-        return joined
+            combined[..., column, column] = scalar
+        return combined
 
 
 def bind_fields(fundamental_solution: FundamentalSolution, stiffness: Array) -> Kernel:
-    """Return the kernel of a scaled extended stiffness (3, fields, fields, 3) of any number of fields.
+    """Return the kernel of a material with any number of fields.
 
-    Kernels of coupled fields are compiled for N_FIELDS. Fewer fields are complemented by decoupled ones; fields after
-    these have the closed form of a scalar field, if they are not coupled. Raises MaterialError as `bind`, and if they
-    are.
+    Parameters
+    ----------
+    fundamental_solution : FundamentalSolution
+        Method for the coupled fields.
+    stiffness : Array
+        Scaled extended stiffness, (3, fields, fields, 3).
+
+    Raises
+    ------
+    MaterialError
+        If a field after the first N_FIELDS is coupled, or as `FundamentalSolution.bind`.
+
+    Notes
+    -----
+    Kernels of coupled fields are compiled for N_FIELDS. Fewer fields are complemented by decoupled ones. Decoupled
+    scalar fields after these have a closed form.
     """
     size = stiffness.shape[1]
     if size == N_FIELDS:
         return fundamental_solution.bind(stiffness)
     count = min(size, N_FIELDS)
-    others = stiffness[:, count:].copy()
+    couplings = stiffness[:, count:].copy()
     for column in range(size - count):
-        others[:, column, count + column] = 0.0
-    if others.any():
-        raise MaterialError("a further scalar field is coupled to others; allowed: decoupled ones")
-    whole = np.zeros((3, N_FIELDS, N_FIELDS, 3))
-    whole[:, :count, :count] = stiffness[:, :count, :count]
+        couplings[:, column, count + column] = 0.0
+    if couplings.any():
+        raise MaterialError("a further scalar field is coupled to others; allowed: decoupled fields")
+    complemented = np.zeros((3, N_FIELDS, N_FIELDS, 3))
+    complemented[:, :count, :count] = stiffness[:, :count, :count]
     for column in range(count, N_FIELDS):
-        whole[:, column, column] = -np.eye(3)
+        complemented[:, column, column] = -np.eye(3)
     scalars = tuple(LaplaceKernel.of(-stiffness[:, column, column]) for column in range(count, size))
-    return DecoupledKernel(fundamental_solution.bind(whole), count, scalars)
+    return DecoupledKernel(fundamental_solution.bind(complemented), count, scalars)

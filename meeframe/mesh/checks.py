@@ -13,7 +13,7 @@ from meeframe.mesh.measures import gauss_rule, normal_vectors, volume_shares
 from meeframe.mesh.nearby import close_point_pairs
 from meeframe.mesh.parts import connected_surfaces
 from meeframe.mesh.surface import ElementBlock, SurfaceMesh
-from meeframe.mesh.topology import Edges, find_edges, reflection
+from meeframe.mesh.topology import MeshEdges, find_edges, reflection
 
 Flags = NDArray[np.bool_]
 
@@ -209,7 +209,7 @@ def _check_elements(mesh: SurfaceMesh) -> None:
             _reject(message, positions, f"{block.element.name} element")
 
 
-def _check_edges(mesh: SurfaceMesh, edges: Edges) -> None:
+def _check_edges(mesh: SurfaceMesh, edges: MeshEdges) -> None:
     count = np.bincount(edges.number)
     sense = np.bincount(edges.number, weights=np.where(edges.ends[:, 0] < edges.ends[:, 1], 1.0, -1.0))
     first = np.unique(edges.number, return_index=True)[1]

@@ -121,10 +121,10 @@ def breakdown(formula: Any, contact: Any) -> None:
     laws: dict[str, ConductivityLaw] = {
         "no breakdown": AcrossGap(VACUUM_PERMITTIVITY, np.inf, UM),
         **{
-            f"breakdown_conductivity {part * unit / MICRO:g} µF/m²": Breakdown(
-                VACUUM_PERMITTIVITY, field, part * unit, np.inf, UM
+            f"breakdown_conductivity {factor * unit / MICRO:g} µF/m²": Breakdown(
+                VACUUM_PERMITTIVITY, field, factor * unit, np.inf, UM
             )
-            for part in (1.0, 10.0)
+            for factor in (1.0, 10.0)
         },
     }
     gap = np.full_like(drop, 10 * UM)
@@ -133,8 +133,8 @@ def breakdown(formula: Any, contact: Any) -> None:
         formula.plot(drop, flux / MILLI, color=COLOURS[number], label=label)
         problem, state = solved(law, volts)
         row, x = middle(problem)
-        apart = (problem.gap - state.displacement[:, 2] + UM)[row]
-        fields = np.abs(-state.displacement[row, 3] - volts) / apart
+        distance = (problem.gap - state.displacement[:, 2] + UM)[row]
+        fields = np.abs(-state.displacement[row, 3] - volts) / distance
         contact.semilogy(x, np.where(state.load[row, 2] == 0.0, fields, np.nan) / 1e6, color=COLOURS[number])
     contact.axhline(field / 1e6, **DASHED, label="breakdown_field")
     formula.legend(fontsize=7, frameon=False, loc=(0.43, 0.2))

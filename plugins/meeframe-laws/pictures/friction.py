@@ -45,8 +45,10 @@ def history(law: ContactLaw, drags: Iterable[tuple[float, float]], cells: int, d
     slipped, path = np.zeros((n, 2)), np.zeros(n)
     states: list[ContactState] = []
     for drag in drags:
-        here = law.for_increment(path, duration)
-        problem = ContactProblem(rest.system, here, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials)
+        increment_law = law.for_increment(path, duration)
+        problem = ContactProblem(
+            rest.system, increment_law, rest.channels, rest.gap, np.array(drag) - slipped, rest.potentials
+        )
         solution = solve(problem, SemismoothNewton(), start=start)
         if solution.status is not Status.CONVERGED:
             raise RuntimeError(f"{law} at {drag}: {solution.message}")
@@ -167,11 +169,11 @@ def force_over_direction(axes: Any, laws: dict[str, ContactLaw]) -> None:
     """Plot the angle of the friction force over that of the drag, all slipping."""
     angles = np.radians(np.linspace(0.0, 90.0, 19))
     for k, (label, law) in enumerate(laws.items()):
-        found = []
+        directions = []
         for angle in angles:
             force = history(law, [(SLIDING * np.cos(angle), SLIDING * np.sin(angle))], COARSE)[1][0]
-            found.append(np.arctan2(force[1], force[0]))
-        axes.plot(np.degrees(angles), np.degrees(found), "o-", markersize=2.5, color=COLOURS[k], label=label)
+            directions.append(np.arctan2(force[1], force[0]))
+        axes.plot(np.degrees(angles), np.degrees(directions), "o-", markersize=2.5, color=COLOURS[k], label=label)
     axes.plot([0, 90], [0, 90], "k:", linewidth=0.8)
     axes.set(xlabel="direction of the drag [deg]", ylabel="direction of the force [deg]")
 

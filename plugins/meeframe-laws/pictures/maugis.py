@@ -65,8 +65,8 @@ def table() -> Iterator[str]:
     yield f"| `transition` | lambda | {' | '.join(f'n = {cells}' for cells in CELLS)} |\n{'| --- ' * (2 + len(CELLS))}|"
     for transition in TRANSITIONS:
         for parameter in PARAMETERS:
-            found = (f"{error(parameter, transition, cells):.2g}" for cells in CELLS)
-            yield f"| {transition:g} | {parameter:g} | {' | '.join(found)} |"
+            errors = (f"{error(parameter, transition, cells):.2g}" for cells in CELLS)
+            yield f"| {transition:g} | {parameter:g} | {' | '.join(errors)} |"
     yield f"\n| `transition` | {' | '.join(f'lambda = {value:g}' for value in SOFT)} |\n{'| --- ' * (1 + len(SOFT))}|"
     for transition in TRANSITIONS:
         yield f"| {transition:g} | {' | '.join(f'n = {least_cells(value, transition)}' for value in SOFT)} |"
