@@ -73,9 +73,9 @@ def check_form(system: ReducedSystem, body: Body) -> None:
     for name, shape in shapes.items():
         array = getattr(system, name)
         require(array.shape == shape and np.isfinite(array).all(), f"{name} is not finite {shape}", array.shape)
-    turned = np.abs(system.frames @ system.frames.transpose(0, 2, 1) - np.eye(3)).max()
-    handed = bool(turned < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
-    require(handed, "frames are not orthonormal and right-handed, so that tractions turn into others", turned)
+    deviation = np.abs(system.frames @ system.frames.transpose(0, 2, 1) - np.eye(3)).max()
+    orthonormal = bool(deviation < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
+    require(orthonormal, "frames are not orthonormal and right-handed, so that tractions turn into others", deviation)
     nearest = np.linalg.norm(system.points[:, None] - zone.points, axis=2).argmin(axis=1)
     outward = float(np.einsum("ni,ni->n", system.frames[:, 2], zone.frames[nearest, 2]).min())
     require(outward > 0.5, "a frame's third axis is not the outward normal: pressure would pull", outward)

@@ -1,4 +1,4 @@
-"""What the conformance checks share: a property that holds, or an AssertionError that names it and shows a value."""
+"""Common assertions of the conformance checks, which name the property that fails and show an offending value."""
 
 import dataclasses
 from collections.abc import Callable, Iterator

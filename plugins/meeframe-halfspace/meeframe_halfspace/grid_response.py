@@ -99,7 +99,7 @@ class FreeGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (entries,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return values
@@ -169,7 +169,7 @@ class PeriodicGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """See GridResponse."""
+        """Response (entries,) of a node to the density around it."""
         nx, ny = self.size
         multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
         multiplicity[0] = 1.0
