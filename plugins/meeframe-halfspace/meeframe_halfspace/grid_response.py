@@ -178,8 +178,8 @@ class PeriodicGrid(GridResponse):
         values = np.zeros(self.response.layout.n_values)  # odd functions vanish at zero
         parities = self.response.parities
         for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
-            whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
-            values[number] = multiplicity @ whole.sum(axis=1) / (nx * ny)
+            full = symbol if parities is None else whole_entry(symbol, parities[number], ny)
+            values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
         return values
 
     def coarsen(self) -> "PeriodicGrid | None":
