@@ -86,12 +86,12 @@ def read_choices(options: Mapping[str, Sequence[str]]) -> dict[str, list[Choice]
         For an invalid choice, a choice that is is given twice, or if there are no choices at all.
     """
     chosen = {option: [Choice.read(option, text) for text in options.get(option, ())] for option in OPTIONS}
-    for option, found in chosen.items():
-        labels = [choice.label for choice in found]
+    for option, entries in chosen.items():
+        labels = [choice.label for choice in entries]
         duplicate = next((label for label in labels if labels.count(label) > 1), None)
         if duplicate is not None:
             raise CaseError(f"--{option} {duplicate}: is given twice")
-    chosen = {option: found for option, found in chosen.items() if found}
+    chosen = {option: entries for option, entries in chosen.items() if entries}
     if not chosen:
         raise CaseError(f"nothing to compare; give at least one of {', '.join(f'--{option}' for option in OPTIONS)}")
     return chosen
@@ -141,7 +141,7 @@ def combinations(
     PluginError
         For any other unknown name.
     """
-    found: list[Combination] = []
+    entries: list[Combination] = []
     problems: dict[str, str] = {}
     cause: BaseException | None = None
     for combination in product(*chosen.values()):
@@ -150,24 +150,24 @@ def combinations(
         for option, choice in zip(chosen, combination, strict=True):
             if not enter(changed, option, choice.value, registry):
                 labels[option] = NOTHING
-        if any(labels == other.labels for other in found):
+        if any(labels == other.labels for other in entries):
             continue
         try:
-            found.append(Combination(labels, case_from_tables(changed, registry, file.parent)))
+            entries.append(Combination(labels, case_from_tables(changed, registry, file.parent)))
         except TableError as error:
             messages = {str(problem): f"{file}: {', '.join(labels.values())}: {problem}" for problem in error.problems}
             if any(problem.unknown for problem in error.problems):
                 raise CaseError("\n".join(messages.values())) from None
             cause = cause or error.__cause__
             problems |= {text: line for text, line in messages.items() if text not in problems}
-            found.append(Combination(labels, None, str(error)))
-    if all(combination.case is None for combination in found):
+            entries.append(Combination(labels, None, str(error)))
+    if all(combination.case is None for combination in entries):
         raise CaseError("\n".join(problems.values())) from cause
-    if all(combination.labels.get("fundamental-solution") == NOTHING for combination in found):
+    if all(combination.labels.get("fundamental-solution") == NOTHING for combination in entries):
         raise CaseError(
             f"{file}: --fundamental-solution: the formulation takes no fundamental solution; omit this option"
         )
-    return found
+    return entries
 
 
 def enter(tables: dict[str, Any], option: str, value: str | Mapping[str, Any], registry: Registry) -> bool:

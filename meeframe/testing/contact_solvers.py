@@ -91,7 +91,9 @@ def check_solver(solver: Solver, limits: StoppingCriteria | None = None, frictio
         if name == "insulated":
             _check_pressure(problem, limits, solution, name)
     system = half_space_system(_COMPLIANCE, 5e-3, 6)
-    search_for(_INDENTATIONS, lambda drawn: _check_drawn(solver, limits, friction, system, drawn), 25, simplify=False)
+    search_for(
+        _INDENTATIONS, lambda parameters: _check_drawn(solver, limits, friction, system, parameters), 25, simplify=False
+    )
 
 
 def exact_pressure(problem: ContactProblem) -> Array:
@@ -177,15 +179,19 @@ def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution:
 
 
 def _check_drawn(
-    solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, drawn: dict[str, Any]
+    solver: Solver, limits: StoppingCriteria, friction: bool, system: ReducedSystem, parameters: dict[str, Any]
 ) -> None:
     """Check an indentation drawn by hypothesis."""
     x, y, _ = system.points.T
-    law = OrthotropicCoulomb(drawn["mu"][0], drawn["mu"][1], 0.4) if friction and any(drawn["mu"]) else Signorini()
-    height = (x**2 + drawn["aspect"] * y**2) / 0.2
-    approach, kappa, drag = (drawn[name] for name in ("approach", "kappa", "drag"))
+    law = (
+        OrthotropicCoulomb(parameters["mu"][0], parameters["mu"][1], 0.4)
+        if friction and any(parameters["mu"])
+        else Signorini()
+    )
+    height = (x**2 + parameters["aspect"] * y**2) / 0.2
+    approach, kappa, drag = (parameters[name] for name in ("approach", "kappa", "drag"))
     problem = indentation_problem(system, height, approach, law, kappa, (1e4, -20.0), drag)
-    name = f"indentation {drawn}"
+    name = f"indentation {parameters}"
     solution = _solve(problem, solver, limits, name)
     if law == Signorini() and kappa == (0.0, 0.0):
         _check_pressure(problem, limits, solution, name)

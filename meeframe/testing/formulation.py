@@ -60,7 +60,7 @@ def check_formulation(
         check_edges(formulation, system)
         check_exact(system, field, tolerance)
         check_reciprocity(system, asymmetry)
-        search_for(_LOADS_DRAWN, lambda drawn: check_energy(system, *drawn), examples=60)
+        search_for(_LOADS_DRAWN, lambda example: check_energy(system, *example), examples=60)
         check_recovery(system, body, tolerance)
         check_refusals(formulation, body)
 
@@ -74,8 +74,8 @@ def check_form(system: ReducedSystem, body: Body) -> None:
         array = getattr(system, name)
         require(array.shape == shape and np.isfinite(array).all(), f"{name} is not finite {shape}", array.shape)
     deviation = np.abs(system.frames @ system.frames.transpose(0, 2, 1) - np.eye(3)).max()
-    handed = bool(deviation < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
-    require(handed, "frames are not orthonormal and right-handed, so that tractions turn into others", deviation)
+    orthonormal = bool(deviation < 1e-12 and (np.linalg.det(system.frames) > 0.0).all())
+    require(orthonormal, "frames are not orthonormal and right-handed, so that tractions turn into others", deviation)
     nearest = np.linalg.norm(system.points[:, None] - zone.points, axis=2).argmin(axis=1)
     outward = float(np.einsum("ni,ni->n", system.frames[:, 2], zone.frames[nearest, 2]).min())
     require(outward > 0.5, "a frame's third axis is not the outward normal: pressure would pull", outward)
@@ -85,8 +85,8 @@ def check_form(system: ReducedSystem, body: Body) -> None:
     area = abs(system.weights.sum() / zone.weights.sum() - 1.0)
     require(area < 1e-3, "the weights do not add up to the area of the zone, so that forces are wrong", area)
     for name, connectivity in system.cells:
-        within = bool((connectivity >= 0).all() and (connectivity < n).all())
-        require(within, f"cells of type {name} have numbers that are no points", connectivity)
+        valid = bool((connectivity >= 0).all() and (connectivity < n).all())
+        require(valid, f"cells of type {name} have numbers that are no points", connectivity)
 
 
 def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) -> None:
@@ -94,25 +94,25 @@ def check_linear(formulation: Formulation, body: Body, system: ReducedSystem) ->
     random = np.random.default_rng(0)
     n = len(system.points)
     loads = random.normal(size=(3, n, 5)) * typical_load(system)
-    kept = loads.copy()
-    answers = np.array([system.apply(load) for load in loads])
-    require(np.array_equal(loads, kept), "apply changes its argument, so that solvers lose their state", n)
+    original = loads.copy()
+    responses = np.array([system.apply(load) for load in loads])
+    require(np.array_equal(loads, original), "apply changes its argument, so that solvers lose their state", n)
     again = system.apply(loads[0])
-    require(np.array_equal(again, answers[0]), "apply depends on earlier calls", worst(again, answers[0]))
+    require(np.array_equal(again, responses[0]), "apply depends on earlier calls", worst(again, responses[0]))
     combined = system.apply(2.0 * loads[0] - 3.0 * loads[1])
-    error = worst(combined, 2.0 * answers[0] - 3.0 * answers[1])
+    error = worst(combined, 2.0 * responses[0] - 3.0 * responses[1])
     require(error < ROUND_OFF, "apply is not linear: Newton's steps would be wrong", error)
     _check_blocks(system)
     matrix = system.dense()
     if matrix is not None:
         require(matrix.shape == (n, 5, n, 5), "dense is not (n, 5, n, 5)", matrix.shape)
-        error = worst(np.einsum("namb,mb->na", matrix, loads[0]), answers[0])
+        error = worst(np.einsum("namb,mb->na", matrix, loads[0]), responses[0])
         require(error < ROUND_OFF, "dense is not the matrix of apply: solvers that use either differ", error)
     still = formulation.reduce(replace(body, conditions=tuple(replace(c, data=0.0 * c.data) for c in body.conditions)))
     scale = np.abs(system.offset).max(axis=0)
     error = float((np.abs(still.offset).max(axis=0) / np.where(scale > 0.0, scale, 1.0)).max())
     require(error < ROUND_OFF, "the offset is not zero though all prescribed data are", error)
-    error = worst(still.apply(loads[0]), answers[0])
+    error = worst(still.apply(loads[0]), responses[0])
     require(error < ROUND_OFF, "the compliance depends on the prescribed data, so that it is not linear", error)
 
 
@@ -126,8 +126,8 @@ def check_persistence(formulation: Formulation, body: Body, system: ReducedSyste
         same = np.array_equal(getattr(again, name), getattr(system, name))
         require(same, f"{name} changes when made from arrays", name)
     load = np.random.default_rng(0).normal(size=system.offset.shape) * typical_load(system)
-    answer, expected = again.apply(load), system.apply(load)
-    require(np.array_equal(answer, expected), "apply changes when made from arrays", worst(answer, expected))
+    response, expected = again.apply(load), system.apply(load)
+    require(np.array_equal(response, expected), "apply changes when made from arrays", worst(response, expected))
     same = np.array_equal(again.diagonal_blocks(), system.diagonal_blocks())
     require(same, "diagonal_blocks change when made from arrays", len(load))
 
@@ -135,8 +135,10 @@ def check_persistence(formulation: Formulation, body: Body, system: ReducedSyste
 def check_edges(formulation: Formulation, system: ReducedSystem) -> None:
     """Check that systems of a formulation resolve edges if and only if `resolves_edges` says so."""
     resolves = system.capability(EdgeResolution) is not None
-    what = "resolves_edges does not tell whether systems have EdgeResolution: two bodies would be resolved differently"
-    require(resolves == formulation.resolves_edges(), what, resolves)
+    message = (
+        "resolves_edges does not tell whether systems have EdgeResolution: two bodies would be resolved differently"
+    )
+    require(resolves == formulation.resolves_edges(), message, resolves)
 
 
 def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> None:
@@ -154,12 +156,12 @@ def check_exact(system: ReducedSystem, field: ExactField, tolerance: float) -> N
 def check_reciprocity(system: ReducedSystem, asymmetry: float) -> None:
     """Check the reciprocal theorem of Betti, and that every load does positive work on its displacement."""
     loads = smooth_loads(system)
-    answers = np.array([system.apply(load) for load in loads])
-    own = np.einsum("n,knf,knf->k", system.weights, loads, answers)
-    require(bool((own > 0.0).all()), "a load gains energy: contact on such a body has no solution", own)
+    responses = np.array([system.apply(load) for load in loads])
+    works = np.einsum("n,knf,knf->k", system.weights, loads, responses)
+    require(bool((works > 0.0).all()), "a load gains energy: contact on such a body has no solution", works)
     # the potentials' sign in the reduced system makes the coupling of mechanical and other fields antisymmetric
-    work = np.einsum("n,f,knf,lnf->kl", system.weights, _SIGNS, loads, answers)
-    error = float((np.abs(work - work.T) / np.sqrt(np.outer(own, own))).max())
+    work = np.einsum("n,f,knf,lnf->kl", system.weights, _SIGNS, loads, responses)
+    error = float((np.abs(work - work.T) / np.sqrt(np.outer(works, works))).max())
     require(error <= asymmetry, "the reciprocal theorem does not hold", error)
 
 
@@ -167,8 +169,8 @@ def check_energy(system: ReducedSystem, fields: tuple[float, ...], shape: int) -
     """Check that a load of five fields, in one of the shapes of `shapes`, does positive work on its displacement."""
     load = np.outer(shapes(system)[shape], fields) * typical_load(system)
     work = float(np.einsum("n,nf,nf->", system.weights, load, system.apply(load)))
-    what = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
-    require(work > 0.0 or not load.any(), what, f"work {work:.2e}")
+    message = f"a load gains energy, so that contact on such a body has no solution: fields {fields}, shape {shape}"
+    require(work > 0.0 or not load.any(), message, f"work {work:.2e}")
 
 
 def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
@@ -180,20 +182,24 @@ def check_recovery(system: ReducedSystem, body: Body, tolerance: float) -> None:
     expected = system.offset + system.apply(load)
     expected[:, ELECTRIC:] *= -1.0
     distance = np.linalg.norm(system.points[:, None] - fields.points, axis=2)
-    found, reach = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
-    require(bool((distance.min(axis=1) <= reach).all()), "recover has no point at a node of the zone", distance.min())
-    error = worst(_to_local(system, fields.values[found]), expected)
+    nearest_point, tolerance_of_position = distance.argmin(axis=1), 1e-9 * np.ptp(system.points, axis=0).max()
+    require(
+        bool((distance.min(axis=1) <= tolerance_of_position).all()),
+        "recover has no point at a node of the zone",
+        distance.min(),
+    )
+    error = worst(_to_local(system, fields.values[nearest_point]), expected)
     require(error <= tolerance, "recover has other values on the zone than the compliance", error)
     scale = np.abs(fields.values).max(axis=0)
     for condition in body.conditions:
         points = body.mesh.points[body.mesh.group_points(condition.group)]
         near = np.linalg.norm(points[:, None] - fields.points, axis=2)
-        held, nearest = near.min(axis=1) <= reach, near.argmin(axis=1)
+        on_boundary, nearest = near.min(axis=1) <= tolerance_of_position, near.argmin(axis=1)
         data = np.broadcast_to(condition.data, len(points))
         if condition.kind == "value":
-            off = np.abs(fields.values[nearest, condition.field] - data)[held].max(initial=0.0)
-            what = f"recover misses the prescribed field {condition.field} of {condition.group!r}"
-            require(bool(off <= tolerance * scale[condition.field]), what, off)
+            deviation = np.abs(fields.values[nearest, condition.field] - data)[on_boundary].max(initial=0.0)
+            message = f"recover misses the prescribed field {condition.field} of {condition.group!r}"
+            require(bool(deviation <= tolerance * scale[condition.field]), message, deviation)
 
 
 def check_refusals(formulation: Formulation, body: Body) -> None:
@@ -242,8 +248,8 @@ def check_indentation(formulation: Formulation, body: Body | None = None, tolera
     force = -float(system.weights @ solution.state.load[:, 2])
     exact = indent(axisymmetric_compliance(body.stiffness), Sphere(radius), approach).force
     error = abs(force / exact - 1.0)
-    what = f"a sphere pressed {approach:g} m deep meets {force:g} N, in closed form {exact:g} N"
-    require(error <= tolerance, what, error)
+    message = f"a sphere pressed {approach:g} m deep meets {force:g} N, in closed form {exact:g} N"
+    require(error <= tolerance, message, error)
 
 
 def _block() -> Body:
@@ -274,8 +280,8 @@ def _check_blocks(system: ReducedSystem) -> None:
         for number in range(5):
             load = np.zeros((n, 5))
             load[node, number] = 1.0
-            answer = system.apply(load)[node]
-            error = float((np.abs(answer - blocks[node, :, number]) / (size[node] * size[node, number])).max())
+            response = system.apply(load)[node]
+            error = float((np.abs(response - blocks[node, :, number]) / (size[node] * size[node, number])).max())
             require(error < ROUND_OFF, f"diagonal_blocks is not what node {node} answers to itself", error)
 
 

@@ -1,4 +1,4 @@
-"""Requirements of conformance checks: a property holds, or an AssertionError names it and shows a value."""
+"""Common assertions of the conformance checks, which name the property that fails and show an offending value."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -55,8 +55,8 @@ REASONS: Final = {
     "overlapping surfaces": "the gaps of overlapping surfaces count as zero.",
     "adhesion jumps": "no solution has its gap at the jump; spread it over a width.",
     "attraction grows": "an attraction that grows with the gap is none of surfaces.",
-    "makes nothing of it": "load steps without a duration would be refused for nothing.",
-    "no contact law": "the solver goes on with what for_increment gives.",
+    "does not use it": "load steps without a duration would be refused for nothing.",
+    "does not return a contact law": "the solver goes on with what for_increment gives.",
     "changes the law itself": "laws are frozen: their memory is the slip path.",
     "needs none": "load steps need not say a duration then, and results would hang on whether they do.",
     "differs from the reference law": "a fast version is worth nothing if it solves another problem.",
@@ -100,10 +100,10 @@ REASONS: Final = {
 """Reasons why properties matter, by a fragment of their messages; the first match is shown."""
 
 
-def require(holds: bool, what: str, value: object) -> None:
+def require(holds: bool, message: str, value: object) -> None:
     """Raise AssertionError with the message, an offending value and the reason unless a property holds."""
     if not holds:
-        raise AssertionError(f"{what}: {value}{_reason(what)}")
+        raise AssertionError(f"{message}: {value}{_reason(message)}")
 
 
 @contextmanager
@@ -112,25 +112,25 @@ def explained(subject: object) -> Iterator[None]:
     try:
         yield
     except AssertionError as error:
-        told = "why it matters" in str(error)
-        raise AssertionError(f"{subject}: {error}{'' if told else _reason(str(error))}") from None
+        has_reason = "why it matters" in str(error)
+        raise AssertionError(f"{subject}: {error}{'' if has_reason else _reason(str(error))}") from None
 
 
-def _reason(what: str) -> str:
-    return next((f"\nwhy it matters: {why}" for part, why in REASONS.items() if part in what), "")
+def _reason(message: str) -> str:
+    return next((f"\nwhy it matters: {why}" for fragment, why in REASONS.items() if fragment in message), "")
 
 
-def each(holds: Any, what: str, given: NDArray[Any], found: Array) -> None:
+def each(holds: Any, message: str, arguments: NDArray[Any], result: Array) -> None:
     """Require a property at every node, booleans (n,); the message shows input and output at the first failure."""
     if not np.all(holds):
         node = int(np.argmin(holds))
-        require(False, what, f"for {given[node]} it gives {found[node]}")
+        require(False, message, f"for {arguments[node]} it gives {result[node]}")
 
 
-def close(actual: Array, expected: Array, scale: float, what: str) -> None:
+def close(actual: Array, expected: Array, scale: float, message: str) -> None:
     """Require that arrays agree to round-off relative to a scale."""
     error = np.abs(actual - expected).max(initial=0.0) / scale
-    require(bool(error <= ROUND_OFF), what, error)
+    require(bool(error <= ROUND_OFF), message, error)
 
 
 def check_frozen(record: object) -> None:
@@ -143,12 +143,12 @@ def check_frozen(record: object) -> None:
 
 def pure(function: Callable[[Array], Array], argument: Array, name: str) -> Array:
     """Return the value of a function that neither changes its argument nor depends on earlier calls."""
-    kept = argument.copy()
+    original = argument.copy()
     value = function(argument)
-    require(np.array_equal(argument, kept), f"{name} changes its argument", argument)
+    require(np.array_equal(argument, original), f"{name} changes its argument", argument)
     first = value.copy()
-    function(0.5 * kept[::-1])
+    function(0.5 * original[::-1])
     require(np.array_equal(value, first, equal_nan=True), f"{name} changes what it gave before", value)
-    again = function(kept)
+    again = function(original)
     require(np.array_equal(again, first, equal_nan=True), f"{name} depends on earlier calls", again)
     return first

@@ -131,9 +131,9 @@ def search_for(
     if currently_in_test_context():
         return
 
-    def fails(drawn: Any) -> bool:
+    def fails(example: Any) -> bool:
         try:
-            check(drawn)
+            check(example)
         except AssertionError:
             return True
         return False
@@ -150,7 +150,7 @@ def _search(strategy: st.SearchStrategy[Any], fault: Callable[[Any], str], descr
     if currently_in_test_context():
         return
     try:
-        simplest = find(strategy, lambda drawn: bool(fault(drawn)), settings=_SETTINGS)
+        simplest = find(strategy, lambda example: bool(fault(example)), settings=_SETTINGS)
     except NoSuchExample:
         return
     require(False, fault(simplest), f"for {describe(simplest)}")

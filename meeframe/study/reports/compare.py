@@ -208,11 +208,11 @@ def comparison_table(comparison: Comparison) -> RenderableType:
     blocks = [runs[begin : begin + _RUNS_PER_TABLE] for begin in range(0, len(runs), _RUNS_PER_TABLE)]
     done = [run for run in runs if run.steps]
     last = [schema.totals(run.zone, run.steps[-1]) for run in done]
-    shown = schema.shown_totals(schema.View.COMPARISON, last)
+    selected = schema.shown_totals(schema.View.COMPARISON, last)
     fields = [name for name, row in _fields().items() if any(row.values(run.zone, run.steps[-1]).any() for run in done)]
     titles = [comparison.title, *[""] * (len(blocks) - 1)]
     tables = [
-        _table(title, block, comparison.first, shown, fields) for title, block in zip(titles, blocks, strict=True)
+        _table(title, block, comparison.first, selected, fields) for title, block in zip(titles, blocks, strict=True)
     ]
     return Group(*tables, *(Text(f"{run.label}: {run.refusal}") for run in runs if run.refusal), *_notes(done))
 
@@ -262,15 +262,15 @@ def _format(value: float | None, factor: float = 1.0, form: str = ".6g") -> str:
 def comparison_figure(comparison: Comparison) -> "Figure | None":
     """Return sections along x through the middle of the zone with all runs; None if no increment is finished."""
     done = [run for run in comparison.runs if run.steps]
-    shown = [row for row in _fields().values() if _visible(row, done)]
-    if not shown:
+    selected = [row for row in _fields().values() if _visible(row, done)]
+    if not selected:
         return None
     labels = [textwrap.fill(run.label, _LEGEND_WIDTH) for run in done]
     lines = sum(label.count("\n") + 1 for label in labels)
-    figure = sheet((9.0, 3.2 * math.ceil(len(shown) / 2) + 0.2 * lines))
-    grid = figure.subplots(math.ceil(len(shown) / 2), 2, squeeze=False).ravel()
+    figure = sheet((9.0, 3.2 * math.ceil(len(selected) / 2) + 0.2 * lines))
+    grid = figure.subplots(math.ceil(len(selected) / 2), 2, squeeze=False).ravel()
     length, of_length = lengths(run.zone for run in done)
-    for axes, row in zip(grid, shown, strict=False):
+    for axes, row in zip(grid, selected, strict=False):
         fields = [row.values(run.zone, run.steps[-1]) for run in done]
         factor, unit = prefixed(np.concatenate(fields), row.unit)
         for number, (run, field) in enumerate(zip(done, fields, strict=True)):
@@ -286,7 +286,7 @@ def comparison_figure(comparison: Comparison) -> "Figure | None":
             axes.plot(x / length, field[nodes] / factor, label=labels[number], **style)
         axes.set(xlabel=f"x [{of_length}]", ylabel=f"{row.label} [{unit}]")
         axes.grid(alpha=0.3)
-    for axes in grid[len(shown) :]:
+    for axes in grid[len(selected) :]:
         axes.remove()
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", fontsize=8)
     figure.suptitle(comparison.title)

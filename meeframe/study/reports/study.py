@@ -216,8 +216,8 @@ def _maps(figure: "Figure", study: Study) -> None:
     grid = figure.subplots(_rows(study), len(columns), squeeze=False, sharex=True, sharey=True)
     figure.get_layout_engine().set(rect=(0.0, 0.0, 0.97, 1.0))  # type: ignore[union-attr, call-arg] # space for the labels of colour bars
     for row, name in enumerate(_names(study)):
-        shown = [np.linalg.norm(v, axis=-1) if v.ndim == 2 else v for v in _each(study, name)]
-        low, high = min(v.min() for v in shown), max(v.max() for v in shown)
+        fields = [np.linalg.norm(v, axis=-1) if v.ndim == 2 else v for v in _each(study, name)]
+        low, high = min(v.min() for v in fields), max(v.max() for v in fields)
         image: Any = None
         for axes, (panel, run) in zip(grid[row], columns, strict=True):
             image = _map(axes, panel.zones[run], panel.quantities[name][run], (low, high), scale)

@@ -121,8 +121,8 @@ def _case(case: CaseReport) -> Iterator[str]:
 
 def _embedded(figure: Plot | Map) -> str:
     """Return a figure as JSON in which no text begins an HTML tag or comment."""
-    drawn = _plot(figure) if isinstance(figure, Plot) else _map(figure)
-    return json.dumps(_literal(drawn), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
+    content = _plot(figure) if isinstance(figure, Plot) else _map(figure)
+    return json.dumps(_literal(content), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
 
 
 def _literal(value: Any) -> Any:

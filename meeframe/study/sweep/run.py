@@ -100,16 +100,16 @@ def _preflight(points: Sequence[Point], store: Path) -> Iterator[str]:
     waiting = [
         (point.label, point.case) for point in points if point.case is not None and not (store / point.key).exists()
     ]
-    found: dict[str, str] = {}
+    collected: dict[str, str] = {}
     checked_points = 0
     for label, case in waiting[:: max(1, -(-len(waiting) // _MAX_PREFLIGHT_POINTS))]:
         checked_points += 1
         for text in case.preflight:
-            found.setdefault(text, label)
-        if len(found) >= _MAX_WARNINGS:
+            collected.setdefault(text, label)
+        if len(collected) >= _MAX_WARNINGS:
             break
-    yield from (f"{label}: {text}" for text, label in islice(found.items(), _MAX_WARNINGS))
-    if found and checked_points < len(waiting):
+    yield from (f"{label}: {text}" for text, label in islice(collected.items(), _MAX_WARNINGS))
+    if collected and checked_points < len(waiting):
         yield f"{len(waiting) - checked_points} of {len(waiting)} points were not checked for such warnings"
 
 
@@ -191,7 +191,7 @@ def _fields(result: Result, names: Sequence[str]) -> dict[str, Array]:
 def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Mapping[str, Gathered]) -> SweepResult:
     axes = study.result_axes()
     shape = tuple(len(axis.labels) for axis in axes)
-    found = [gathered[point.key] for point in points]
+    collected = [gathered[point.key] for point in points]
 
     def over_axes(table: Any) -> Any:
         return table.reshape(shape + table.shape[1:])
@@ -199,18 +199,18 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
     def texts(items: Iterable[str]) -> Any:
         return over_axes(np.array(list(items), dtype=np.str_))
 
-    count = max((len(point.numbers) for point in found), default=1) if study.every_increment else 1
-    quantities = {name: over_axes(_numbers(found, name, count)) for name in units()}
+    count = max((len(point.numbers) for point in collected), default=1) if study.every_increment else 1
+    quantities = {name: over_axes(_numbers(collected, name, count)) for name in units()}
     if not study.every_increment:
         quantities = {name: values[..., 0] for name, values in quantities.items()}
-    fields = {name: _padded(found, name) for name in (*"xyz", *study.fields)} if study.fields else {}
+    fields = {name: _padded(collected, name) for name in (*"xyz", *study.fields)} if study.fields else {}
     return SweepResult(
         title=study.title,
         axes=axes,
         quantities=quantities,
         units=units() | {f"zone_{name}": field_units()[name] for name in study.fields},
-        status=texts(point.status for point in found),
-        message=texts(point.message for point in found),
+        status=texts(point.status for point in collected),
+        message=texts(point.message for point in collected),
         key=texts(point.key for point in points),
         fields={f"zone_{name}": over_axes(fields[name]) for name in study.fields},
         nodes={name: _shared(fields[name], over_axes) for name in "xyz" if study.fields},
@@ -219,18 +219,18 @@ def _result(file: Path, study: SweepTable, points: Sequence[Point], gathered: Ma
     )
 
 
-def _numbers(found: Sequence[Gathered], name: str, count: int) -> Array:
+def _numbers(collected: Sequence[Gathered], name: str, count: int) -> Array:
     """Return a number of the last `count` increments of each point, (p, count), in order and padded with nan."""
-    table = np.full((len(found), count), np.nan)
-    for row, point in zip(table, found, strict=True):
+    table = np.full((len(collected), count), np.nan)
+    for row, point in zip(table, collected, strict=True):
         values = [numbers[name] for numbers in point.numbers[-count:]]
         row[: len(values)] = values
     return table
 
 
-def _padded(found: Sequence[Gathered], name: str) -> Array:
+def _padded(collected: Sequence[Gathered], name: str) -> Array:
     """Return a field of each point, (p, n) for the n nodes of the largest zone, padded with nan."""
-    fields = [np.empty(0) if point.fields is None else point.fields[name] for point in found]
+    fields = [np.empty(0) if point.fields is None else point.fields[name] for point in collected]
     table = np.full((len(fields), max(map(len, fields))), np.nan)
     for row, values in zip(table, fields, strict=True):
         row[: len(values)] = values

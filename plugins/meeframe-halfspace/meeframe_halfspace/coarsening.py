@@ -34,15 +34,15 @@ def box(grid: Grid, nodes: Indices) -> tuple[slice, slice]:
     """Return the smallest part of a grid with these nodes (k,) between PART_BOUNDARIES."""
     inside = np.zeros((1, grid.nodes.size), bool)
     inside[0, nodes] = True
-    (placed,) = grid.place(inside)
-    along, across = (_span(placed.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
+    (flags_on_grid,) = grid.place(inside)
+    along, across = (_span(flags_on_grid.any(axis=axis), n) for axis, n in zip((1, 0), grid.size, strict=True))
     return along, across
 
 
-def _span(held: NDArray[np.bool_], count: int) -> slice:
+def _span(flags: NDArray[np.bool_], count: int) -> slice:
     """Return the smallest part of range(count) with the marked ones, (count,)."""
-    there, step = np.flatnonzero(held), -(-count // PART_BOUNDARIES)
-    return slice(there[0] // step * step, count - (count - 1 - there[-1]) // step * step)
+    indices, step = np.flatnonzero(flags), -(-count // PART_BOUNDARIES)
+    return slice(indices[0] // step * step, count - (count - 1 - indices[-1]) // step * step)
 
 
 def coarse_cells(grid: Grid) -> tuple[tuple[str, Indices], ...]:

@@ -53,7 +53,7 @@ class Symbol:
 
     @classmethod
     def of(cls, entries: Array, numbers: Sequence[int], parities: Indices | None) -> "Symbol":
-        """Return the symbol of known entries (n, ...) with these numbers, in their precision."""
+        """Create a symbol from existing entries (n, ...) with these numbers, in their precision."""
         places = {number: place for place, number in enumerate(numbers)}
         symbol = cls(lambda asked, _: ((number, entries[places[number]]) for number in asked), numbers, parities)
         symbol._kept[entries.dtype], symbol._places[entries.dtype] = entries, places

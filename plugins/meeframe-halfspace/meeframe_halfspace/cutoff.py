@@ -80,8 +80,8 @@ def _error(response: PointResponse, spacing: tuple[float, float], radius: float)
         errors.append(
             (_interpolation_error(far) + _interpolation_error(far.T), near_share * float((table[ring] ** 2).sum()))
         )
-    threshold = NEGLIGIBLE**2 * max(whole for _, whole in errors)
-    return float(np.sqrt(max(2.0 * squared_error / whole for squared_error, whole in errors if whole > threshold)))
+    threshold = NEGLIGIBLE**2 * max(total for _, total in errors)
+    return float(np.sqrt(max(2.0 * squared_error / total for squared_error, total in errors if total > threshold)))
 
 
 def _mirrored(table: Array, parity: int) -> Array:

@@ -42,17 +42,17 @@ def resolved_edges(
     distance, outward = _outline(grid, pressure, periodic)
     if indenter_edge is not None:
         _enter_indenter_edge(grid, indenter_edge, pressure, distance, outward, periodic)
-    at = np.flatnonzero(np.isfinite(distance))
+    nodes = np.flatnonzero(np.isfinite(distance))
     lowest, _ = edge_limits()
-    place = distance[at] - MEAN_OFFSET * (1.0 - fourfold(outward[at]))
+    offset = distance[nodes] - MEAN_OFFSET * (1.0 - fourfold(outward[nodes]))
     area_fraction = (pressure > 0.0).astype(float)
     # on average over nodes as large as the contact
-    area_fraction[at] = np.clip(0.5 - 0.5 * place / lowest, 0.0, 1.0)
+    area_fraction[nodes] = np.clip(0.5 - 0.5 * offset / lowest, 0.0, 1.0)
     extra_compliance = np.zeros((len(pressure), *scaling.shape))
-    grown = edge_response(place) * _spacing(grid, outward[at]) / (2.0 * np.pi)
-    taking_part = place > lowest
-    blocks = series_blocks(waves, np.arctan2(outward[at, 1], outward[at, 0])) * scaling
-    extra_compliance[at] = np.where(taking_part, grown, 0.0)[:, None, None] * blocks
+    growth = edge_response(offset) * _spacing(grid, outward[nodes]) / (2.0 * np.pi)
+    included = offset > lowest
+    blocks = series_blocks(waves, np.arctan2(outward[nodes, 1], outward[nodes, 0])) * scaling
+    extra_compliance[nodes] = np.where(included, growth, 0.0)[:, None, None] * blocks
     return EdgeCorrection(extra_compliance, area_fraction)
 
 
@@ -74,16 +74,16 @@ def _enter_indenter_edge(
 
     It ends before where the pressure fades before; a pressure that is singular at the edge rises towards it.
     """
-    places = indenter_edge.distance / _spacing(grid, indenter_edge.outward)
-    pressed = pressure > 0.0
-    outermost = pressed & (places < 1.0)  # no other node lies between them and the edge
-    beside = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
-    around = scipy.ndimage.binary_dilation(beside, np.ones((3, 3), bool))[1:-1, 1:-1]
-    near = grid.scatter(around[None].astype(float))[:, 0] > 0.0
-    fades = (np.einsum("na,na->n", outward, indenter_edge.outward) > MIN_FADING_COSINE) & (distance < places)
+    offsets = indenter_edge.distance / _spacing(grid, indenter_edge.outward)
+    loaded = pressure > 0.0
+    outermost = loaded & (offsets < 1.0)  # no other node lies between them and the edge
+    outermost_on_grid = np.pad(outermost[grid.nodes], 1, mode="wrap" if periodic else "constant")
+    near_outermost = scipy.ndimage.binary_dilation(outermost_on_grid, np.ones((3, 3), bool))[1:-1, 1:-1]
+    near = grid.scatter(near_outermost[None].astype(float))[:, 0] > 0.0
+    decreasing = (np.einsum("na,na->n", outward, indenter_edge.outward) > MIN_FADING_COSINE) & (distance < offsets)
     # nodes under the indenter without pressure have their edge elsewhere
-    here = near & (np.abs(places) < MAX_EDGE_DISTANCE) & (pressed | (places < 0.0)) & ~fades
-    distance[here], outward[here] = places[here], indenter_edge.outward[here]
+    at_edge = near & (np.abs(offsets) < MAX_EDGE_DISTANCE) & (loaded | (offsets < 0.0)) & ~decreasing
+    distance[at_edge], outward[at_edge] = offsets[at_edge], indenter_edge.outward[at_edge]
 
 
 def _spacing(grid: Grid, outward: Array) -> Array:

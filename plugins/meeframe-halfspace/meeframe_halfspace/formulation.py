@@ -31,12 +31,20 @@ from meeframe_halfspace.system import HalfSpaceSystem, convolution_of, dense_mat
 class HalfSpace(Formulation):
     """Exact surface response of an anisotropic half space on the grid of the contact zone, by fast Fourier transforms.
 
-    density: of loads around each node: 'bilinear' to zero at its neighbours, like four-node elements; 'constant' on
-    the cell about it; or 'trigonometric', interpolation by waves, of periodic surfaces only. periodic: the zone and
-    half a spacing on each side of it are one period of an endless surface; a mean load, to which no half space has a
-    finite answer, answers as a wave of that length would. matrix_up_to: nodes up to which the compliance is held as a
-    matrix, for solvers that factorise it: with more nodes, solving without a matrix takes less time. edges: of the
-    contact run along 'nodes', or are 'resolved' between them, which solves each increment twice and holds no matrix.
+    Attributes
+    ----------
+    density
+        Density of loads around each node: 'bilinear', decreasing to zero at its neighbours, like four-node elements;
+        'constant' on the cell around it; or 'trigonometric', interpolation by waves, for periodic surfaces only.
+    periodic
+        Whether the zone and half a spacing on each side of it are one period of an infinite surface. A half space has
+        no finite response to a mean load, for which the response to a wave of this length is used.
+    matrix_up_to
+        Largest number of nodes for which the compliance is stored as a matrix, for solvers that factorize it; with more
+        nodes, solving without a matrix takes less time.
+    edges
+        Contact edges are at the 'nodes', or 'resolved' between them, which solves each increment twice and stores no
+        matrix.
     """
 
     density: Literal["bilinear", "constant", "trigonometric"] = "bilinear"

@@ -99,7 +99,7 @@ class FreeGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """Response (entries,) of a node to the density around it."""
         values = self._near[:, 0, self._near.shape[2] // 2].copy()
         values[self.response.layout.n_symmetric :] = 0.0  # odd functions vanish at zero
         return values
@@ -169,7 +169,7 @@ class PeriodicGrid(GridResponse):
 
     @property
     def own(self) -> Array:
-        """Response (25,) of a node to the density around it."""
+        """Response (entries,) of a node to the density around it."""
         nx, ny = self.size
         multiplicity = np.full(nx // 2 + 1, 2.0)  # waves with their conjugates, except real ones
         multiplicity[0] = 1.0
@@ -178,8 +178,8 @@ class PeriodicGrid(GridResponse):
         values = np.zeros(self.response.layout.n_values)  # odd functions vanish at zero
         parities = self.response.parities
         for number, symbol in self.symbol(range(self.response.layout.n_symmetric)):
-            whole = symbol if parities is None else whole_entry(symbol, parities[number], ny)
-            values[number] = multiplicity @ whole.sum(axis=1) / (nx * ny)
+            full = symbol if parities is None else whole_entry(symbol, parities[number], ny)
+            values[number] = multiplicity @ full.sum(axis=1) / (nx * ny)
         return values
 
     def coarsen(self) -> "PeriodicGrid | None":

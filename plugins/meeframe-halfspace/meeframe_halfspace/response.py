@@ -54,11 +54,19 @@ class PointResponse:
 
     @classmethod
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
-        """Return the response of a half space.
+        """Compute the response of a half space.
 
-        stiffness: C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
+        Parameters
+        ----------
+        stiffness
+            Stiffness C_iJKm (3, fields, fields, 3) [SI].
+        frame
+            Rows e1, e2, outward normal, (3, 3).
 
-        Raises MaterialError if the series does not converge, as of a material on the verge of inadmissibility.
+        Raises
+        ------
+        MaterialError
+            If the series does not converge, as for a material close to inadmissible.
         """
         factors = FieldScaling.of(stiffness).factors
         count = _FIRST_ANGLES

@@ -264,9 +264,9 @@ class HalfSpaceSystem(
         return NodalFields(self.points, self.cells, self._global(values), self._global(load))
 
     def _global(self, extended: Array) -> Array:
-        rotated = extended.copy()
-        rotated[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
-        return rotated
+        result = extended.copy()
+        result[:, MECHANICAL] = np.einsum("ni,nij->nj", extended[:, MECHANICAL], self.frames)
+        return result
 
 
 def potential_signs(n_fields: int) -> Array:

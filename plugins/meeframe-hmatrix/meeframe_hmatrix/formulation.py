@@ -71,11 +71,17 @@ NUMBERS_A_DIGIT = 900.0
 @final
 @dataclass(frozen=True)
 class HierarchicalBEM(PersistentFormulation):
-    """The collocated boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
+    """Collocation boundary elements of dense-bem in hierarchical matrices, with truncated elimination.
 
-    tolerance: relative error of displacements, roughly, by all that is approximated: element integrals, blocks in
-    assembly and elimination; its least value is that of the tabulated kernel. fundamental_solution: the kernels;
-    edge_angle: tractions are discontinuous where normals of neighbouring elements differ by more than this [rad].
+    Attributes
+    ----------
+    tolerance
+        Approximate relative error of displacements due to all approximations: element integrals, blocks in assembly and
+        elimination. The smallest value is that of the tabulated kernel.
+    fundamental_solution
+        Fundamental solution.
+    edge_angle
+        Tractions are discontinuous where normals of neighbouring elements differ by more than this angle [rad].
     """
 
     tolerance: Annotated[float, Quantity("", ge=1e-8, lt=0.01)] = 1e-4
@@ -109,7 +115,7 @@ class HierarchicalBEM(PersistentFormulation):
         anisotropy(stiffness)
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return warnings about slender parts, whose bending may be inaccurate."""
+        """Return warnings about slender parts, whose bending may be inaccurate, for a body accepted by check."""
         if self.tolerance <= BENDING:
             return bending_warnings(body)
         return bending_warnings(body, TRUNCATED_RATIO, f"take a tolerance of {BENDING:.0e} or less; ")

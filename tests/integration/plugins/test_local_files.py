@@ -112,7 +112,7 @@ def test_a_result_says_which_file_made_it(write, case_file, tmp_path):
          "line 4: meeframe_solvers: ZeroDivisionError"),
         ("from meeframe.plugin import hookimpl\n@hookimpl\ndef meeframe_solver():\n    return []\n",
          r"unknown hook 'meeframe_solver'; did you mean 'meeframe_solvers'\? allowed: meeframe_f"),
-        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is no meeframe.laws.base.ConductivityLaw"),
+        (LAW.replace("ConductivityLaw):", "object):"), "class Linear is not a meeframe.laws.base.ConductivityLaw"),
         (LAW.replace("def conductivity", "def kappa"), "class Linear lacks conductivity, which meeframe"),
     ],
 )  # fmt: skip

@@ -275,7 +275,7 @@ def test_inherited_methods_are_looked_at_too():
         ({"source": "  "}, "conductivity law 'law': source = '  '; allowed: a non-empty text"),
         ({"factory": lambda: law_with()()}, "conductivity law 'law': its factory is <function "),
         ({"factory": 3}, "conductivity law 'law': its factory is 3; allowed: a class"),
-        ({"factory": Ball}, "class Ball is no meeframe.laws.base.ConductivityLaw"),
+        ({"factory": Ball}, "class Ball is not a meeframe.laws.base.ConductivityLaw"),
         ({"factory": type("Plain", (law_with(),), {})}, "class Plain is not a frozen dataclass; allowed: classes"),
     ],
 )
